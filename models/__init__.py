@@ -1,0 +1,1 @@
+"""Models: each learns its parameters, forms potentials, and calls a solver."""

@@ -1,0 +1,87 @@
+"""Checks of arrays that come from outside, each returning the checked array or one clear error."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.errors import InputError
+
+__all__ = ["finite_array", "frozen", "integer_array", "nearest_name"]
+
+
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """A contiguous read-only array with the same content; copied only if it is writeable."""
+    if array.flags.writeable or not array.flags.c_contiguous:
+        array = np.array(array, order="C", copy=True)
+        array.setflags(write=False)
+    return array
+
+
+def _shape_text(shape: tuple[int | str | None, ...]) -> str:
+    sizes = ", ".join("any" if size is None else str(size) for size in shape)
+    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
+
+
+def _check_shape(name: str, got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> None:
+    fits = len(got) == len(shape) and all(
+        not isinstance(want, int) or want == size for want, size in zip(shape, got, strict=True)
+    )
+    if not fits:
+        raise InputError(f"{name} must have shape {_shape_text(shape)}, got {got}")
+
+
+def finite_array(
+    name: str,
+    values: ArrayLike,
+    shape: tuple[int | str | None, ...],
+    *,
+    dtype: Any = np.float64,
+    allow_minus_inf: bool = False,
+) -> NDArray[Any]:
+    """``values`` as a float array of the stated shape without NaN or infinity.
+
+    In ``shape`` a number must match, a string or None stands for any size. ``-inf`` (the logarithm
+    of zero probability) is let through where ``allow_minus_inf`` says so.
+    """
+    try:
+        array = np.asarray(values, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be an array of numbers: {error}") from None
+    _check_shape(name, array.shape, shape)
+    bad = np.isnan(array) | (array == np.inf) if allow_minus_inf else ~np.isfinite(array)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        allowed = "finite numbers or -inf" if allow_minus_inf else "finite numbers"
+        raise InputError(
+            f"{name} must hold {allowed}, got {array[where]} at index {where}"
+            f" ({int(bad.sum())} such values)"
+        )
+    return array
+
+
+def integer_array(
+    name: str, values: ArrayLike, shape: tuple[int | str | None, ...], *, low: int, high: int
+) -> NDArray[np.int64]:
+    """``values`` as an integer array of the stated shape with ``low <= value < high``."""
+    array = np.asarray(values)
+    if array.size and not np.issubdtype(array.dtype, np.integer):
+        raise InputError(f"{name} must hold integers, got dtype {array.dtype}")
+    _check_shape(name, array.shape, shape)
+    bad = (array < low) | (array >= high)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise InputError(
+            f"{name} must hold integers from {low} to {high - 1}, "
+            f"got {array[where]} at index {where}"
+        )
+    return array.astype(np.int64, copy=False)
+
+
+def nearest_name(name: str, known: list[str]) -> str:
+    """A sentence that offers the nearest known name and lists them all."""
+    import difflib
+
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}Known: {', '.join(sorted(known))}"

@@ -1,0 +1,98 @@
+"""Compiled kernels: the one place that imports numba, and where their machine code is kept.
+
+Kernels are compiled at their first call for one set of argument types and cached in a folder of
+the user's own, so that read-only installations and containers work and two installations do not
+share code. ``NUMBA_DISABLE_JIT=1`` runs the same source in plain Python.
+"""
+
+import os
+import stat
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import ParamSpec, TypeVar, overload
+
+import numba
+
+__all__ = ["cache_folder", "inlined", "njit"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept, or None where no private folder can be written.
+
+    ``PGM_PLACES_CACHE_DIR`` wins, then numba's own ``NUMBA_CACHE_DIR``, then the platform's cache
+    folder of the user. A folder that others may write is refused: cached machine code is executed.
+    """
+    for variable in ("PGM_PLACES_CACHE_DIR", "NUMBA_CACHE_DIR"):
+        named = os.environ.get(variable)
+        if named:
+            return _private_folder(Path(named))
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA")
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    if base is None:
+        return None
+    try:
+        return _private_folder(Path(base).expanduser() / "pgm_places" / "kernels")
+    except RuntimeError:  # no home folder is known for this user
+        return None
+
+
+def _private_folder(folder: Path) -> Path | None:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError:
+        return None
+    others_may_write = bool(status.st_mode & stat.S_IWOTH)
+    foreign = hasattr(os, "getuid") and status.st_uid != os.getuid()
+    if others_may_write or foreign or not os.access(folder, os.W_OK):
+        return None
+    return folder
+
+
+_CACHE = None if numba.config.DISABLE_JIT else cache_folder()
+
+
+@overload
+def njit(function: Callable[P, R], /) -> Callable[P, R]: ...
+@overload
+def njit(*, fastmath: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+
+
+def njit(
+    function: Callable[P, R] | None = None, /, *, fastmath: bool = False
+) -> Callable[P, R] | Callable[[Callable[P, R]], Callable[P, R]]:
+    """The function compiled without the interpreter lock, its machine code cached for the user.
+
+    ``fastmath`` lets the compiler reorder floating-point sums; use it only where the result's last
+    bits do not matter to anyone. Division follows NumPy (no exception at zero).
+    """
+
+    def decorate(plain: Callable[P, R]) -> Callable[P, R]:
+        # numba reads its cache folder while decorating; it is put back so that the user's own
+        # numba code keeps its own place.
+        before = numba.config.CACHE_DIR
+        try:
+            if _CACHE is not None:
+                numba.config.CACHE_DIR = str(_CACHE)
+            compiled: Callable[P, R] = numba.njit(
+                nogil=True, error_model="numpy", fastmath=fastmath, cache=_CACHE is not None
+            )(plain)
+        finally:
+            numba.config.CACHE_DIR = before
+        return compiled
+
+    return decorate if function is None else decorate(function)
+
+
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """A small helper of kernels, pasted into its callers at compile time; never called alone."""
+    pasted: Callable[P, R] = numba.njit(inline="always", error_model="numpy")(function)
+    return pasted

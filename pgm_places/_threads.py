@@ -1,0 +1,71 @@
+"""Work spread over threads so that the result never depends on how many there are.
+
+Kernels release the interpreter lock; each task writes its own part of the output, so any number of
+threads gives the same bits. Threads of this process are used, not numba's own pool, because they
+compile faster, work in forked processes, and are bounded by the caller.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import count
+
+from pgm_places.errors import InputError
+
+__all__ = ["resolve_threads", "run_tasks"]
+
+
+def resolve_threads(n_threads: int | None = None) -> int:
+    """How many threads to use: the argument, else ``PGM_PLACES_NUM_THREADS``, else the cores."""
+    if n_threads is None:
+        named = os.environ.get("PGM_PLACES_NUM_THREADS")
+        if named:
+            try:
+                n_threads = int(named)
+            except ValueError:
+                raise InputError(
+                    f"PGM_PLACES_NUM_THREADS must be a whole number of threads, got {named!r}"
+                ) from None
+        elif hasattr(os, "sched_getaffinity"):
+            n_threads = len(os.sched_getaffinity(0))
+        else:
+            n_threads = os.cpu_count() or 1
+    if n_threads < 1:
+        raise InputError(f"the number of threads must be at least 1, got {n_threads}")
+    return n_threads
+
+
+def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | None = None) -> None:
+    """Call ``work(task)`` for every task in ``range(n_tasks)``, spread over threads.
+
+    Tasks are handed out in order to whichever thread is free. The first exception stops the
+    handing out and is raised here once the running tasks have ended.
+    """
+    threads = min(resolve_threads(n_threads), n_tasks)
+    if threads <= 1:
+        for task in range(n_tasks):
+            work(task)
+        return
+    tickets = count()  # its next() is atomic
+    stopped = False
+
+    def worker() -> None:
+        nonlocal stopped
+        while not stopped:
+            task = next(tickets)
+            if task >= n_tasks:
+                return
+            try:
+                work(task)
+            except BaseException:
+                stopped = True
+                raise
+
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(worker) for _ in range(threads)]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            stopped = True
+            raise

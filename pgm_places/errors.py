@@ -1,0 +1,64 @@
+"""What can go wrong, as one tree that callers can catch at the level they need.
+
+::
+
+    PgmPlacesError
+    ├── InputError (ValueError)        what the caller gave does not fit
+    │   ├── ConfigError                a configuration file or a method's options
+    │   ├── MapError                   an occupancy grid, its image or its metadata
+    │   ├── LabelError                 ground-truth labels or label names
+    │   └── ModelFileError             a stored model that is damaged or of another kind
+    ├── NotFittedError (ValueError)    a method was asked to infer before it learned
+    ├── OutputError (RuntimeError)     a result could not be written; nothing is left half-written
+    └── SolverError (RuntimeError)     a numerical solver ended without a usable answer
+
+Every message says what was wanted, what came, where, and what to do.
+"""
+
+__all__ = [
+    "ConfigError",
+    "InputError",
+    "LabelError",
+    "MapError",
+    "ModelFileError",
+    "NotFittedError",
+    "OutputError",
+    "PgmPlacesError",
+    "SolverError",
+]
+
+
+class PgmPlacesError(Exception):
+    """The root of every error that this package raises on purpose."""
+
+
+class InputError(PgmPlacesError, ValueError):
+    """An argument has the wrong shape, type, range or content."""
+
+
+class ConfigError(InputError):
+    """A configuration file, or an option of a method, is not understood."""
+
+
+class MapError(InputError):
+    """An occupancy grid, its image or its metadata is missing, damaged or inconsistent."""
+
+
+class LabelError(InputError):
+    """Ground-truth labels or label names do not fit the map or the configuration."""
+
+
+class ModelFileError(InputError):
+    """A stored model is missing, damaged, or written by something else."""
+
+
+class NotFittedError(PgmPlacesError, ValueError):
+    """A method that learns was asked to infer before it was fitted."""
+
+
+class OutputError(PgmPlacesError, RuntimeError):
+    """A result could not be written."""
+
+
+class SolverError(PgmPlacesError, RuntimeError):
+    """A numerical solver ended without a usable answer; the message carries its status."""

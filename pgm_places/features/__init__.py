@@ -1,0 +1,1 @@
+"""Geometric features of a laser scan."""

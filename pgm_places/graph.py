@@ -1,0 +1,376 @@
+"""The graph that everything is labelled on: grid cells, trajectory steps, or nodes of your own."""
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+from pgm_places.layout import GridLayout, StepLayout
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+    from pgm_places.grid import OccupancyGrid
+
+__all__ = ["EdgeKind", "LabelGraph", "Neighbours"]
+
+
+class EdgeKind(IntEnum):
+    """What an edge stands for; models may treat kinds differently."""
+
+    AXIS = 0
+    """Two cells that share a side."""
+    DIAGONAL = 1
+    """Two cells that share a corner."""
+    TIME = 2
+    """Two steps that follow each other."""
+    LINK = 3
+    """Nodes of two graphs that were joined."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Adjacency in compressed rows: the neighbours of ``i`` are ``node[start[i]:start[i + 1]]``.
+
+    ``edge`` names the edge of each entry, so that edge values can be looked up from a node.
+    """
+
+    start: NDArray[np.int64]
+    node: NDArray[np.int32]
+    edge: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelGraph:
+    """An undirected graph whose nodes want labels.
+
+    Parameters
+    ----------
+    n_nodes : int
+        N, at least 0.
+    edges : (E, 2) int32
+        Node pairs with ``i < j``, sorted, each once. Where direction matters it is i to j.
+    edge_kind : (E,) int8 or None
+        An :class:`EdgeKind` per edge.
+    positions_m : (N, 2) float or None
+        Position of each node in metres, for drawing and for distances.
+    layout : GridLayout, StepLayout or None
+        How node values go back to where they came from.
+
+    Use the named constructors; the plain one checks and refuses, it does not repair.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_edges(3, [(0, 1), (2, 1)])
+    >>> graph
+    LabelGraph(3 nodes, 2 edges)
+    >>> graph.edges.tolist()
+    [[0, 1], [1, 2]]
+    """
+
+    n_nodes: int
+    edges: NDArray[np.int32]
+    edge_kind: NDArray[np.int8] | None = None
+    positions_m: NDArray[np.float64] | None = None
+    layout: GridLayout | StepLayout | None = None
+
+    def __post_init__(self) -> None:
+        if self.n_nodes < 0:
+            raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
+        edges = integer_array(
+            "edges", _empty_pairs(self.edges), ("E", 2), low=0, high=max(self.n_nodes, 1)
+        )
+        _require_canonical(edges)
+        object.__setattr__(self, "edges", frozen(edges.astype(np.int32)))
+        if self.edge_kind is not None:
+            kind = integer_array("edge_kind", self.edge_kind, (len(edges),), low=0, high=128)
+            object.__setattr__(self, "edge_kind", frozen(kind.astype(np.int8)))
+        if self.positions_m is not None:
+            positions = finite_array("positions_m", self.positions_m, (self.n_nodes, 2))
+            object.__setattr__(self, "positions_m", frozen(positions))
+        if isinstance(self.layout, GridLayout) and len(self.layout.cells_rc) != self.n_nodes:
+            raise InputError(
+                f"the layout has {len(self.layout.cells_rc)} cells "
+                f"but the graph {self.n_nodes} nodes"
+            )
+
+    def __repr__(self) -> str:
+        kind = type(self.layout).__name__.removesuffix("Layout").lower() if self.layout else ""
+        suffix = f", {kind}" if kind else ""
+        return f"LabelGraph({self.n_nodes} nodes, {self.n_edges} edges{suffix})"
+
+    # ------------------------------------------------------------------ constructors
+
+    @classmethod
+    def from_edges(
+        cls,
+        n_nodes: int,
+        edges: ArrayLike,
+        *,
+        edge_kind: ArrayLike | None = None,
+        positions_m: ArrayLike | None = None,
+        layout: GridLayout | StepLayout | None = None,
+    ) -> Self:
+        """A graph from node pairs (E, 2) in any order and either direction.
+
+        Pairs are turned to ``i < j`` and sorted; ``edge_kind`` follows them.
+
+        Raises
+        ------
+        InputError
+            A pair names a node outside ``0..n_nodes-1``, joins a node to itself, or comes twice.
+        """
+        pairs = integer_array(
+            "edges", _empty_pairs(edges), ("E", 2), low=0, high=max(int(n_nodes), 1)
+        )
+        pairs = np.sort(pairs, axis=1)
+        order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+        kind = None if edge_kind is None else np.asarray(edge_kind)
+        if kind is not None and len(kind) != len(pairs):
+            raise InputError(
+                f"edge_kind must have one entry per edge ({len(pairs)}), got {len(kind)}"
+            )
+        return cls(
+            int(n_nodes),
+            pairs[order].astype(np.int32),
+            None if kind is None else kind[order],
+            None if positions_m is None else np.asarray(positions_m, np.float64),
+            layout,
+        )
+
+    @classmethod
+    def from_grid(
+        cls,
+        grid: "OccupancyGrid | ArrayLike",
+        *,
+        connectivity: int = 8,
+        mask: ArrayLike | None = None,
+    ) -> Self:
+        """The free cells of a map as nodes, joined to their free neighbours.
+
+        Parameters
+        ----------
+        grid : OccupancyGrid or (H, W) bool
+            A map, or a mask of the cells that are nodes (then there are no walls).
+        connectivity : {8, 4}
+            8 joins cells that share a side or a corner (paper section 6.1), 4 only a side.
+        mask : (H, W) bool, optional
+            Take only the free cells inside it.
+
+        Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL.
+        """
+        if connectivity not in (4, 8):
+            raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
+        from pgm_places.grid import OccupancyGrid
+
+        if isinstance(grid, OccupancyGrid):
+            free, walls = grid.free, grid.occupied
+        else:
+            free, walls = np.asarray(grid), None
+            if free.ndim != 2 or free.dtype != np.bool_:
+                raise InputError(
+                    "from_grid wants an OccupancyGrid or a 2-D boolean mask, got an array of shape "
+                    f"{free.shape} and dtype {free.dtype}"
+                )
+        if mask is not None:
+            chosen = np.asarray(mask, np.bool_)
+            if chosen.shape != free.shape:
+                raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
+            free = free & chosen
+        cells = np.argwhere(free).astype(np.int32)
+        layout = GridLayout((free.shape[0], free.shape[1]), cells, walls)
+        edges, kind = _grid_edges(layout, connectivity)
+        positions = None
+        if isinstance(grid, OccupancyGrid):
+            positions = grid.cell_centres_m(cells)
+        return cls(len(cells), edges, kind, positions, layout)
+
+    @classmethod
+    def from_trajectory(cls, positions_m: ArrayLike) -> Self:
+        """A chain over the steps of a trajectory; ``positions_m`` is (T, 2), or (T, 3) with heading."""
+        poses = np.asarray(positions_m, np.float64)
+        if poses.ndim != 2 or poses.shape[1] not in (2, 3):
+            raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
+        steps = np.arange(len(poses), dtype=np.int32)
+        edges = np.stack([steps[:-1], steps[1:]], axis=1)
+        kind = np.full(len(edges), EdgeKind.TIME, np.int8)
+        return cls(len(poses), edges, kind, poses[:, :2].copy(), StepLayout(len(poses)))
+
+    @classmethod
+    def from_networkx(cls, graph: "nx.Graph[Any]", *, position: str | None = "pos") -> Self:
+        """The nodes and edges of a networkx graph; node ``i`` is the i-th in its iteration order.
+
+        Parameters
+        ----------
+        graph : networkx.Graph
+            Directions and parallel edges are dropped; self-loops are refused.
+        position : str or None
+            Node attribute that holds ``(x, y)`` in metres; ignored unless every node has it.
+        """
+        index: dict[Hashable, int] = {node: i for i, node in enumerate(graph.nodes)}
+        pairs = {tuple(sorted((index[a], index[b]))) for a, b in graph.edges()}
+        positions = None
+        if position is not None and index:
+            values = [data.get(position) for _, data in graph.nodes(data=True)]
+            if all(value is not None for value in values):
+                positions = np.asarray(values, np.float64)
+        return cls.from_edges(len(index), sorted(pairs), positions_m=positions)
+
+    @classmethod
+    def joined(cls, first: "LabelGraph", second: "LabelGraph", links: ArrayLike) -> Self:
+        """One graph of both, the second's nodes renumbered from ``first.n_nodes``.
+
+        ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
+        """
+        pairs = np.asarray(_empty_pairs(links))
+        integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first.n_nodes, 1))
+        integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second.n_nodes, 1))
+        shift = first.n_nodes
+        edges = np.concatenate(
+            [first.edges, second.edges + shift, np.stack([pairs[:, 0], pairs[:, 1] + shift], 1)]
+        )
+        kinds = np.concatenate(
+            [
+                _kind_or(first, EdgeKind.AXIS),
+                _kind_or(second, EdgeKind.TIME),
+                np.full(len(pairs), EdgeKind.LINK, np.int8),
+            ]
+        )
+        positions = None
+        if first.positions_m is not None and second.positions_m is not None:
+            positions = np.concatenate([first.positions_m, second.positions_m])
+        return cls.from_edges(
+            first.n_nodes + second.n_nodes, edges, edge_kind=kinds, positions_m=positions
+        )
+
+    # ------------------------------------------------------------------ conversions
+
+    def to_networkx(self) -> "nx.Graph[int]":
+        """The same nodes and edges for networkx, with ``pos`` and ``kind`` attributes where known."""
+        import networkx as nx
+
+        graph: nx.Graph[int] = nx.Graph()
+        graph.add_nodes_from(range(self.n_nodes))
+        graph.add_edges_from((int(i), int(j)) for i, j in self.edges)
+        if self.positions_m is not None:
+            where = {i: (float(x), float(y)) for i, (x, y) in enumerate(self.positions_m)}
+            nx.set_node_attributes(graph, where, "pos")
+        if self.edge_kind is not None:
+            named = {
+                (int(i), int(j)): int(kind)
+                for (i, j), kind in zip(self.edges, self.edge_kind, strict=True)
+            }
+            nx.set_edge_attributes(graph, named, "kind")
+        return graph
+
+    def subgraph(self, nodes: ArrayLike) -> Self:
+        """The graph of the nodes where the mask (N,) is true, renumbered in order.
+
+        A grid's layout is kept (with fewer cells), a trajectory's is dropped.
+        """
+        keep = np.asarray(nodes, np.bool_)
+        if keep.shape != (self.n_nodes,):
+            raise InputError(f"nodes must be a mask of shape ({self.n_nodes},), got {keep.shape}")
+        number = np.cumsum(keep, dtype=np.int32) - 1
+        inside = keep[self.edges].all(axis=1)
+        layout = None
+        if isinstance(self.layout, GridLayout):
+            layout = GridLayout(self.layout.shape, self.layout.cells_rc[keep], self.layout.walls)
+        return type(self)(
+            int(keep.sum()),
+            number[self.edges[inside]],
+            None if self.edge_kind is None else self.edge_kind[inside],
+            None if self.positions_m is None else self.positions_m[keep],
+            layout,
+        )
+
+    # ------------------------------------------------------------------ derived
+
+    @property
+    def n_edges(self) -> int:
+        """E, the number of edges."""
+        return len(self.edges)
+
+    @cached_property
+    def is_chain(self) -> bool:
+        """Whether the edges are exactly 0-1-2-...-(N-1)."""
+        steps = np.arange(max(self.n_nodes - 1, 0))
+        return self.n_edges == len(steps) and bool(
+            (self.edges == np.stack([steps, steps + 1], axis=1)).all()
+        )
+
+    @cached_property
+    def degree(self) -> NDArray[np.int64]:
+        """(N,) number of edges at each node."""
+        return frozen(np.bincount(self.edges.ravel(), minlength=self.n_nodes))
+
+    @cached_property
+    def neighbours(self) -> Neighbours:
+        """Adjacency in compressed rows, neighbours of a node in increasing order."""
+        tails = np.concatenate([self.edges[:, 0], self.edges[:, 1]])
+        heads = np.concatenate([self.edges[:, 1], self.edges[:, 0]])
+        edge = np.tile(np.arange(self.n_edges, dtype=np.int32), 2)
+        order = np.lexsort((heads, tails))
+        start = np.concatenate([[0], np.cumsum(np.bincount(tails, minlength=self.n_nodes))])
+        return Neighbours(frozen(start.astype(np.int64)), frozen(heads[order]), frozen(edge[order]))
+
+
+def _empty_pairs(edges: ArrayLike) -> NDArray[Any]:
+    pairs = np.asarray(edges)
+    return np.zeros((0, 2), np.int32) if pairs.size == 0 else pairs
+
+
+def _require_canonical(edges: NDArray[np.int64]) -> None:
+    if not len(edges):
+        return
+    loops = np.flatnonzero(edges[:, 0] == edges[:, 1])
+    if len(loops):
+        raise InputError(f"edge {int(loops[0])} joins node {edges[loops[0], 0]} to itself")
+    turned = np.flatnonzero(edges[:, 0] > edges[:, 1])
+    if len(turned):
+        i, j = edges[turned[0]]
+        raise InputError(f"edge {int(turned[0])} is ({i}, {j}) but i < j is wanted; use from_edges")
+    key = edges[:, 0] * (edges.max() + 1) + edges[:, 1]
+    step = np.diff(key)
+    if (step == 0).any():
+        i, j = edges[int(np.flatnonzero(step == 0)[0])]
+        raise InputError(f"edge ({i}, {j}) comes twice; each pair of nodes may be joined once")
+    if (step < 0).any():
+        raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
+
+
+def _kind_or(graph: LabelGraph, default: EdgeKind) -> NDArray[np.int8]:
+    return (
+        graph.edge_kind if graph.edge_kind is not None else np.full(graph.n_edges, default, np.int8)
+    )
+
+
+def _grid_edges(
+    layout: GridLayout, connectivity: int
+) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
+    """Edges of a grid in sorted order: per node right, then the row above from left to right."""
+    steps: Sequence[tuple[int, int, EdgeKind]] = [(0, 1, EdgeKind.AXIS)]
+    if connectivity == 8:
+        steps = [
+            *steps,
+            (1, -1, EdgeKind.DIAGONAL),
+            (1, 0, EdgeKind.AXIS),
+            (1, 1, EdgeKind.DIAGONAL),
+        ]
+    else:
+        steps = [*steps, (1, 0, EdgeKind.AXIS)]
+    height, width = layout.shape
+    padded = np.full((height + 1, width + 2), -1, np.int32)
+    padded[:-1, 1:-1] = layout.node_of_cell
+    rows, columns = layout.cells_rc[:, 0], layout.cells_rc[:, 1] + 1
+    heads = np.stack([padded[rows + dr, columns + dc] for dr, dc, _ in steps], axis=1)
+    tails = np.broadcast_to(np.arange(len(rows), dtype=np.int32)[:, None], heads.shape)
+    kinds = np.broadcast_to(np.array([k for *_, k in steps], np.int8), heads.shape)
+    present = heads >= 0
+    return np.stack([tails[present], heads[present]], axis=1), kinds[present]

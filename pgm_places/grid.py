@@ -1,0 +1,119 @@
+"""The occupancy grid: which cells of a map are free, occupied or unknown, and where they lie."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import MapError
+
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "OccupancyGrid"]
+
+FREE = 0
+OCCUPIED = 100
+UNKNOWN = -1
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """A 2-D map of cells.
+
+    Parameters
+    ----------
+    cells : (H, W) int8
+        ``FREE`` (0), ``OCCUPIED`` (100) or ``UNKNOWN`` (-1). Row 0 is the bottom of the map (the
+        smallest y), column 0 its left: the order of ROS, upside down against an image.
+    resolution_m : float
+        Side of a cell in metres.
+    origin_xy_m : (float, float)
+        Position of the lower-left corner of cell (0, 0) in the map frame.
+    yaw_rad : float
+        Rotation of the grid about its origin, counter-clockwise.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0], [100, -1]], resolution_m=0.5)
+    >>> grid.shape, int(grid.free.sum())
+    ((2, 2), 2)
+    >>> grid.cell_centres_m([[1, 0]]).tolist()
+    [[0.25, 0.75]]
+    """
+
+    cells: NDArray[np.int8]
+    resolution_m: float
+    origin_xy_m: tuple[float, float] = (0.0, 0.0)
+    yaw_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        cells = np.asarray(self.cells)
+        if cells.ndim != 2 or cells.size == 0:
+            raise MapError(f"cells must be a 2-D array with at least one cell, got {cells.shape}")
+        known = (cells == FREE) | (cells == OCCUPIED) | (cells == UNKNOWN)
+        if not known.all():
+            row, column = np.argwhere(~known)[0]
+            raise MapError(
+                f"cells must be {FREE} (free), {OCCUPIED} (occupied) or {UNKNOWN} (unknown), got "
+                f"{cells[row, column]} at row {row}, column {column}"
+            )
+        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0):
+            raise MapError(
+                f"resolution_m must be positive metres per cell, got {self.resolution_m}"
+            )
+        pose = (*self.origin_xy_m, self.yaw_rad)
+        if len(pose) != 3 or not np.isfinite(pose).all():
+            raise MapError(f"origin_xy_m and yaw_rad must be three finite numbers, got {pose}")
+        object.__setattr__(self, "cells", frozen(cells.astype(np.int8)))
+        object.__setattr__(self, "resolution_m", float(self.resolution_m))
+        object.__setattr__(self, "origin_xy_m", (float(pose[0]), float(pose[1])))
+        object.__setattr__(self, "yaw_rad", float(self.yaw_rad))
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        return (
+            f"OccupancyGrid({height} x {width} cells of {self.resolution_m:g} m, "
+            f"{100 * self.free.mean():.1f} % free)"
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return (self.cells.shape[0], self.cells.shape[1])
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the free cells."""
+        return frozen(self.cells == FREE)
+
+    @cached_property
+    def occupied(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the occupied cells."""
+        return frozen(self.cells == OCCUPIED)
+
+    @cached_property
+    def unknown(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the unknown cells."""
+        return frozen(self.cells == UNKNOWN)
+
+    def cell_centres_m(self, cells_rc: ArrayLike) -> NDArray[np.float64]:
+        """(N, 2) map-frame positions of the centres of cells given as (row, column)."""
+        cells = np.asarray(cells_rc, np.float64).reshape(-1, 2)
+        local = (cells[:, ::-1] + 0.5) * self.resolution_m
+        return local @ self._rotation.T + np.asarray(self.origin_xy_m)
+
+    def cells_at_m(self, positions_m: ArrayLike) -> NDArray[np.int64]:
+        """(N, 2) row and column of the cells that hold map-frame positions; may lie outside."""
+        offset = np.asarray(positions_m, np.float64).reshape(-1, 2) - np.asarray(self.origin_xy_m)
+        local = offset @ self._rotation / self.resolution_m
+        return np.floor(local[:, ::-1]).astype(np.int64)
+
+    @property
+    def _rotation(self) -> NDArray[np.float64]:
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        return np.array([[cos, -sin], [sin, cos]])
+
+    def with_cells(self, cells: ArrayLike) -> Self:
+        """The same frame with other cells (H, W)."""
+        return type(self)(np.asarray(cells), self.resolution_m, self.origin_xy_m, self.yaw_rad)

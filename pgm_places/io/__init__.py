@@ -1,0 +1,1 @@
+"""Files: maps, labels, models, results."""

@@ -1,0 +1,74 @@
+"""What every method returns: labels, beliefs, score, bound, and how it ended."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+
+__all__ = ["Labeling", "Status"]
+
+
+class Status(StrEnum):
+    """How an inference ended."""
+
+    EXACT = "exact"
+    """The labelling is proved best for its potentials."""
+    CONVERGED = "converged"
+    """The method reached its fixed point or local optimum."""
+    STOPPED = "stopped"
+    """A limit on iterations or time was reached first."""
+    RELAXED = "relaxed"
+    """A relaxation's answer was fractional and has been rounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Labeling:
+    """A label for every node.
+
+    Parameters
+    ----------
+    labels : (N,) int
+        Label index per node.
+    status : Status
+        How the method ended.
+    beliefs : (N, K) float or None
+        Probability of each label at each node, where the method has one; rows sum to one.
+    score : float or None
+        The log-potential of ``labels`` under the method's potentials, computed by
+        :func:`pgm_places.potentials.score`; None for methods without a global objective.
+    bound : float or None
+        An upper bound of the best score, where the method has one.
+    info : mapping
+        What else the method has to say: iterations, residuals, history, seconds.
+    """
+
+    labels: NDArray[np.int64]
+    status: Status
+    beliefs: NDArray[np.float64] | None = None
+    score: float | None = None
+    bound: float | None = None
+    info: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        labels = integer_array("labels", self.labels, ("N",), low=0, high=2**31)
+        object.__setattr__(self, "labels", frozen(labels))
+        if self.beliefs is not None:
+            beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"))
+            if not np.allclose(beliefs.sum(axis=1), 1.0, rtol=0.0, atol=1e-6):
+                raise InputError("beliefs must sum to one in every row")
+            object.__setattr__(self, "beliefs", frozen(beliefs))
+        object.__setattr__(self, "info", MappingProxyType(dict(self.info)))
+
+    @property
+    def gap(self) -> float | None:
+        """How far the score may be from the best, or None without a bound; 0 is proved best."""
+        if self.bound is None or self.score is None:
+            return None
+        return max(self.bound - self.score, 0.0)

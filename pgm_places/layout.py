@@ -1,0 +1,77 @@
+"""Layouts: how a graph's node values go back to the raster or the list of steps they came from."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import InputError
+
+__all__ = ["GridLayout", "StepLayout"]
+
+
+@dataclass(frozen=True, eq=False)
+class GridLayout:
+    """The cells of a raster that are nodes, in node order.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the raster. Row 0 is the row of the smallest y (the bottom of a map).
+    cells_rc : (N, 2) int32
+        Row and column of each node; row-major order.
+    walls : (H, W) bool or None
+        Cells known to be occupied: fixed evidence for methods that use it.
+    """
+
+    shape: tuple[int, int]
+    cells_rc: NDArray[np.int32]
+    walls: NDArray[np.bool_] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cells_rc", frozen(np.asarray(self.cells_rc, np.int32)))
+        if self.walls is not None:
+            if self.walls.shape != self.shape:
+                raise InputError(
+                    f"walls must have the raster's shape {self.shape}, got {self.walls.shape}"
+                )
+            object.__setattr__(self, "walls", frozen(self.walls))
+
+    @cached_property
+    def node_of_cell(self) -> NDArray[np.int32]:
+        """(H, W) node index of each cell, -1 where the cell is no node."""
+        raster = np.full(self.shape, -1, np.int32)
+        raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = np.arange(len(self.cells_rc))
+        return frozen(raster)
+
+    def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
+        """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""
+        array = np.asarray(values)
+        if len(array) != len(self.cells_rc):
+            raise InputError(
+                f"values must have one row per node ({len(self.cells_rc)}), got {len(array)}"
+            )
+        raster = np.full((*self.shape, *array.shape[1:]), fill, array.dtype)
+        raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = array
+        return raster
+
+    def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
+        """The raster's values (H, W, ...) at the nodes (N, ...)."""
+        array = np.asarray(raster)
+        if array.shape[:2] != self.shape:
+            raise InputError(
+                f"the raster must have shape {self.shape}, got {array.shape[:2]}; "
+                "was it made from another map, or is it transposed?"
+            )
+        gathered: NDArray[Any] = array[self.cells_rc[:, 0], self.cells_rc[:, 1]]
+        return gathered
+
+
+@dataclass(frozen=True)
+class StepLayout:
+    """The steps of a trajectory, in time order: node ``t`` is step ``t``."""
+
+    n_steps: int

@@ -1,0 +1,129 @@
+"""Potentials: how well labels fit nodes and edges, and the one judge of every answer.
+
+One sign everywhere: log-potentials, larger is better, the score is maximised.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+from pgm_places.graph import LabelGraph
+
+__all__ = ["Potentials", "score"]
+
+
+@dataclass(frozen=True, eq=False)
+class Potentials:
+    """Log-potentials of a pairwise Markov random field.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        ``unary[i, k]``: how well label ``k`` fits node ``i``; ``-inf`` forbids it.
+    pairwise : (K, K) or (E, K, K) float, optional
+        ``pairwise[..., a, b]``: how well label ``a`` at the edge's first node and ``b`` at its
+        second fit; one table for all edges, or one per edge.
+    agreement : (E, K) float, optional
+        The associative special case in a compact form: ``agreement[e, k]`` is earned when both
+        ends of edge ``e`` have label ``k``, nothing when they differ. Give this or ``pairwise``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> potentials = Potentials(np.log([[0.9, 0.1], [0.4, 0.6]]), agreement=[[1.0, 1.0]])
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> round(score(graph, potentials, [0, 0]), 3)
+    -0.022
+    """
+
+    unary: NDArray[np.float64]
+    pairwise: NDArray[np.float64] | None = None
+    agreement: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        unary = finite_array("unary", self.unary, ("N", "K"), allow_minus_inf=True)
+        n_labels = unary.shape[1]
+        object.__setattr__(self, "unary", frozen(unary))
+        if self.pairwise is not None and self.agreement is not None:
+            raise InputError("give pairwise or agreement, not both")
+        if self.pairwise is not None:
+            pairwise = np.asarray(self.pairwise, np.float64)
+            shape: tuple[int | str, ...] = (n_labels, n_labels)
+            if pairwise.ndim == 3:
+                shape = ("E", n_labels, n_labels)
+            checked = finite_array("pairwise", pairwise, shape, allow_minus_inf=True)
+            object.__setattr__(self, "pairwise", frozen(checked))
+        if self.agreement is not None:
+            checked = finite_array("agreement", self.agreement, ("E", n_labels))
+            object.__setattr__(self, "agreement", frozen(checked))
+
+    @classmethod
+    def potts(cls, unary: ArrayLike, weight: float) -> Self:
+        """Every edge earns ``weight`` when its ends agree, whatever the label."""
+        table = np.asarray(unary, np.float64)
+        return cls(table, pairwise=weight * np.eye(table.shape[1]))
+
+    @property
+    def n_nodes(self) -> int:
+        """N, the number of nodes."""
+        return len(self.unary)
+
+    @property
+    def n_labels(self) -> int:
+        """K, the number of labels."""
+        return self.unary.shape[1]
+
+    def check_fits(self, graph: LabelGraph) -> None:
+        """Raise InputError unless there is one row per node and, per edge, one table."""
+        if self.n_nodes != graph.n_nodes:
+            raise InputError(
+                f"unary has {self.n_nodes} rows but the graph has {graph.n_nodes} nodes"
+            )
+        per_edge = self.agreement
+        if per_edge is None and self.pairwise is not None and self.pairwise.ndim == 3:
+            per_edge = self.pairwise
+        if per_edge is not None and len(per_edge) != graph.n_edges:
+            raise InputError(
+                f"the pairwise potentials have {len(per_edge)} rows but the graph has "
+                f"{graph.n_edges} edges"
+            )
+
+    def edge_tables(self, graph: LabelGraph) -> NDArray[np.float64]:
+        """(E, K, K) pairwise log-potentials, written out; read-only, shared where possible."""
+        self.check_fits(graph)
+        shape = (graph.n_edges, self.n_labels, self.n_labels)
+        if self.pairwise is not None:
+            return np.broadcast_to(self.pairwise, shape)
+        tables = np.zeros(shape)
+        if self.agreement is not None:
+            diagonal = np.arange(self.n_labels)
+            tables[:, diagonal, diagonal] = self.agreement
+        return tables
+
+
+def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:
+    """The log-potential of a whole labelling: its unaries plus its edges, larger is better.
+
+    Parameters
+    ----------
+    graph, potentials
+        The problem.
+    labels : (N,) int
+        A label index per node, ``0..K-1``.
+    """
+    potentials.check_fits(graph)
+    chosen = integer_array("labels", labels, (graph.n_nodes,), low=0, high=potentials.n_labels)
+    total = float(potentials.unary[np.arange(graph.n_nodes), chosen].sum())
+    first, second = chosen[graph.edges[:, 0]], chosen[graph.edges[:, 1]]
+    if potentials.agreement is not None:
+        same = np.flatnonzero(first == second)
+        total += float(potentials.agreement[same, first[same]].sum())
+    elif potentials.pairwise is not None and potentials.pairwise.ndim == 2:
+        total += float(potentials.pairwise[first, second].sum())
+    elif potentials.pairwise is not None:
+        total += float(potentials.pairwise[np.arange(graph.n_edges), first, second].sum())
+    return total

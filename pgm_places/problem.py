@@ -1,0 +1,87 @@
+"""A labelling problem: a graph, the names of the labels, and what is known about each node."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, frozen
+from pgm_places.errors import InputError
+from pgm_places.graph import LabelGraph
+
+__all__ = ["LabelingProblem"]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelingProblem:
+    """What a backend needs to label a graph.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+        N nodes, E edges.
+    label_names : sequence of str
+        The K labels; label ``k`` everywhere means ``label_names[k]``.
+    unary : (N, K) float, optional
+        Log-probabilities of the labels from a classifier that looks at each node alone.
+    node_features : (N, D) float, optional
+        Features of the nodes, for models that learn their own unary potentials.
+    edge_features : (E, F) float, optional
+        Non-negative features of the edges, for models that learn edge weights.
+
+    At least one of ``unary`` and ``node_features`` is needed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log([[0.9, 0.1], [0.5, 0.5]]))
+    >>> problem.n_labels
+    2
+    """
+
+    graph: LabelGraph
+    label_names: Sequence[str]
+    unary: NDArray[np.float64] | None = None
+    node_features: NDArray[np.float64] | None = None
+    edge_features: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        names = tuple(str(name) for name in self.label_names)
+        if len(names) < 1 or len(set(names)) != len(names):
+            raise InputError(f"label_names must be at least one name, each once, got {list(names)}")
+        object.__setattr__(self, "label_names", names)
+        n, e = self.graph.n_nodes, self.graph.n_edges
+        if self.unary is None and self.node_features is None:
+            raise InputError("a problem needs unary log-probabilities or node_features")
+        if self.unary is not None:
+            unary = finite_array("unary", self.unary, (n, len(names)), allow_minus_inf=True)
+            object.__setattr__(self, "unary", frozen(unary))
+        if self.node_features is not None:
+            nodes = finite_array("node_features", self.node_features, (n, "D"))
+            object.__setattr__(self, "node_features", frozen(nodes))
+        if self.edge_features is not None:
+            edges = finite_array("edge_features", self.edge_features, (e, "F"))
+            if (edges < 0).any():
+                raise InputError("edge_features must be at least 0; shift or split signed features")
+            object.__setattr__(self, "edge_features", frozen(edges))
+
+    @property
+    def n_labels(self) -> int:
+        """K, the number of labels."""
+        return len(self.label_names)
+
+    def subproblem(self, nodes: ArrayLike) -> Self:
+        """The problem on the nodes where the mask (N,) is true, renumbered in order."""
+        keep = np.asarray(nodes, np.bool_)
+        graph = self.graph.subgraph(keep)
+        inside = keep[self.graph.edges].all(axis=1)
+        return type(self)(
+            graph,
+            self.label_names,
+            None if self.unary is None else self.unary[keep],
+            None if self.node_features is None else self.node_features[keep],
+            None if self.edge_features is None else self.edge_features[inside],
+        )

@@ -1,0 +1,1 @@
+"""Laser scans: ray casting in a map, and the noise of a real sensor."""
