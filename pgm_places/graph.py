@@ -193,7 +193,7 @@ class LabelGraph:
 
     @classmethod
     def from_trajectory(cls, positions_m: ArrayLike) -> Self:
-        """A chain over the steps of a trajectory; ``positions_m`` is (T, 2), or (T, 3) with heading."""
+        """A chain over a trajectory's steps; ``positions_m`` (T, 2), or (T, 3) with heading."""
         poses = np.asarray(positions_m, np.float64)
         if poses.ndim != 2 or poses.shape[1] not in (2, 3):
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
@@ -252,7 +252,7 @@ class LabelGraph:
     # ------------------------------------------------------------------ conversions
 
     def to_networkx(self) -> "nx.Graph[int]":
-        """The same nodes and edges for networkx, with ``pos`` and ``kind`` attributes where known."""
+        """The same graph for networkx, with ``pos`` and ``kind`` attributes where known."""
         import networkx as nx
 
         graph: nx.Graph[int] = nx.Graph()

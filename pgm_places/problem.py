@@ -37,7 +37,8 @@ class LabelingProblem:
     --------
     >>> import numpy as np
     >>> graph = LabelGraph.from_edges(2, [(0, 1)])
-    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log([[0.9, 0.1], [0.5, 0.5]]))
+    >>> unary = np.log([[0.9, 0.1], [0.5, 0.5]])
+    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=unary)
     >>> problem.n_labels
     2
     """
