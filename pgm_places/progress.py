@@ -1,0 +1,43 @@
+"""How long work says where it is: a small protocol that commands fill with bars or lines."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+__all__ = ["Progress", "Silent", "Stage"]
+
+
+class Stage(Protocol):
+    """A running stage."""
+
+    def update(self, fraction: float, note: str = "") -> None:
+        """Say that ``fraction`` (0 to 1) of the stage is done."""
+        ...
+
+
+class Progress(Protocol):
+    """Where stages are announced."""
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:
+        """Announce a stage; its end is the end of the ``with`` block."""
+        ...
+
+    def warn(self, message: str) -> None:
+        """Show something the user should know."""
+        ...
+
+
+class Silent:
+    """Progress that nobody looks at, the default everywhere in the library."""
+
+    def update(self, fraction: float, note: str = "") -> None:
+        """Do nothing."""
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:  # noqa: ARG002  the protocol's name
+        """Do nothing at the stage's start and end."""
+        yield self
+
+    def warn(self, message: str) -> None:
+        """Do nothing."""
