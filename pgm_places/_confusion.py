@@ -1,0 +1,83 @@
+"""Confusion matrices and the figures that follow from them, over any leading axes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import integer_array
+from pgm_places.errors import InputError
+
+__all__ = [
+    "accuracy",
+    "f1",
+    "iou",
+    "mean_of_defined",
+    "paired_labels",
+    "precision",
+    "ratio",
+    "recall",
+]
+
+
+def paired_labels(
+    truth: ArrayLike, predicted: ArrayLike, n_labels: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """True labels, predicted labels and the mask of the nodes that have a true one, all checked.
+
+    ``truth`` is -1 where it is not known; what was predicted there is ignored and comes back as 0.
+    """
+    true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
+    known = true >= 0
+    chosen = np.asarray(predicted)
+    if chosen.shape != true.shape:
+        raise InputError(f"predicted must have the shape of truth {true.shape}, got {chosen.shape}")
+    if not known.any():
+        raise InputError(
+            "nothing to evaluate: no node has a true label (every one is -1, not evaluated)"
+        )
+    chosen = integer_array("predicted", np.where(known, chosen, 0), ("N",), low=0, high=n_labels)
+    return true, chosen, known
+
+
+def accuracy(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Share of right predictions (...,) of confusion matrices (..., K, K)."""
+    return ratio(_right(confusion).sum(axis=-1), confusion.sum(axis=(-2, -1)))
+
+
+def recall(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Recall (..., K), NaN for labels that never occur."""
+    return ratio(_right(confusion), confusion.sum(axis=-1))
+
+
+def precision(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Precision (..., K), NaN for labels that are never predicted."""
+    return ratio(_right(confusion), confusion.sum(axis=-2))
+
+
+def f1(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Harmonic mean of recall and precision (..., K), NaN for labels on neither side."""
+    return ratio(2 * _right(confusion), confusion.sum(axis=-1) + confusion.sum(axis=-2))
+
+
+def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Intersection over union (..., K), NaN for labels on neither side."""
+    right = _right(confusion)
+    return ratio(right, confusion.sum(axis=-1) + confusion.sum(axis=-2) - right)
+
+
+def mean_of_defined(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over the last axis of what is not NaN; something always is."""
+    means: NDArray[np.float64] = np.nanmean(values, axis=-1)
+    return means
+
+
+def ratio(part: NDArray[Any], whole: NDArray[Any]) -> NDArray[np.float64]:
+    """``part / whole``, NaN where ``whole`` is 0."""
+    result = np.full(np.shape(whole), np.nan)
+    np.divide(part, whole, out=result, where=np.asarray(whole) != 0)
+    return result
+
+
+def _right(confusion: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.diagonal(confusion, axis1=-2, axis2=-1)

@@ -1,0 +1,279 @@
+"""How good a labelling is: counts of true against predicted labels, and every figure from them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places import _confusion
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._confusion import mean_of_defined, paired_labels, ratio
+from pgm_places.bootstrap import Interval, block_bootstrap, square_blocks
+from pgm_places.borders import border_tolerant_mask
+from pgm_places.errors import InputError, LabelError
+
+__all__ = [
+    "Evaluation",
+    "Interval",
+    "Reliability",
+    "block_bootstrap",
+    "border_tolerant_mask",
+    "evaluate",
+    "square_blocks",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Reliability:
+    """How often predictions of a given confidence are right.
+
+    Confidence is the belief in the predicted label; bin ``b`` holds confidences from
+    ``b / n_bins`` up to ``(b + 1) / n_bins``.
+
+    Parameters
+    ----------
+    count : (B,) int
+        Predictions in each bin.
+    confidence_sum : (B,) float
+        Sum of their confidences.
+    right : (B,) int
+        How many of them were right.
+    """
+
+    count: NDArray[np.int64]
+    confidence_sum: NDArray[np.float64]
+    right: NDArray[np.int64]
+
+    @property
+    def mean_confidence(self) -> NDArray[np.float64]:
+        """(B,) mean confidence of each bin, NaN where it is empty."""
+        return ratio(self.confidence_sum, self.count)
+
+    @property
+    def accuracy(self) -> NDArray[np.float64]:
+        """(B,) share of right predictions in each bin, NaN where it is empty."""
+        return ratio(self.right, self.count)
+
+    @property
+    def expected_calibration_error(self) -> float:
+        """Mean distance of confidence from accuracy over the predictions, 0 is calibrated."""
+        total = int(self.count.sum())
+        return float(np.abs(self.right - self.confidence_sum).sum() / total) if total else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The table as lists; None in place of the means of empty bins."""
+        return {
+            "count": self.count.tolist(),
+            "mean_confidence": _listed(self.mean_confidence),
+            "accuracy": _listed(self.accuracy),
+            "expected_calibration_error": self.expected_calibration_error,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Every figure of merit of a labelling, all from its confusion matrix.
+
+    A figure that is 0/0 for a label (the recall of a label that never occurs, the precision of one
+    that is never predicted, F1 and IoU of one that is neither) is None and left out of means.
+
+    Parameters
+    ----------
+    label_names : sequence of str
+        The K labels.
+    confusion : (K, K) int
+        ``confusion[t, p]``: nodes with true label ``t`` and predicted label ``p``.
+    reliability : Reliability or None
+        Present where beliefs were evaluated.
+    """
+
+    label_names: Sequence[str]
+    confusion: NDArray[np.int64]
+    reliability: Reliability | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        names = tuple(str(name) for name in self.label_names)
+        size = len(names)
+        counts = integer_array("confusion", self.confusion, (size, size), low=0, high=2**63 - 1)
+        if not counts.sum():
+            raise InputError(
+                "nothing to evaluate: no node has a true label (every one is -1, not evaluated)"
+            )
+        object.__setattr__(self, "label_names", names)
+        object.__setattr__(self, "confusion", frozen(counts))
+
+    @classmethod
+    def merged(cls, evaluations: Sequence["Evaluation"]) -> Self:
+        """One evaluation of several maps together, every node counting the same.
+
+        The reliability is kept where all have one with the same number of bins.
+        """
+        if not evaluations:
+            raise InputError("merged wants at least one evaluation, got none")
+        names = evaluations[0].label_names
+        for other in evaluations:
+            if other.label_names != names:
+                raise LabelError(
+                    f"evaluations of different labels cannot be merged: {list(names)} and "
+                    f"{list(other.label_names)}"
+                )
+        confusion = np.sum([item.confusion for item in evaluations], axis=0)
+        tables = [item.reliability for item in evaluations if item.reliability is not None]
+        pooled = None
+        if len(tables) == len(evaluations) and len({len(table.count) for table in tables}) == 1:
+            pooled = Reliability(
+                np.sum([table.count for table in tables], axis=0),
+                np.sum([table.confidence_sum for table in tables], axis=0),
+                np.sum([table.right for table in tables], axis=0),
+            )
+        return cls(names, confusion, pooled)
+
+    # ------------------------------------------------------------------ whole figures
+
+    @cached_property
+    def n(self) -> int:
+        """Evaluated nodes."""
+        return int(self.confusion.sum())
+
+    @cached_property
+    def accuracy(self) -> float:
+        """Share of nodes with the right label."""
+        return float(_confusion.accuracy(self.confusion))
+
+    @cached_property
+    def balanced_accuracy(self) -> float:
+        """Mean recall over the labels that occur."""
+        return float(mean_of_defined(_confusion.recall(self.confusion)))
+
+    @cached_property
+    def macro_f1(self) -> float:
+        """Mean F1 over the labels that occur or are predicted."""
+        return float(mean_of_defined(_confusion.f1(self.confusion)))
+
+    @cached_property
+    def mcc(self) -> float:
+        """Matthews' correlation of truth and prediction; 0 where either is constant."""
+        true = self.confusion.sum(axis=1).astype(np.float64)
+        predicted = self.confusion.sum(axis=0).astype(np.float64)
+        n = float(self.n)
+        covariance = np.trace(self.confusion) * n - true @ predicted
+        variance = (n * n - predicted @ predicted) * (n * n - true @ true)
+        return float(covariance / np.sqrt(variance)) if variance > 0 else 0.0
+
+    @property
+    def expected_calibration_error(self) -> float | None:
+        """Mean distance of confidence from accuracy; None without beliefs."""
+        return None if self.reliability is None else self.reliability.expected_calibration_error
+
+    # ------------------------------------------------------------------ figures by label
+
+    @cached_property
+    def recall(self) -> dict[str, float | None]:
+        """By label: share of its nodes that were found."""
+        return self._by_name(_confusion.recall(self.confusion))
+
+    @cached_property
+    def precision(self) -> dict[str, float | None]:
+        """By label: share of the nodes so predicted that are it."""
+        return self._by_name(_confusion.precision(self.confusion))
+
+    @cached_property
+    def f1(self) -> dict[str, float | None]:
+        """By label: harmonic mean of recall and precision."""
+        return self._by_name(_confusion.f1(self.confusion))
+
+    @cached_property
+    def iou(self) -> dict[str, float | None]:
+        """By label: nodes true and predicted over nodes true or predicted."""
+        return self._by_name(_confusion.iou(self.confusion))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures as numbers, lists and dicts by label name, ready for JSON."""
+        result: dict[str, Any] = {
+            "n": self.n,
+            "accuracy": self.accuracy,
+            "balanced_accuracy": self.balanced_accuracy,
+            "macro_f1": self.macro_f1,
+            "recall": self.recall,
+            "precision": self.precision,
+            "f1": self.f1,
+            "iou": self.iou,
+            "mcc": self.mcc,
+            "confusion": self.confusion.tolist(),
+        }
+        if self.reliability is not None:
+            result["reliability"] = self.reliability.to_dict()
+            result["expected_calibration_error"] = self.expected_calibration_error
+        return result
+
+    def _by_name(self, values: NDArray[np.float64]) -> dict[str, float | None]:
+        return dict(zip(self.label_names, _listed(values), strict=True))
+
+
+def evaluate(
+    truth: ArrayLike,
+    predicted: ArrayLike,
+    label_names: Sequence[str],
+    *,
+    beliefs: ArrayLike | None = None,
+    n_bins: int = 10,
+) -> Evaluation:
+    """The figures of merit of predicted labels.
+
+    Parameters
+    ----------
+    truth : (N,) int
+        True label index per node, -1 where it is not evaluated.
+    predicted : (N,) int
+        Predicted label index per node; ignored where ``truth`` is -1.
+    label_names : sequence of str
+        The K labels.
+    beliefs : (N, K) float, optional
+        Probabilities of the labels, for the reliability of confidence.
+    n_bins : int
+        Rows of the reliability table.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, labels out of range, or no node with a true label.
+
+    Examples
+    --------
+    >>> result = evaluate([0, 0, 1, -1], [0, 1, 1, 0], ["room", "corridor"])
+    >>> round(result.accuracy, 3), result.recall
+    (0.667, {'room': 0.5, 'corridor': 1.0})
+    """
+    size = len(label_names)
+    true, chosen, known = paired_labels(truth, predicted, size)
+    cell = true[known] * size + chosen[known]
+    confusion = np.bincount(cell, minlength=size * size).reshape(size, size)
+    table = None
+    if beliefs is not None:
+        array = finite_array("beliefs", beliefs, (len(true), size))
+        table = _reliability(true[known], chosen[known], array[known], n_bins)
+    return Evaluation(label_names, confusion, table)
+
+
+def _reliability(
+    true: NDArray[np.int64],
+    chosen: NDArray[np.int64],
+    beliefs: NDArray[np.float64],
+    n_bins: int,
+) -> Reliability:
+    if n_bins < 1:
+        raise InputError(f"n_bins must be at least 1, got {n_bins}")
+    confidence = beliefs[np.arange(len(chosen)), chosen]
+    index = np.clip((confidence * n_bins).astype(np.int64), 0, n_bins - 1)
+    return Reliability(
+        np.bincount(index, minlength=n_bins),
+        np.asarray(np.bincount(index, weights=confidence, minlength=n_bins), np.float64),
+        np.bincount(index[true == chosen], minlength=n_bins),
+    )
+
+
+def _listed(values: NDArray[np.float64]) -> list[float | None]:
+    return [None if np.isnan(value) else float(value) for value in values]

@@ -1,0 +1,228 @@
+import json
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation import (
+    Evaluation,
+    block_bootstrap,
+    border_tolerant_mask,
+    evaluate,
+    square_blocks,
+)
+
+NAMES = ["room", "corridor", "doorway", "kitchen"]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(1, 4))
+def test_every_figure_is_scikit_learns(seed: int, n: int, k: int) -> None:
+    from sklearn import metrics
+
+    rng = np.random.default_rng(seed)
+    truth = rng.integers(0, k, n)
+    predicted = np.where(rng.random(n) < 0.5, truth, rng.integers(0, k, n))
+    result = evaluate(truth, predicted, NAMES[:k])
+    labels = list(range(k))
+    close: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-12}
+    np.testing.assert_allclose(result.accuracy, metrics.accuracy_score(truth, predicted), **close)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about labels that occur on one side only
+        balanced = metrics.balanced_accuracy_score(truth, predicted)
+        mcc = metrics.matthews_corrcoef(truth, predicted)
+        confusion = metrics.confusion_matrix(truth, predicted, labels=labels)
+    np.testing.assert_array_equal(result.confusion, confusion)
+    np.testing.assert_allclose(result.balanced_accuracy, balanced, **close)
+    np.testing.assert_allclose(result.mcc, mcc, **close)
+    np.testing.assert_allclose(
+        result.macro_f1, metrics.f1_score(truth, predicted, average="macro"), **close
+    )
+    by_label = metrics.precision_recall_fscore_support(
+        truth, predicted, labels=labels, zero_division=np.nan
+    )
+    for ours, theirs in zip((result.precision, result.recall, result.f1), by_label, strict=False):
+        got = [np.nan if value is None else value for value in ours.values()]
+        np.testing.assert_allclose(got, theirs, equal_nan=True, **close)
+    iou = metrics.jaccard_score(truth, predicted, labels=labels, average=None, zero_division=0)
+    np.testing.assert_allclose([value or 0.0 for value in result.iou.values()], iou, **close)
+
+
+def test_absent_labels_are_none_and_left_out_of_means() -> None:
+    result = evaluate([0, 0, 1], [0, 2, 1], NAMES)
+    assert result.recall == {"room": 0.5, "corridor": 1.0, "doorway": None, "kitchen": None}
+    assert result.precision == {"room": 1.0, "corridor": 1.0, "doorway": 0.0, "kitchen": None}
+    assert result.f1["doorway"] == 0.0
+    assert result.f1["kitchen"] is None
+    assert result.iou["kitchen"] is None
+    assert result.balanced_accuracy == 0.75
+
+
+def test_nodes_without_truth_do_not_count_whatever_was_predicted() -> None:
+    result = evaluate([0, -1, 1, -1], [0, 7, 1, -1], ["a", "b"])
+    assert (result.n, result.accuracy) == (2, 1.0)
+
+
+def test_to_dict_survives_json() -> None:
+    rng = np.random.default_rng(3)
+    beliefs = rng.dirichlet(np.ones(4), 30)
+    result = evaluate(rng.integers(-1, 3, 30), beliefs.argmax(1), NAMES, beliefs=beliefs)
+    again = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert again["recall"]["kitchen"] is None
+    assert {"accuracy", "balanced_accuracy", "macro_f1", "precision", "f1", "iou", "mcc"} <= set(
+        again
+    )
+    assert again["confusion"] == result.confusion.tolist()
+
+
+def test_reliability_counts_by_hand() -> None:
+    beliefs = [[0.95, 0.05], [0.85, 0.15], [1.0, 0.0], [0.45, 0.55]]
+    result = evaluate([0, 1, 0, 1], [0, 0, 0, 1], ["a", "b"], beliefs=beliefs)
+    table = result.reliability
+    assert table is not None
+    assert table.count.tolist() == [0, 0, 0, 0, 0, 1, 0, 0, 1, 2]
+    np.testing.assert_allclose(table.mean_confidence[[5, 8, 9]], [0.55, 0.85, 0.975], rtol=1e-12)
+    np.testing.assert_array_equal(table.accuracy[[5, 8, 9]], [1.0, 0.0, 1.0])
+    expected = (0.45 + 0.85 + 0.05) / 4
+    assert result.expected_calibration_error == pytest.approx(expected, rel=1e-12)
+
+
+def test_calibrated_beliefs_have_little_calibration_error() -> None:
+    rng = np.random.default_rng(5)
+    beliefs = rng.dirichlet([0.5, 0.5, 0.5], 40_000)
+    truth = (rng.random((40_000, 1)) > beliefs.cumsum(axis=1)).sum(axis=1).clip(0, 2)
+    result = evaluate(truth, beliefs.argmax(1), NAMES[:3], beliefs=beliefs)
+    assert result.expected_calibration_error is not None
+    assert result.expected_calibration_error < 0.01
+
+
+def test_merged_is_the_evaluation_of_everything_together() -> None:
+    rng = np.random.default_rng(7)
+    beliefs = rng.dirichlet(np.ones(3), 90)
+    truth, predicted = rng.integers(-1, 3, 90), beliefs.argmax(1)
+    parts = [
+        evaluate(truth[s], predicted[s], NAMES[:3], beliefs=beliefs[s])
+        for s in (slice(0, 20), slice(20, 50), slice(50, 90))
+    ]
+    whole = evaluate(truth, predicted, NAMES[:3], beliefs=beliefs)
+    merged = Evaluation.merged(parts)
+    np.testing.assert_array_equal(merged.confusion, whole.confusion)
+    assert merged.expected_calibration_error == pytest.approx(whole.expected_calibration_error)
+    without = evaluate(truth, predicted, NAMES[:3])
+    assert Evaluation.merged([without, whole]).reliability is None
+
+
+def test_merging_other_labels_is_refused() -> None:
+    first, second = evaluate([0], [0], ["a", "b"]), evaluate([0], [0], ["a", "c"])
+    with pytest.raises(LabelError, match="different labels"):
+        Evaluation.merged([first, second])
+    with pytest.raises(InputError, match="at least one"):
+        Evaluation.merged([])
+
+
+@pytest.mark.parametrize(
+    ("truth", "predicted", "message"),
+    [
+        ([-1, -1], [0, 0], "no node has a true label"),
+        ([0, 1], [0], "shape of truth"),
+        ([0, 2], [0, 0], "truth must hold integers"),
+        ([0, 1], [0, -1], "predicted must hold integers"),
+        ([0.0, 1.0], [0, 1], "truth must hold integers"),
+    ],
+)
+def test_bad_input(truth: list[int], predicted: list[int], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        evaluate(truth, predicted, ["a", "b"])
+
+
+# ---------------------------------------------------------------------- borders
+
+
+def test_border_mask_leaves_out_a_strip_of_the_tolerance() -> None:
+    truth = np.zeros((5, 40), np.int64)
+    truth[:, 20:] = 1
+    mask = border_tolerant_mask(truth, 0.05, tolerance_m=0.3)
+    np.testing.assert_array_equal(np.flatnonzero(~mask[2]), np.arange(14, 26))
+
+
+def test_walls_and_unlabelled_cells_are_no_border() -> None:
+    truth = np.zeros((5, 11), np.int64)
+    truth[:, 5] = -1
+    truth[:, 6:] = 1
+    np.testing.assert_array_equal(border_tolerant_mask(truth, 0.05), truth >= 0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_border_mask_is_its_definition(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth = np.repeat(np.repeat(rng.integers(-1, 3, (4, 4)), 4, 0), 4, 1)
+    mask = border_tolerant_mask(truth, 0.1, tolerance_m=0.15)
+    border = []
+    for r, c in np.argwhere(truth >= 0):
+        near = truth[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2]
+        if ((near >= 0) & (near != truth[r, c])).any():
+            border.append((r, c))
+    for r, c in np.ndindex(truth.shape):
+        distance = min(np.hypot(r - y, c - x) for y, x in border) + 0.5
+        assert mask[r, c] == (truth[r, c] >= 0 and distance > 1.5 + 1e-9)
+
+
+def test_border_mask_checks_its_input() -> None:
+    with pytest.raises(InputError, match="2-D"):
+        border_tolerant_mask(np.zeros(4, int), 0.05)
+    with pytest.raises(InputError, match="positive"):
+        border_tolerant_mask(np.zeros((4, 4), int), 0.0)
+
+
+# ---------------------------------------------------------------------- bootstrap
+
+
+def test_bootstrap_of_single_nodes_is_the_binomial_interval() -> None:
+    rng = np.random.default_rng(2)
+    truth = np.zeros(400, np.int64)
+    predicted = (rng.random(400) < 0.2).astype(np.int64)
+    interval = block_bootstrap(
+        truth, predicted, np.arange(400), n_labels=2, n_resamples=4000, seed=1
+    )["accuracy"]
+    share = float((predicted == 0).mean())
+    half = 1.96 * np.sqrt(share * (1 - share) / 400)
+    assert interval.estimate == share
+    np.testing.assert_allclose(
+        [interval.low, interval.high], [share - half, share + half], atol=5e-3
+    )
+
+
+def test_blocks_that_err_together_widen_the_interval() -> None:
+    rng = np.random.default_rng(4)
+    blocks = np.repeat(np.arange(20), 50)
+    truth = np.zeros(1000, np.int64)
+    predicted = (rng.random(20) < 0.3).astype(np.int64)[blocks]
+    single = block_bootstrap(truth, predicted, np.arange(1000), n_labels=2)["accuracy"]
+    joint = block_bootstrap(truth, predicted, blocks, n_labels=2)["accuracy"]
+    assert joint.high - joint.low > 3 * (single.high - single.low)
+
+
+def test_bootstrap_agrees_with_evaluate_and_repeats() -> None:
+    rng = np.random.default_rng(6)
+    truth, predicted = rng.integers(-1, 3, 200), rng.integers(0, 3, 200)
+    cells = np.stack([np.arange(200) // 20, np.arange(200) % 20], axis=1)
+    blocks = square_blocks(cells, 5)
+    assert len(np.unique(blocks)) == 8
+    first = block_bootstrap(truth, predicted, blocks, n_labels=3, seed=9)
+    assert first == block_bootstrap(truth, predicted, blocks, n_labels=3, seed=9)
+    whole = evaluate(truth, predicted, NAMES[:3])
+    assert first["balanced_accuracy"].estimate == pytest.approx(whole.balanced_accuracy)
+    assert first["accuracy"].low <= whole.accuracy <= first["accuracy"].high
+
+
+def test_bootstrap_checks_its_input() -> None:
+    with pytest.raises(InputError, match="confidence"):
+        block_bootstrap([0], [0], [0], n_labels=1, confidence=1.0)
+    with pytest.raises(InputError, match="no node"):
+        block_bootstrap([-1], [0], [0], n_labels=1)
+    with pytest.raises(InputError, match="square_blocks"):
+        square_blocks(np.zeros((3, 3), int), 2)
