@@ -1,0 +1,127 @@
+"""The range sensor that scans are simulated for: its beams, its reach and its noise."""
+
+from dataclasses import dataclass
+from math import isfinite, pi
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+
+__all__ = ["Sensor", "SensorNoise"]
+
+_SEED_LIMIT = 2**64
+_BEAM_LIMIT = 1_000_000  # far beyond any sensor; a larger number is a slip, such as a swapped unit
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """How readings of a real range sensor differ from the true distance (paper section 7).
+
+    Each reading is, on its own, a maximum reading with probability ``p_max``, else a random one
+    with probability ``p_random``, else the true range plus gaussian noise; the result is clipped
+    to [0, maximum range]. A beam that meets nothing within reach has no distance to disturb and
+    gets no gaussian noise.
+
+    Parameters
+    ----------
+    sigma_m : float
+        Standard deviation of the gaussian part in metres.
+    p_random : float
+        Probability of a reading that is uniform in [0, maximum range].
+    p_max : float
+        Probability of a reading at the maximum range. ``p_random + p_max`` is at most 1.
+    seed : int
+        From 0 to 2**64 - 1. A reading's noise depends on the seed, its cell and its beam only, not
+        on which other cells are cast.
+
+    Examples
+    --------
+    >>> SensorNoise(sigma_m=0.02, p_random=0.01, p_max=0.01, seed=7).sigma_m
+    0.02
+    """
+
+    sigma_m: float = 0.0
+    p_random: float = 0.0
+    p_max: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        sigma = _finite("sigma_m", self.sigma_m)
+        if sigma < 0:
+            raise InputError(f"sigma_m must be at least 0 metres, got {sigma:g}")
+        for name in ("p_random", "p_max"):
+            p = _finite(name, getattr(self, name))
+            if not 0 <= p <= 1:
+                raise InputError(f"{name} must be a probability from 0 to 1, got {p:g}")
+        if self.p_random + self.p_max > 1:
+            raise InputError(
+                "p_random and p_max must sum to at most 1, "
+                f"got {self.p_random:g} + {self.p_max:g} = {self.p_random + self.p_max:g}"
+            )
+        _integer("seed", self.seed, 0, _SEED_LIMIT - 1)
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether readings stay as they are."""
+        return self.sigma_m == 0 and self.p_random == 0 and self.p_max == 0
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A laser range finder that sees all around.
+
+    Parameters
+    ----------
+    n_beams : int
+        Beams, evenly spaced over the full circle.
+    max_range_m : float
+        Longest distance reported; a beam that meets nothing before it reports it.
+    stop_at_unknown : bool
+        Whether a beam ends where it enters unknown space, as at an obstacle. Space outside the map
+        always ends it.
+    noise : SensorNoise or None
+        None for exact ranges.
+
+    Examples
+    --------
+    >>> sensor = Sensor(n_beams=4, max_range_m=10.0)
+    >>> sensor.angles_rad.round(4).tolist()
+    [0.0, 1.5708, 3.1416, 4.7124]
+    """
+
+    n_beams: int = 360
+    max_range_m: float = 30.0
+    stop_at_unknown: bool = True
+    noise: SensorNoise | None = None
+
+    def __post_init__(self) -> None:
+        _integer("n_beams", self.n_beams, 1, _BEAM_LIMIT)
+        reach = _finite("max_range_m", self.max_range_m)
+        if reach <= 0:
+            raise InputError(f"max_range_m must be more than 0 metres, got {reach:g}")
+        if not isinstance(self.stop_at_unknown, (bool, np.bool_)):
+            raise InputError(f"stop_at_unknown must be true or false, got {self.stop_at_unknown!r}")
+        if self.noise is not None and not isinstance(self.noise, SensorNoise):
+            raise InputError(f"noise must be a SensorNoise or None, got {self.noise!r}")
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """(n_beams,) direction of each beam, counter-clockwise from the grid's x axis.
+
+        Beam ``i`` points along ``2 pi i / n_beams``: along a row of cells for ``i = 0``.
+        """
+        return np.arange(self.n_beams, dtype=np.float64) * (2 * pi / self.n_beams)
+
+
+def _finite(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+        raise InputError(f"{name} must be a finite number, got {value!r}")
+    return float(value)
+
+
+def _integer(name: str, value: Any, low: int, high: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, Integral) or not low <= int(value) <= high:
+        raise InputError(f"{name} must be a whole number from {low} to {high}, got {value!r}")
