@@ -1,26 +1,75 @@
-"""Semantic place labelling: occupancy grids and trajectories in, labelled places out."""
+"""Semantic place labelling: occupancy grids and trajectories in, labelled places out.
 
+Names are imported when they are first used, so that ``import pgm_places`` costs nothing.
+"""
+
+import importlib
 import logging
+from typing import TYPE_CHECKING, Any
 
 from pgm_places._version import __version__
-from pgm_places.errors import PgmPlacesError
-from pgm_places.graph import EdgeKind, LabelGraph
-from pgm_places.grid import OccupancyGrid
-from pgm_places.labeling import Labeling, Status
-from pgm_places.potentials import Potentials, score
-from pgm_places.problem import LabelingProblem
+
+if TYPE_CHECKING:
+    from pgm_places.backends import build
+    from pgm_places.errors import PgmPlacesError
+    from pgm_places.evaluation import evaluate
+    from pgm_places.graph import EdgeKind, LabelGraph
+    from pgm_places.grid import OccupancyGrid
+    from pgm_places.labeling import Labeling, Status
+    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.places import PlaceLabeler
+    from pgm_places.potentials import Potentials, score
+    from pgm_places.problem import LabelingProblem
+    from pgm_places.sensing.sensor import Sensor, SensorNoise
+
+_HOMES = {
+    "EdgeKind": "graph",
+    "LabelGraph": "graph",
+    "LabelledMap": "labelled_map",
+    "Labeling": "labeling",
+    "LabelingProblem": "problem",
+    "OccupancyGrid": "grid",
+    "PgmPlacesError": "errors",
+    "PlaceLabeler": "places",
+    "Potentials": "potentials",
+    "Sensor": "sensing.sensor",
+    "SensorNoise": "sensing.sensor",
+    "Status": "labeling",
+    "build": "backends",
+    "evaluate": "evaluation",
+    "score": "potentials",
+}
 
 __all__ = [
     "EdgeKind",
     "LabelGraph",
     "Labeling",
     "LabelingProblem",
+    "LabelledMap",
     "OccupancyGrid",
     "PgmPlacesError",
+    "PlaceLabeler",
     "Potentials",
+    "Sensor",
+    "SensorNoise",
     "Status",
     "__version__",
+    "build",
+    "evaluate",
     "score",
 ]
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'pgm_places' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"pgm_places.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,111 @@
+"""What the commands do: each reads its inputs, calls the library, writes and prints results."""
+
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import comparison_table, shares_line
+from pgm_places.config import load_config
+from pgm_places.experiment import Experiment, compare, resolved_config, train, versions
+
+__all__ = ["run_compare", "run_demo", "run_label", "run_train"]
+
+
+def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> Experiment:
+    config = load_config(config_path)
+    experiment = Experiment(
+        config,
+        config_path.resolve().parent,
+        progress=make_progress(quiet=quiet),
+        n_threads=n_threads,
+    )
+    experiment.record_input(config_path.resolve())
+    return experiment
+
+
+def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
+    """``pgm-places compare``."""
+    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.report.comparison_files import write_comparison
+
+    experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
+    check_writable_folder(out)  # an unwritable folder shows before the work, not after
+    comparison = compare(experiment)
+    with experiment.progress.stage("report"):
+        written = write_comparison(comparison, out)
+    typer.echo(comparison_table(comparison))
+    for path in written:
+        typer.echo(f"wrote {path}")
+
+
+def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> None:
+    """``pgm-places demo``: writes a building as files, then compares as with any other map."""
+    from pgm_places.datasets.demo import write_demo
+    from pgm_places.io.atomic import check_writable_folder
+
+    check_writable_folder(out)
+    config_path = write_demo(out, seed=seed)
+    run_compare(config_path, out, n_threads=n_threads, quiet=quiet)
+    typer.echo(
+        "\nNext:\n"
+        f"  open {out / 'report.html'} in a browser\n"
+        f"  pgm-places train {config_path} --out model\n"
+        f"  pgm-places label {out / 'map.yaml'} --model model --out labelled"
+    )
+
+
+def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
+    """``pgm-places train``."""
+    from pgm_places.io.model_files import check_target
+    from pgm_places.place_files import save_labeler
+
+    experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
+    check_target(out)
+    labeler = train(experiment)
+    record: dict[str, Any] = {
+        "config": resolved_config(experiment.config, labeler),
+        "inputs": experiment.inputs,
+        "versions": dict(versions()),
+        "warnings": experiment.warnings,
+    }
+    save_labeler(out, labeler, record=record)
+    methods = ", ".join(labeler.methods)
+    typer.echo(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
+
+
+def run_label(
+    map_yaml: Path,
+    out: Path,
+    *,
+    model: Path,
+    method: str | None,
+    unknown_value: int | None,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places label``."""
+    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.map_server import load_map
+    from pgm_places.label_map import label_map
+    from pgm_places.place_files import load_labeler
+    from pgm_places.report.label_files import write_labels
+
+    progress = make_progress(quiet=quiet)
+    labeler, _ = load_labeler(model)
+    labeler.method(method)  # an unknown method shows before the work
+    with progress.stage("map"):
+        loaded = load_map(map_yaml, unknown_value=unknown_value)
+    for message in loaded.warnings:
+        progress.warn(message)
+    check_writable_folder(out)
+    typer.echo(shares_line(loaded.fractions))
+    result = label_map(labeler, loaded.grid, method=method, n_threads=n_threads, progress=progress)
+    for message in result.warnings:
+        progress.warn(message)
+    with progress.stage("files and picture"):
+        written = write_labels(result, loaded, out)
+    typer.echo(result.summary())
+    for path in written:
+        typer.echo(f"wrote {path}")

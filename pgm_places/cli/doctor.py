@@ -1,0 +1,80 @@
+"""``pgm-places doctor``: what is installed, where compiled code is kept, what a map holds."""
+
+import importlib.metadata
+import importlib.util
+import platform
+from pathlib import Path
+
+import typer
+
+from pgm_places._version import __version__
+from pgm_places.backends import backend_names
+from pgm_places.cli.tables import text_table
+
+__all__ = ["run_doctor"]
+
+REQUIRED = (
+    "numpy",
+    "scipy",
+    "scikit-learn",
+    "numba",
+    "cvxpy",
+    "osqp",
+    "networkx",
+    "pydantic",
+    "matplotlib",
+    "pillow",
+    "pyyaml",
+    "safetensors",
+    "typer",
+    "rich",
+)
+OPTIONAL = ("clarabel", "piqp", "ortools", "rosbags", "opencv-python-headless")
+
+
+def run_doctor(map_yaml: Path | None) -> None:
+    """Print what matters when something does not work."""
+    rows = [["package", "version"], ["pgm-places", __version__]]
+    rows += [["python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"]]
+    rows += [[name, _version(name)] for name in REQUIRED]
+    rows += [[f"{name} (optional)", _version(name)] for name in OPTIONAL]
+    typer.echo(text_table(rows))
+    typer.echo(f"\nmethods: {', '.join(backend_names())}")
+    _kernels()
+    if map_yaml is not None:
+        _map(map_yaml)
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _kernels() -> None:
+    from pgm_places._jit import cache_folder
+    from pgm_places._threads import resolve_threads
+
+    folder = cache_folder()
+    where = folder if folder is not None else "nowhere (compiled anew in every process)"
+    typer.echo(f"compiled kernels are kept in: {where}")
+    typer.echo(f"threads: {resolve_threads()}")
+
+
+def _map(map_yaml: Path) -> None:
+    from pgm_places.cli.tables import shares_line
+    from pgm_places.io.map_server import load_map
+
+    loaded = load_map(map_yaml)
+    grid = loaded.grid
+    height, width = grid.shape
+    size = f"{width * grid.resolution_m:.1f} m x {height * grid.resolution_m:.1f} m"
+    typer.echo(f"\n{map_yaml}: image {loaded.image_path}")
+    typer.echo(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
+    typer.echo(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
+    typer.echo(shares_line(loaded.fractions))
+    for message in loaded.warnings:
+        typer.echo(f"warning: {message}")
+    if not loaded.warnings:
+        typer.echo("nothing suspicious")

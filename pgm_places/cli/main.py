@@ -1,0 +1,149 @@
+"""The ``pgm-places`` command: parses arguments, shows progress, turns errors into one line."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pgm_places._version import __version__
+
+__all__ = ["app", "main"]
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+app = typer.Typer(
+    name="pgm-places",
+    help="Label the places of a robot's map: corridor, room, doorway, or your own.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help starts faster and reads the same everywhere
+)
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if needed.")]
+Threads = Annotated[
+    int | None, typer.Option("--threads", min=1, help="Threads to use; all cores by default.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"pgm-places {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Label the places of a robot's map: corridor, room, doorway, or your own."""
+
+
+@app.command()
+def demo(
+    out: Out = Path("demo-report"),
+    seed: Annotated[int, typer.Option(min=0, help="Which generated building.")] = 0,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Learn on one wing of a generated building, label the other; needs no data."""
+    from pgm_places.cli.commands import run_demo
+
+    run_demo(out, seed=seed, n_threads=threads, quiet=quiet)
+
+
+@app.command()
+def compare(
+    config: Annotated[Path, typer.Argument(help="Experiment configuration (TOML).")],
+    out: Out,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Learn, label and evaluate every method of a configuration; table, results and report."""
+    from pgm_places.cli.commands import run_compare
+
+    run_compare(config, out, n_threads=threads, quiet=quiet)
+
+
+@app.command()
+def train(
+    config: Annotated[Path, typer.Argument(help="Experiment configuration (TOML).")],
+    out: Out,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Learn a model from labelled maps and store it as a folder."""
+    from pgm_places.cli.commands import run_train
+
+    run_train(config, out, n_threads=threads, quiet=quiet)
+
+
+@app.command()
+def label(
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    out: Out,
+    model: Annotated[Path, typer.Option("--model", "-m", help="A model made by 'train'.")],
+    method: Annotated[
+        str | None, typer.Option(help="A method of the model; its last one by default.")
+    ] = None,
+    unknown_value: Annotated[
+        int | None,
+        typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
+    ] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Label every free cell of a map."""
+    from pgm_places.cli.commands import run_label
+
+    run_label(
+        map_yaml,
+        out,
+        model=model,
+        method=method,
+        unknown_value=unknown_value,
+        n_threads=threads,
+        quiet=quiet,
+    )
+
+
+@app.command()
+def doctor(
+    map_yaml: Annotated[
+        Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")
+    ] = None,
+) -> None:
+    """Say what is installed, where compiled code is kept, and what a map file holds."""
+    from pgm_places.cli.doctor import run_doctor
+
+    run_doctor(map_yaml)
+
+
+def main() -> None:
+    """Run the command line; bad input is one line on standard error and exit code 2."""
+    from pgm_places.errors import PgmPlacesError
+
+    try:
+        app()
+    except PgmPlacesError as error:
+        print(f"pgm-places: {error}", file=sys.stderr)  # noqa: T201  the command line speaks
+        sys.exit(EXIT_BAD_INPUT)
+    except KeyboardInterrupt:
+        print("pgm-places: interrupted; nothing was half-written", file=sys.stderr)  # noqa: T201
+        sys.exit(EXIT_INTERRUPTED)
+    except MemoryError:
+        print(  # noqa: T201
+            "pgm-places: out of memory; use a coarser resolution_m or a smaller window",
+            file=sys.stderr,
+        )
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

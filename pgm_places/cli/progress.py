@@ -1,0 +1,82 @@
+"""Progress on standard error: a bar on a terminal, a line per stage elsewhere."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from pgm_places.progress import Silent, Stage
+
+__all__ = ["BarProgress", "LineProgress", "make_progress"]
+
+
+def make_progress(*, quiet: bool) -> "BarProgress | LineProgress | QuietProgress":
+    """Bars if standard error is a terminal, lines if it is not, only warnings if ``quiet``."""
+    if quiet:
+        return QuietProgress()
+    return BarProgress() if sys.stderr.isatty() else LineProgress()
+
+
+def _warn(message: str) -> None:
+    print(f"warning: {message}", file=sys.stderr)  # noqa: T201  the command line speaks
+
+
+class QuietProgress(Silent):
+    """Warnings only."""
+
+    def warn(self, message: str) -> None:
+        """Print the warning."""
+        _warn(message)
+
+
+class LineProgress:
+    """One line per stage when it ends, for logs and pipes."""
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:
+        """Print the stage's name and its seconds when it ends."""
+        start = time.perf_counter()
+        yield Silent()
+        seconds = time.perf_counter() - start
+        print(f"{name}: {seconds:.1f} s", file=sys.stderr)  # noqa: T201
+
+    def warn(self, message: str) -> None:
+        """Print the warning."""
+        _warn(message)
+
+
+class _Bar:
+    def __init__(self, progress: Progress, task: int) -> None:
+        self._progress, self._task = progress, task
+
+    def update(self, fraction: float, note: str = "") -> None:
+        fields = {"note": note} if note else {}
+        self._progress.update(self._task, completed=fraction, **fields)  # type: ignore[arg-type]
+
+
+class BarProgress:
+    """One bar per stage; finished stages stay as a line with their time."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:
+        """Show a bar until the stage ends."""
+        columns = (
+            TextColumn("{task.description:<28}"),
+            BarColumn(bar_width=30),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[note]}"),
+        )
+        with Progress(*columns, console=self._console) as progress:
+            task = progress.add_task(name, total=1.0, note="")
+            yield _Bar(progress, task)
+            progress.update(task, completed=1.0)
+
+    def warn(self, message: str) -> None:
+        """Print the warning above the bars."""
+        self._console.print(f"warning: {message}", style="yellow", markup=False, highlight=False)

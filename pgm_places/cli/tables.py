@@ -1,0 +1,55 @@
+"""Tables as plain text, for terminals and logs."""
+
+from collections.abc import Sequence
+
+from pgm_places.comparison import Comparison
+
+__all__ = ["comparison_table", "shares_line", "text_table"]
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows as aligned columns, the first left, the others right; the first row is the heading."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = []
+    for index, row in enumerate(rows):
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        lines.append("  ".join(cells).rstrip())
+        if index == 0:
+            lines.append("  ".join("-" * width for width in widths))
+    return "\n".join(lines)
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.1f}"
+
+
+def comparison_table(comparison: Comparison) -> str:
+    """One row per method: accuracies, recall and precision per label (percent), seconds."""
+    names = comparison.label_names
+    heading = ["method", "accuracy", "balanced", "macro F1"]
+    heading += [f"{name} R|P" for name in names]
+    heading += ["learn s", "infer s"]
+    rows = [heading]
+    for method in comparison.methods:
+        found = method.evaluation
+        row = [
+            method.id,
+            _percent(found.accuracy),
+            _percent(found.balanced_accuracy),
+            _percent(found.macro_f1),
+        ]
+        row += [f"{_percent(found.recall[n])}|{_percent(found.precision[n])}" for n in names]
+        row += [f"{method.seconds.get(key, 0.0):.2f}" for key in ("learn", "infer")]
+        rows.append(row)
+    stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
+    return f"\n{text_table(rows)}\n(percent; R recall, P precision; stages: {stages})"
+
+
+def shares_line(fractions: "tuple[float, float, float]") -> str:
+    """The shares of free, occupied and unknown cells."""
+    free, occupied, unknown = fractions
+    return (
+        f"map: {100 * free:.1f} % free, {100 * occupied:.1f} % occupied, "
+        f"{100 * unknown:.1f} % unknown"
+    )

@@ -1,0 +1,338 @@
+"""Configuration files: TOML in, checked records out; nothing unknown is let through."""
+
+import json
+import tomllib
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+
+from pgm_places._checks import nearest_name
+from pgm_places.backends import backend_class, build, option_fields
+from pgm_places.errors import ConfigError
+
+__all__ = [
+    "ClassifierConfig",
+    "ExperimentConfig",
+    "LabelsConfig",
+    "MapConfig",
+    "MethodConfig",
+    "SensorConfig",
+    "load_config",
+    "parse_config",
+]
+
+MAX_CONFIG_BYTES = 1_000_000
+"""A configuration larger than this is some other file."""
+
+Range = tuple[float | None, float | None]
+IndexRange = tuple[int | None, int | None]
+
+
+def _open_ended(value: Any) -> Any:
+    """TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window."""
+    if isinstance(value, list):
+        return [None if item in ("", "end") else item for item in value]
+    return value
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class LabelsConfig(_Record):
+    """The labels to tell apart; their order is the order of every table."""
+
+    names: Annotated[list[str], Field(min_length=2)]
+
+    @model_validator(mode="after")
+    def _unique(self) -> Self:
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"names must differ, got {self.names}")
+        return self
+
+
+class MapConfig(_Record):
+    """A map, where its labels are, and which part of it to use.
+
+    ``map`` is a map_server YAML file. ``labels`` is a label image on the map image's raster, or
+    ``regions`` a GeoJSON file of polygons in map metres whose property ``class`` is translated by
+    ``classes``. ``columns`` and ``rows`` are half-open ranges of image columns and rows counted
+    from the left and the top; ``x_m`` and ``y_m`` are ranges in map metres.
+    """
+
+    map: str
+    labels: str | None = None
+    regions: str | None = None
+    classes: dict[str, str] | None = None
+    name: str | None = None
+    columns: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
+    rows: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
+    x_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
+    y_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
+    unknown_value: Annotated[int, Field(ge=0, le=255)] | None = None
+    compat: Literal["nav2", "ros1"] = "nav2"
+
+    @model_validator(mode="after")
+    def _one_source_of_labels(self) -> Self:
+        if (self.labels is None) == (self.regions is None):
+            raise ValueError("give labels (an image) or regions (a GeoJSON file), one of them")
+        if self.classes is not None and self.regions is None:
+            raise ValueError("classes translates the classes of regions; there are no regions")
+        return self
+
+
+class NoiseConfig(_Record):
+    """The noise of a real sensor (paper section 7)."""
+
+    sigma_m: Annotated[float, Field(ge=0)] = 0.0
+    p_random: Annotated[float, Field(ge=0, le=1)] = 0.0
+    p_max: Annotated[float, Field(ge=0, le=1)] = 0.0
+    seed: Annotated[int, Field(ge=0)] = 0
+
+
+class SensorConfig(_Record):
+    """The simulated range sensor."""
+
+    n_beams: Annotated[int, Field(ge=3, le=3600)] = 360
+    max_range_m: Annotated[float, Field(gt=0)] = 30.0
+    stop_at_unknown: bool = True
+    noise: NoiseConfig | None = None
+
+
+class ClassifierConfig(_Record):
+    """The boosted decision list that gives every cell its unary potential.
+
+    ``order`` is ``"heuristic"``, ``"exhaustive"`` or a list of label names. ``learn_on`` says
+    which scores the structured methods learn from: those of cells the list was trained on
+    (``"in-sample"``), or of cells held out in contiguous blocks (``"out-of-fold"``).
+    """
+
+    n_rounds: Annotated[int, Field(ge=1, le=100_000)] = 100
+    order: Literal["heuristic", "exhaustive"] | list[str] = "heuristic"
+    decision: Literal["list", "argmax"] = "list"
+    calibration: Literal["none", "platt"] = "none"
+    learn_on: Literal["in-sample", "out-of-fold"] = "in-sample"
+    n_folds: Annotated[int, Field(ge=2, le=50)] = 5
+    node_features: Annotated[int, Field(ge=1, le=321)] = 30
+
+
+class ContextConfig(_Record):
+    """The second list, which also sees the mean scores in windows around each cell.
+
+    It serves the methods with ``unary = "context"``.
+    """
+
+    half_widths_m: Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=1)] = [
+        0.3,
+        0.75,
+        1.5,
+        3.0,
+    ]
+
+
+class MethodConfig(_Record):
+    """A method by name, what to call it, which unary it gets, and its options (all other keys)."""
+
+    name: str
+    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+ -]{0,79}$")]
+    unary: Literal["laser", "context"] = "laser"
+    options: dict[str, Any]
+
+
+class ExperimentConfig(_Record):
+    """A whole experiment: labels, sensor, classifier, maps and methods."""
+
+    title: str | None = None
+    resolution_m: Annotated[float, Field(gt=0)] | None = None
+    connectivity: Literal[4, 8] = 8
+    labels: LabelsConfig
+    sensor: SensorConfig = SensorConfig()
+    classifier: ClassifierConfig = ClassifierConfig()
+    context: ContextConfig | None = None
+    train: Annotated[list[MapConfig], Field(min_length=1)]
+    test: list[MapConfig] = []
+    methods: Annotated[list[MethodConfig], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        _check_label_names(self)
+        if self.context is None and any(method.unary == "context" for method in self.methods):
+            raise ValueError("a method has unary = 'context'; add a [context] table")
+        ids = [method.id for method in self.methods]
+        twice = sorted({name for name in ids if ids.count(name) > 1})
+        if twice:
+            raise ValueError(
+                f"methods: {', '.join(twice)} comes more than once; give each its own id"
+            )
+        return self
+
+
+def _check_label_names(config: ExperimentConfig) -> None:
+    names = config.labels.names
+    order = config.classifier.order
+    if isinstance(order, list) and sorted(order) not in (sorted(names), *_all_but_one(names)):
+        raise ValueError(
+            f"classifier.order must name each of {names} once (the last may be left out), "
+            f"got {order}"
+        )
+    for part, maps in (("train", config.train), ("test", config.test)):
+        for index, item in enumerate(maps):
+            for code, label in (item.classes or {}).items():
+                if label not in names:
+                    raise ValueError(
+                        f"{part}[{index}].classes: {code!r} is translated to {label!r}, which is "
+                        f"no label. {nearest_name(label, names)}"
+                    )
+
+
+def _all_but_one(names: list[str]) -> list[list[str]]:
+    return [sorted(set(names) - {name}) for name in names]
+
+
+def load_config(path: Path) -> ExperimentConfig:
+    """The checked configuration in a TOML file.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing, is not TOML, or holds a key, a value or a method that is not known.
+    """
+    try:
+        if path.stat().st_size > MAX_CONFIG_BYTES:
+            raise ConfigError(f"{path} is larger than {MAX_CONFIG_BYTES} bytes; is it a config?")
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"no configuration file at {path}") from None
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path} is not UTF-8 text; is it a TOML file?") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from None
+    return parse_config(content, str(path))
+
+
+def parse_config(content: Mapping[str, Any], where: str = "config") -> ExperimentConfig:
+    """The checked configuration from a mapping such as ``tomllib`` returns."""
+    content = dict(content)
+    if "methods" in content:
+        content["methods"] = _split_methods(content["methods"], where)
+    try:
+        # JSON mode keeps strictness (no "50" for 50) but lets a list be a pair.
+        config = ExperimentConfig.model_validate_json(json.dumps(content, default=str))
+    except ValidationError as error:
+        raise ConfigError(f"{where}: {_first_problem(error)}") from None
+    for method in config.methods:
+        _check_options(method, where)
+    return config
+
+
+def _split_methods(methods: Any, where: str) -> list[dict[str, Any]]:
+    if not isinstance(methods, list) or not all(isinstance(item, dict) for item in methods):
+        raise ConfigError(f"{where}: methods must be tables; write [[methods]] above each")
+    split = []
+    for index, item in enumerate(methods):
+        if "name" not in item:
+            raise ConfigError(f"{where}: methods[{index}] has no name")
+        own = {key: item[key] for key in ("name", "id", "unary") if key in item}
+        options = {key: value for key, value in item.items() if key not in own}
+        split.append({"id": item["name"], **own, "options": options})
+    return split
+
+
+def _check_options(method: MethodConfig, where: str) -> None:
+    """Check names, types and values of a method's options before anything is computed."""
+    cls = backend_class(method.name)
+    hints = typing.get_type_hints(cls)
+    for item in option_fields(cls):
+        if item.name not in method.options:
+            continue
+        value = method.options[item.name]
+        try:
+            TypeAdapter(hints[item.name]).validate_json(json.dumps(value), strict=True)
+        except ValidationError as error:
+            message = error.errors()[0]["msg"]
+            raise ConfigError(
+                f"{where}: method {method.id!r}, option {item.name!r}: {message}, got {value!r}"
+            ) from None
+    try:
+        build(method.name, resolved_options(cls, method.options))
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def resolved_options(cls: type[Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with the types that the method's fields declare (a list becomes a tuple)."""
+    hints = typing.get_type_hints(cls)
+    known = {item.name for item in option_fields(cls)}
+    return {
+        key: TypeAdapter(hints[key]).validate_json(json.dumps(value), strict=True)
+        if key in known
+        else value
+        for key, value in options.items()
+    }
+
+
+def build_method(method: MethodConfig) -> Any:
+    """The backend that a method's table describes."""
+    return build(method.name, resolved_options(backend_class(method.name), method.options))
+
+
+def method_defaults(backend: Any) -> dict[str, Any]:
+    """All options of a backend with their values, as plain data for results and manifests."""
+    return {item.name: getattr(backend, item.name) for item in option_fields(type(backend))}
+
+
+def _first_problem(error: ValidationError) -> str:
+    """One problem in the reader's words: where, what was wanted, what came."""
+    problems = error.errors()
+    first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
+    place = _place(first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = _known_keys(first["loc"][:-1])
+        return f"unknown key {place!r}. {nearest_name(str(first['loc'][-1]), known)}"
+    if first["type"] == "missing":
+        return f"{place!r} is missing"
+    message = first["msg"].removeprefix("Value error, ")
+    got = first.get("input")
+    shown = "" if isinstance(got, dict) or first["type"] == "value_error" else f", got {got!r}"
+    return f"{place}: {message}{shown}" if place else f"{message}{shown}"
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    text = ""
+    for part in location:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _known_keys(location: tuple[int | str, ...]) -> list[str]:
+    """The keys of the record at a location of the configuration."""
+    record: Any = ExperimentConfig
+    for part in location:
+        if isinstance(part, str) and isinstance(record, type) and part in record.model_fields:
+            record = _record_in(record.model_fields[part].annotation)
+    if isinstance(record, type) and issubclass(record, BaseModel):
+        return list(record.model_fields)
+    return []
+
+
+def _record_in(annotation: Any) -> Any:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for inner in typing.get_args(annotation):
+        found = _record_in(inner)
+        if found is not None:
+            return found
+    return None

@@ -1,0 +1,49 @@
+"""The demo's files: the generated building as a user's map would come, and its configuration."""
+
+from pathlib import Path
+
+from pgm_places.datasets.building import generate_building
+from pgm_places.io.atomic import write_text
+from pgm_places.io.label_image import save_labels
+from pgm_places.io.map_server import save_map
+
+__all__ = ["write_demo"]
+
+CONFIG = """\
+# One building: learn on its left part, label its right part with every method.
+title = "Generated building, left part to right part"
+
+[labels]
+names = [{names}]
+
+[[train]]
+map = "map.yaml"
+labels = "labels.png"
+columns = [0, {split}]
+
+[[test]]
+map = "map.yaml"
+labels = "labels.png"
+columns = [{split}, "end"]
+
+[[methods]]
+id = "adaboost"
+name = "independent"
+
+[[methods]]
+name = "relaxation"
+
+[[methods]]
+name = "amn"
+"""
+
+
+def write_demo(folder: Path, *, seed: int = 0) -> Path:
+    """Write the building's map and labels and a configuration; the configuration's path."""
+    building = generate_building(seed=seed)
+    save_map(building.grid, folder / "map")
+    save_labels(folder / "labels.png", building.labels, building.label_names)
+    names = ", ".join(f'"{name}"' for name in building.label_names)
+    config = folder / "demo.toml"
+    write_text(config, CONFIG.format(names=names, split=building.split_column))
+    return config

@@ -1,0 +1,278 @@
+"""An experiment from its configuration: load the maps, learn, label, evaluate."""
+
+import importlib.metadata
+import logging
+import platform
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgm_places._version import __version__
+from pgm_places.coarsening import coarsen, coarsen_labels
+from pgm_places.comparison import Comparison, MethodResult, TestMap
+from pgm_places.config import (
+    ExperimentConfig,
+    MapConfig,
+    build_method,
+    method_defaults,
+)
+from pgm_places.errors import ConfigError, LabelError
+from pgm_places.evaluation import Evaluation, evaluate
+from pgm_places.io.checks import sha256_of
+from pgm_places.io.label_image import load_labels
+from pgm_places.io.map_server import load_map
+from pgm_places.io.regions import load_regions
+from pgm_places.io.windows import window_mask
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.layout import GridLayout
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.places import PlaceLabeler, PlaceMethod
+from pgm_places.progress import Progress, Silent
+from pgm_places.sensing.sensor import Sensor, SensorNoise
+
+__all__ = ["Experiment", "compare", "load_maps", "make_labeler", "train"]
+
+logger = logging.getLogger(__name__)
+
+REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "cvxpy", "osqp", "networkx")
+
+
+@dataclass
+class Experiment:
+    """A configuration with its folder, and what was noticed while it ran."""
+
+    config: ExperimentConfig
+    folder: Path
+    progress: Progress = field(default_factory=Silent)
+    n_threads: int | None = None
+    inputs: dict[str, str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """Add the time spent in the block to the stage of that name."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def warn(self, message: str) -> None:
+        """Keep a warning for the results and show it once."""
+        if message not in self.warnings:
+            self.warnings.append(message)
+            self.progress.warn(message)
+
+    def resolve(self, name: str) -> Path:
+        """A path of the configuration, relative to the configuration's folder."""
+        return (self.folder / Path(name).expanduser()).resolve()
+
+    def record_input(self, path: Path) -> None:
+        """Keep the hash of a file that was read."""
+        self.inputs[str(path)] = sha256_of(path)
+
+
+def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
+    """The maps of ``"train"`` or ``"test"``, coarsened and windowed as configured."""
+    sources: Sequence[MapConfig] = getattr(experiment.config, part)
+    with experiment.timed("load"), experiment.progress.stage(f"{part} maps") as stage:
+        maps = []
+        for index, source in enumerate(sources):
+            maps.append(_load_map(experiment, source, f"{part}[{index}]"))
+            stage.update((index + 1) / len(sources), maps[-1].name)
+    return maps
+
+
+def _load_map(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
+    names = experiment.config.labels.names
+    yaml_path = experiment.resolve(source.map)
+    loaded = load_map(yaml_path, compat=source.compat, unknown_value=source.unknown_value)
+    for message in loaded.warnings:
+        experiment.warn(message)
+    for path in (loaded.yaml_path, loaded.image_path):
+        experiment.record_input(path)
+    grid = loaded.grid
+    if source.labels is not None:
+        label_path = experiment.resolve(source.labels)
+        labels = load_labels(label_path, names, grid=grid)
+    else:
+        label_path = experiment.resolve(str(source.regions))
+        labels = load_regions(label_path, names, grid, classes=source.classes)
+    experiment.record_input(label_path)
+    window = window_mask(
+        grid, columns=source.columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m
+    )
+    target_m = experiment.config.resolution_m
+    if target_m is not None and not np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
+        coarse = coarsen(grid, target_m)
+        labels = coarsen_labels(labels, grid, coarse)
+        # A coarse cell belongs to the window that holds its centre.
+        centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
+        cells = grid.cells_at_m(centres)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        chosen = np.zeros(len(cells), np.bool_)
+        chosen[inside] = window[cells[inside, 0], cells[inside, 1]]
+        window, grid = chosen.reshape(coarse.shape), coarse
+    name = source.name or _default_name(source, yaml_path)
+    found = LabelledMap(grid, labels, window, name)
+    if not found.labelled_cells.any():
+        raise LabelError(
+            f"{where} ({name}): no free cell inside the window has a label; check that the labels "
+            "belong to this map and that the window covers them"
+        )
+    return found
+
+
+def _default_name(source: MapConfig, yaml_path: Path) -> str:
+    name = yaml_path.stem if yaml_path.stem != "map" else yaml_path.parent.name
+    parts = []
+    for axis in ("columns", "rows", "x_m", "y_m"):
+        limits = getattr(source, axis)
+        if limits is not None:
+            low, high = ("" if value is None else f"{value:g}" for value in limits)
+            parts.append(f"{axis} {low}..{high}")
+    return f"{name} ({', '.join(parts)})" if parts else name
+
+
+def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
+    """The unfitted labeler that a configuration describes."""
+    names = tuple(config.labels.names)
+    noise = config.sensor.noise
+    sensor = Sensor(
+        n_beams=config.sensor.n_beams,
+        max_range_m=config.sensor.max_range_m,
+        stop_at_unknown=config.sensor.stop_at_unknown,
+        noise=None if noise is None else SensorNoise(**noise.model_dump()),
+    )
+    settings = config.classifier
+    order: Any = settings.order
+    if isinstance(order, list):
+        rest = [name for name in names if name not in order]
+        order = [names.index(name) for name in (*order, *rest)]
+    classifier = DecisionListClassifier(
+        n_rounds=settings.n_rounds,
+        order=order,
+        decision=settings.decision,
+        calibration=settings.calibration,
+    )
+    methods = {
+        method.id: PlaceMethod(build_method(method), method.unary) for method in config.methods
+    }
+    return PlaceLabeler(
+        names,
+        methods,
+        sensor,
+        classifier,
+        config.connectivity,
+        () if config.context is None else tuple(config.context.half_widths_m),
+        settings.learn_on,
+        settings.n_folds,
+        settings.node_features,
+    )
+
+
+def train(experiment: Experiment) -> PlaceLabeler:
+    """The labeler of the configuration, fitted on its training maps."""
+    labeler = make_labeler(experiment.config)
+    maps = load_maps(experiment, "train")
+    with experiment.timed("learn"):
+        return labeler.fit(maps, n_threads=experiment.n_threads, progress=experiment.progress)
+
+
+def compare(experiment: Experiment) -> Comparison:
+    """All methods of the configuration, learned on its training maps, on all of its test maps.
+
+    Raises
+    ------
+    ConfigError
+        There are no test maps.
+    """
+    config = experiment.config
+    if not config.test:
+        raise ConfigError("a comparison needs at least one [[test]] map; there is none")
+    # Test maps are read before anything is learned: what is wrong with them shows at once.
+    tests = load_maps(experiment, "test")
+    labeler = train(experiment)
+    maps, scored = [], []
+    for item in tests:
+        with experiment.timed("score cells"):
+            graph, scores = labeler.scores(
+                item.grid,
+                mask=item.cells,
+                n_threads=experiment.n_threads,
+                progress=experiment.progress,
+            )
+        assert isinstance(graph.layout, GridLayout)  # from_grid made it
+        window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
+        maps.append(TestMap(item.name, item.grid, item.labels, graph.layout, window))
+        scored.append((graph, scores, item.truth(graph)))
+    methods = [_run_method(experiment, labeler, name, scored) for name in labeler.methods]
+    return Comparison(
+        title=config.title or "Place labelling",
+        label_names=tuple(config.labels.names),
+        maps=tuple(maps),
+        methods=tuple(methods),
+        stage_seconds=dict(experiment.seconds),
+        config=resolved_config(config, labeler),
+        versions=versions(),
+        inputs=dict(experiment.inputs),
+        warnings=tuple(experiment.warnings),
+    )
+
+
+def _run_method(
+    experiment: Experiment, labeler: PlaceLabeler, name: str, scored: Sequence[Any]
+) -> MethodResult:
+    method = labeler.method(name)
+    labelings, evaluations = [], []
+    start = time.perf_counter()
+    with experiment.progress.stage(f"labelling with {name}") as stage:
+        for index, (graph, scores, _) in enumerate(scored):
+            labelings.append(labeler.infer(graph, scores, name))
+            stage.update((index + 1) / len(scored))
+    infer_seconds = time.perf_counter() - start
+    for labeling, (_, _, truth) in zip(labelings, scored, strict=True):
+        evaluations.append(
+            evaluate(truth, labeling.labels, labeler.label_names, beliefs=labeling.beliefs)
+        )
+    return MethodResult(
+        id=name,
+        name=type(method.backend).__name__,
+        options=method_defaults(method.backend),
+        labelings=tuple(labelings),
+        evaluations=tuple(evaluations),
+        evaluation=Evaluation.merged(evaluations),
+        seconds={"learn": method.seconds, "infer": infer_seconds},
+    )
+
+
+def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str, Any]:
+    """The configuration with every default written out, as plain data."""
+    content: dict[str, Any] = config.model_dump(mode="json")
+    content["methods"] = [
+        {
+            "id": method.id,
+            "name": method.name,
+            "unary": method.unary,
+            **method_defaults(labeler.methods[method.id].backend),
+        }
+        for method in config.methods
+    ]
+    return content
+
+
+def versions() -> Mapping[str, str]:
+    """The versions that a result depends on."""
+    found = {"pgm-places": __version__, "python": platform.python_version()}
+    for package in REPORTED_PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

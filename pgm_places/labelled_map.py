@@ -1,0 +1,93 @@
+"""A map with its ground truth: what place labelling learns from and is tested on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import LabelError
+from pgm_places.graph import LabelGraph
+from pgm_places.grid import OccupancyGrid
+
+__all__ = ["LabelledMap"]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledMap:
+    """An occupancy grid, the true label of its cells, and the part of it to use.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The whole map: scans are taken in it, whatever the window.
+    labels : (H, W) int16
+        Label index per cell in the grid's order (row 0 at the bottom), -1 where not known.
+    window : (H, W) bool, optional
+        The part to learn from or to test on; the whole map by default.
+    name : str
+        What to call it in messages and tables.
+    """
+
+    grid: OccupancyGrid
+    labels: NDArray[np.int16]
+    window: NDArray[np.bool_] | None = None
+    name: str = "map"
+
+    def __post_init__(self) -> None:
+        labels = np.asarray(self.labels)
+        if labels.shape != self.grid.shape or not np.issubdtype(labels.dtype, np.integer):
+            raise LabelError(
+                f"{self.name}: labels must be integers of the map's shape {self.grid.shape}, got "
+                f"{labels.dtype} of shape {labels.shape}"
+            )
+        object.__setattr__(self, "labels", frozen(labels.astype(np.int16)))
+        window = self.window
+        if window is not None:
+            window = np.asarray(window, np.bool_)
+            if window.shape != self.grid.shape:
+                raise LabelError(
+                    f"{self.name}: window must have the map's shape {self.grid.shape}, "
+                    f"got {window.shape}"
+                )
+            object.__setattr__(self, "window", frozen(window))
+
+    @cached_property
+    def cells(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the free cells inside the window."""
+        return self.grid.free if self.window is None else self.grid.free & self.window
+
+    @cached_property
+    def labelled_cells(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the free cells inside the window whose label is known."""
+        return self.cells & (self.labels >= 0)
+
+    def graph(self, *, connectivity: int = 8, labelled_only: bool = False) -> LabelGraph:
+        """The graph of the window's free cells, or of those with a known label."""
+        mask = self.labelled_cells if labelled_only else self.cells
+        return LabelGraph.from_grid(self.grid, connectivity=connectivity, mask=mask)
+
+    def truth(self, graph: LabelGraph) -> NDArray[np.int64]:
+        """(N,) label index per node of one of this map's graphs, -1 where not known."""
+        return graph.layout.from_raster(self.labels).astype(np.int64)  # type: ignore[union-attr]
+
+
+def require_examples(maps: list[LabelledMap], label_names: tuple[str, ...]) -> None:
+    """Raise LabelError unless every label has at least one cell in some map."""
+    counts = np.zeros(len(label_names), np.int64)
+    for item in maps:
+        found = item.labels[item.labelled_cells]
+        if found.size and found.max() >= len(label_names):
+            raise LabelError(
+                f"{item.name}: label index {found.max()} but there are only "
+                f"{len(label_names)} labels: {', '.join(label_names)}"
+            )
+        counts += np.bincount(found, minlength=len(label_names))
+    missing = [name for name, count in zip(label_names, counts, strict=True) if count == 0]
+    if missing:
+        where = ", ".join(item.name for item in maps)
+        raise LabelError(
+            f"no training cell is labelled {' or '.join(map(repr, missing))} in {where}; "
+            "label some, widen the window, or take the name out of [labels] names"
+        )

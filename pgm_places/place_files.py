@@ -1,0 +1,188 @@
+"""A fitted PlaceLabeler as a folder: manifest.json and arrays.safetensors, data only."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.backends import (
+    ENTRY_POINT_GROUP,
+    backend_class,
+    backend_names,
+    build,
+    option_fields,
+)
+from pgm_places.errors import ModelFileError, NotFittedError, OutputError
+from pgm_places.features.laser import LASER_FEATURES, feature_set_hash
+from pgm_places.io.model_files import load_folder, save_folder
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.places import PlaceLabeler, PlaceMethod
+from pgm_places.sensing.sensor import Sensor, SensorNoise
+from pgm_places.unary import UnaryModel
+
+__all__ = ["load_labeler", "save_labeler"]
+
+KIND = "place-labeler"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def save_labeler(
+    folder: Path, labeler: PlaceLabeler, *, record: Mapping[str, Any] | None = None
+) -> None:
+    """Write a fitted labeler; ``record`` says how it was trained and is kept word for word."""
+    unary = labeler.unary_model
+    if unary is None:
+        raise NotFittedError("only a fitted PlaceLabeler can be saved; call fit(maps) first")
+    arrays: Arrays = {"unary/node_columns": np.asarray(unary.node_columns, np.int64)}
+    manifest: dict[str, Any] = {
+        "kind": KIND,
+        "label_names": list(labeler.label_names),
+        "feature_set": feature_set_hash(),
+        "resolution_m": labeler.resolution_m,
+        "connectivity": labeler.connectivity,
+        "sensor": dataclasses.asdict(unary.sensor),
+        "context_m": list(unary.context_m),
+        "classifier": _put_list(arrays, "classifier", unary.classifier),
+        "context_classifier": None,
+        "methods": [],
+        "record": dict(record or {}),
+    }
+    if unary.context_classifier is not None:
+        manifest["context_classifier"] = _put_list(arrays, "context", unary.context_classifier)
+    for name, method in labeler.methods.items():
+        manifest["methods"].append(_put_method(arrays, name, method))
+    save_folder(folder, manifest, arrays)
+
+
+def load_labeler(folder: Path) -> tuple[PlaceLabeler, dict[str, Any]]:
+    """The labeler in a folder and its training record.
+
+    Raises
+    ------
+    ModelFileError
+        The folder is missing, damaged, of another kind, or was made for other features.
+    """
+    manifest, arrays = load_folder(folder)
+    if manifest.get("kind") != KIND:
+        raise ModelFileError(
+            f"{folder} holds a {manifest.get('kind')!r} model; a {KIND!r} is wanted"
+        )
+    if manifest.get("feature_set") != feature_set_hash():
+        raise ModelFileError(
+            f"{folder} was trained with another definition of the laser features; train it again "
+            "with this version"
+        )
+    try:
+        return _labeler(manifest, arrays), dict(manifest["record"])
+    except ModelFileError as error:
+        raise ModelFileError(f"{folder}: {error}") from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ModelFileError(
+            f"{folder}/manifest.json is not what this version writes ({error!r}); train again"
+        ) from None
+
+
+def _labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
+    sensor_record = dict(manifest["sensor"])
+    noise = sensor_record.pop("noise")
+    sensor = Sensor(**sensor_record, noise=None if noise is None else SensorNoise(**noise))
+    context_m = tuple(float(width) for width in manifest["context_m"])
+    label_names = tuple(str(name) for name in manifest["label_names"])
+    n_laser, n_labels = len(LASER_FEATURES), len(label_names)
+    classifier = _get_list(arrays, "classifier", manifest["classifier"], n_laser, n_labels)
+    context = None
+    if manifest["context_classifier"] is not None:
+        n_columns = n_laser + len(context_m) * n_labels
+        context = _get_list(arrays, "context", manifest["context_classifier"], n_columns, n_labels)
+    columns = arrays["unary/node_columns"].astype(np.int64)
+    if columns.ndim != 1 or (columns < 0).any() or (columns >= n_laser).any():
+        raise ModelFileError(f"unary/node_columns must be feature indices below {n_laser}")
+    unary = UnaryModel(sensor, classifier, n_labels, columns, context_m, context)
+    methods = {
+        item["name"]: _get_method(arrays, number, item)
+        for number, item in enumerate(manifest["methods"])
+    }
+    return PlaceLabeler(
+        label_names,
+        methods,
+        sensor,
+        connectivity=int(manifest["connectivity"]),
+        context_m=context_m,
+        unary_model=unary,
+        resolution_m=float(manifest["resolution_m"]),
+    )
+
+
+def _put_list(arrays: Arrays, prefix: str, classifier: DecisionListClassifier) -> dict[str, Any]:
+    meta, parts = classifier.to_arrays()
+    arrays.update({f"{prefix}/{name}": array for name, array in parts.items()})
+    return dict(meta)
+
+
+def _get_list(
+    arrays: Arrays, prefix: str, meta: dict[str, Any], n_columns: int, n_labels: int
+) -> DecisionListClassifier:
+    parts = {
+        name.removeprefix(f"{prefix}/"): array
+        for name, array in arrays.items()
+        if name.startswith(f"{prefix}/")
+    }
+    classifier = DecisionListClassifier.from_arrays(meta, parts)
+    if classifier.n_features_in_ != n_columns:
+        raise ModelFileError(
+            f"{prefix} expects {classifier.n_features_in_} features, the model has {n_columns}"
+        )
+    classes = np.asarray(classifier.classes_)
+    if not np.issubdtype(classes.dtype, np.integer) or (classes >= n_labels).any():
+        raise ModelFileError(f"{prefix} has classes {classes.tolist()} but {n_labels} labels")
+    return classifier
+
+
+def _put_method(arrays: Arrays, name: str, method: PlaceMethod) -> dict[str, Any]:
+    backend = method.backend
+    kept = []
+    for item in dataclasses.fields(backend):
+        value = getattr(backend, item.name)
+        if item.metadata.get("learned") and value is not None:
+            arrays[f"method/{name}/{item.name}"] = np.asarray(value)
+            kept.append(item.name)
+    return {
+        "name": name,
+        "backend": _registered_name(type(backend)),
+        "unary": method.unary,
+        "options": {
+            item.name: getattr(backend, item.name) for item in option_fields(type(backend))
+        },
+        "learned": kept,
+    }
+
+
+def _get_method(arrays: Arrays, number: int, item: dict[str, Any]) -> PlaceMethod:
+    from pgm_places.config import resolved_options
+
+    # Only registered methods: a file must not choose what gets imported.
+    if item["backend"] not in backend_names():
+        raise ModelFileError(f"methods[{number}]: no method {item['backend']!r} is installed")
+    cls = backend_class(item["backend"])
+    backend = build(item["backend"], resolved_options(cls, item["options"]))
+    known = {entry.name for entry in dataclasses.fields(cls) if entry.metadata.get("learned")}
+    values = {}
+    for name in item["learned"]:
+        if name not in known:
+            raise ModelFileError(f"methods[{number}]: {item['backend']} learns no {name!r}")
+        values[name] = arrays[f"method/{item['name']}/{name}"]
+    return PlaceMethod(dataclasses.replace(backend, **values), item["unary"])
+
+
+def _registered_name(cls: type[Any]) -> str:
+    for name in backend_names():
+        if backend_class(name) is cls:
+            return name
+    raise OutputError(
+        f"{cls.__qualname__} cannot be saved: it is not registered. Add it to the entry points "
+        f"of group {ENTRY_POINT_GROUP!r} so that it can be found again"
+    )

@@ -1,0 +1,98 @@
+"""A comparison as files: ``results.json`` for programs, ``report.html`` for people."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgm_places.comparison import Comparison, MethodResult
+from pgm_places.io.atomic import write_text
+from pgm_places.labeling import Labeling
+
+__all__ = ["comparison_record", "write_comparison"]
+
+SCHEMA = 1
+
+
+def write_comparison(comparison: Comparison, folder: Path) -> list[Path]:
+    """Write ``results.json`` and ``report.html`` into the folder; the paths written."""
+    from pgm_places.report.html import write_report
+
+    results = folder / "results.json"
+    write_text(results, json.dumps(comparison_record(comparison), indent=2, allow_nan=False) + "\n")
+    report = folder / "report.html"
+    write_report(comparison, report)
+    return [results, report]
+
+
+def comparison_record(comparison: Comparison) -> dict[str, Any]:
+    """The comparison as plain data, NaN written as null.
+
+    ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
+    confusion (rows are true labels), seconds, and per map the status, score, bound and gap.
+    """
+    return {
+        "schema": SCHEMA,
+        "title": comparison.title,
+        "labels": list(comparison.label_names),
+        "maps": [
+            {
+                "name": item.name,
+                "cells_labelled": len(item.layout.cells_rc),
+                "cells_evaluated": int((item.layout.from_raster(item.truth) >= 0).sum()),
+                "resolution_m": item.grid.resolution_m,
+            }
+            for item in comparison.maps
+        ],
+        "methods": {
+            method.id: _method_record(method, [item.name for item in comparison.maps])
+            for method in comparison.methods
+        },
+        "stage_seconds": _plain(comparison.stage_seconds),
+        "config": _plain(comparison.config),
+        "versions": dict(comparison.versions),
+        "inputs": dict(comparison.inputs),
+        "warnings": list(comparison.warnings),
+    }
+
+
+def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]:
+    record: dict[str, Any] = dict(_plain(method.evaluation.to_dict()))
+    record["seconds"] = {**_plain(method.seconds), "total": float(sum(method.seconds.values()))}
+    record["method"] = method.name
+    record["options"] = _plain(method.options)
+    record["learned"] = _plain(method.learned)
+    record["maps"] = {
+        name: {**_plain(evaluation.to_dict()), **_labeling_record(labeling)}
+        for name, evaluation, labeling in zip(
+            map_names, method.evaluations, method.labelings, strict=True
+        )
+    }
+    return record
+
+
+def _labeling_record(labeling: Labeling) -> dict[str, Any]:
+    return {
+        "status": str(labeling.status),
+        "score": labeling.score,
+        "bound": labeling.bound,
+        "gap": labeling.gap,
+        "info": _plain(labeling.info),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Nested mappings, sequences and NumPy values as what JSON knows; NaN and infinity as None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)

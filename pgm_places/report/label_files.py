@@ -1,0 +1,83 @@
+"""A labelled map as files: the label image, probabilities, a picture and a summary."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from pgm_places.errors import OutputError
+from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.label_image import save_labels
+from pgm_places.io.map_server import MapFile
+from pgm_places.label_map import LabelledPlaces
+
+__all__ = ["write_labels"]
+
+
+def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[Path]:
+    """Write everything that ``pgm-places label`` promises; the paths written.
+
+    ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``probability_<label>.png``
+    per label (0 to 255 for 0 to 1, 0 outside the free cells); ``overview.png`` to look at;
+    ``summary.json`` for programs.
+    """
+    from pgm_places.report.pictures import overview
+
+    for name in result.label_names:
+        if "/" in name or "\\" in name or name.startswith("."):
+            raise OutputError(f"label {name!r} cannot be part of a file name; rename it")
+    labels_path = folder / "labels.png"
+    save_labels(labels_path, result.labels, result.label_names)
+    written = [labels_path, folder / "labels.yaml"]
+    written += _write_probabilities(result, folder)
+    picture = folder / "overview.png"
+    title = f"{source.yaml_path.stem}: {result.method}"
+    beliefs = result.labeling.beliefs
+    write_bytes(
+        picture,
+        overview(
+            result.grid,
+            result.labels,
+            result.label_names,
+            beliefs=beliefs if result.labelled_grid is result.grid else None,
+            layout=result.layout if result.labelled_grid is result.grid else None,
+            title=title,
+        ),
+    )
+    summary = folder / "summary.json"
+    record = {
+        "map": str(source.yaml_path),
+        "method": result.method,
+        "status": str(result.labeling.status),
+        "area_m2": result.shares(),
+        "score": result.labeling.score,
+        "bound": result.labeling.bound,
+        "warnings": [*source.warnings, *result.warnings],
+    }
+    write_text(summary, json.dumps(record, indent=2) + "\n")
+    return [*written, picture, summary]
+
+
+def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
+    import io
+
+    from PIL import Image
+
+    beliefs = result.labeling.beliefs
+    if beliefs is None:
+        return []
+    factor = round(result.labelled_grid.resolution_m / result.grid.resolution_m)
+    rows, columns = result.grid.shape
+    written = []
+    for k, name in enumerate(result.label_names):
+        scaled = np.round(255 * beliefs[:, k]).astype(np.uint8)
+        raster = result.layout.to_raster(scaled, fill=0)
+        if factor > 1:
+            raster = np.repeat(np.repeat(raster, factor, axis=0), factor, axis=1)
+            raster = np.where(result.grid.free, raster[:rows, :columns], 0).astype(np.uint8)
+        buffer = io.BytesIO()
+        Image.fromarray(raster[::-1]).save(buffer, "PNG")  # row 0 of an image is its top
+        path = folder / f"probability_{name}.png"
+        write_bytes(path, buffer.getvalue())
+        written.append(path)
+    return written

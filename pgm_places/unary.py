@@ -1,0 +1,330 @@
+"""From scans to unary potentials: what the boosted decision list says of every cell of a map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.features.context import window_means
+from pgm_places.features.extraction import extract
+from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.graph import LabelGraph
+from pgm_places.grid import OccupancyGrid
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.layout import GridLayout
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.progress import Progress, Silent
+from pgm_places.sensing.ray_casting import iter_cast
+from pgm_places.sensing.sensor import Sensor
+
+__all__ = ["CellScores", "UnaryModel", "contiguous_blocks", "fit_unary"]
+
+
+@dataclass(frozen=True, eq=False)
+class CellScores:
+    """What is known of each node before its neighbours are asked.
+
+    Parameters
+    ----------
+    laser : (N, K) float
+        Logarithm of the histogram z of the list on laser features (paper eq. 8).
+    context : (N, K) float or None
+        The same from the list that also sees the neighbourhood's z, where there is one.
+    node_features : (N, D) float32
+        The features that boosting chose first, for models that learn their own unary.
+    """
+
+    laser: NDArray[np.float64]
+    context: NDArray[np.float64] | None
+    node_features: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class UnaryModel:
+    """A fitted sensor-features-list chain that scores the cells of any map.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        How scans are simulated; a model is only good for the sensor it learned with.
+    classifier : DecisionListClassifier
+        The list on the 321 laser features.
+    n_labels : int
+        K; the classifier's classes are label indices below K.
+    node_columns : (D,) int
+        Laser features handed on as node features.
+    context_m : tuple of float
+        Half-widths in metres of the windows whose mean z the second list sees; () for none.
+    context_classifier : DecisionListClassifier or None
+        The second list, on laser features followed by context features.
+    """
+
+    sensor: Sensor
+    classifier: DecisionListClassifier
+    n_labels: int
+    node_columns: NDArray[np.int64]
+    context_m: tuple[float, ...] = ()
+    context_classifier: DecisionListClassifier | None = field(default=None, repr=False)
+
+    def scores(
+        self,
+        grid: OccupancyGrid,
+        graph: LabelGraph,
+        *,
+        with_context: bool = True,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> CellScores:
+        """The scores of a grid graph's nodes: scans, features and list, streamed in tiles.
+
+        Memory beyond the result is bounded by the ray caster's tiles, whatever the map's size.
+        """
+        layout = _grid_layout(graph)
+        progress = progress or Silent()
+        with_context = with_context and self.context_classifier is not None
+        later = self._later_laser_columns() if with_context else np.zeros(0, np.int64)
+        kept = np.union1d(self.node_columns, later).astype(np.int64)
+        needed = np.union1d(self.classifier.used_features_, kept).astype(np.int64)
+        first_list = self.classifier.restricted(needed)
+        kept_at = np.searchsorted(needed, kept)
+
+        n = graph.n_nodes
+        laser = np.empty((n, self.n_labels))
+        features = np.empty((n, len(kept)), np.float32)
+        mask = layout.node_of_cell >= 0
+        with progress.stage("scans, features and list") as stage:
+            done = 0
+            for block in iter_cast(grid, self.sensor, mask=mask, n_threads=n_threads):
+                values = extract(
+                    block.ranges,
+                    max_range_m=self.sensor.max_range_m,
+                    columns=needed,
+                    n_threads=n_threads,
+                )
+                laser[block.nodes] = aligned_log_proba(first_list, values, self.n_labels)
+                features[block.nodes] = values[:, kept_at]
+                done += len(block.nodes)
+                stage.update(done / max(n, 1))
+        context = None
+        if with_context:
+            with progress.stage("spatial context"):
+                context = self._context_scores(grid, layout, laser, features, kept)
+        return CellScores(laser, context, features[:, np.searchsorted(kept, self.node_columns)])
+
+    def _later_laser_columns(self) -> NDArray[np.int64]:
+        """The laser features that the second list uses."""
+        if self.context_classifier is None:
+            return np.zeros(0, np.int64)
+        used = self.context_classifier.used_features_
+        return np.asarray(used[used < len(LASER_FEATURES)], np.int64)
+
+    def _context_scores(
+        self,
+        grid: OccupancyGrid,
+        layout: GridLayout,
+        laser: NDArray[np.float64],
+        features: NDArray[np.float32],
+        kept: NDArray[np.int64],
+    ) -> NDArray[np.float64]:
+        assert self.context_classifier is not None  # for the type checker; scores() looked
+        means = window_means(layout, np.exp(laser), self.context_m, grid.resolution_m)
+        later = self._later_laser_columns()
+        n_laser = len(LASER_FEATURES)
+        columns = np.concatenate([later, n_laser + np.arange(means.shape[1])])
+        values = np.concatenate([features[:, np.searchsorted(kept, later)], means], axis=1)
+        second_list = self.context_classifier.restricted(columns)
+        return aligned_log_proba(second_list, values, self.n_labels)
+
+
+def fit_unary(
+    maps: Sequence[LabelledMap],
+    n_labels: int,
+    *,
+    sensor: Sensor,
+    classifier: DecisionListClassifier,
+    n_node_features: int = 30,
+    context_m: tuple[float, ...] = (),
+    learn_on: str = "in-sample",
+    n_folds: int = 5,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> tuple[UnaryModel, list[CellScores]]:
+    """A unary model fitted on the labelled cells of maps, and those cells' scores to learn from.
+
+    Parameters
+    ----------
+    maps : sequence of LabelledMap
+        Where to learn; only free, labelled cells inside the windows are used.
+    n_labels : int
+        K.
+    sensor, classifier
+        The sensor to simulate and an unfitted list with its options.
+    n_node_features : int
+        How many of the features that boosting chose first are handed to structured models.
+    context_m : tuple of float
+        Half-widths in metres of the windows for the second list; () for none.
+    learn_on : {"in-sample", "out-of-fold"}
+        Whether the returned scores come from the fitted list, or from lists that did not see the
+        contiguous block that a cell lies in.
+    n_folds : int
+        Blocks per map for out-of-fold scores.
+
+    Returns
+    -------
+    UnaryModel, list of CellScores
+        One CellScores per map, in the node order of its graph of labelled cells.
+    """
+    from sklearn.base import clone
+
+    progress = progress or Silent()
+    masks = [item.labelled_cells for item in maps]
+    sizes = [int(mask.sum()) for mask in masks]
+    laser_features = _training_features(maps, sensor, n_threads, progress)
+    truth = np.concatenate(
+        [item.labels[mask] for item, mask in zip(maps, masks, strict=True)]
+    ).astype(np.int64)
+    groups = _fold_groups(masks, n_folds)
+
+    with progress.stage("decision list"):
+        fitted = clone(classifier).fit(laser_features, truth, groups=groups)
+    node_columns = np.asarray(fitted.features_in_order_of_choice(n_node_features), np.int64)
+    in_sample = aligned_log_proba(fitted, laser_features, n_labels)
+    held_out = None
+    if context_m or learn_on == "out-of-fold":
+        held_out = _out_of_fold(
+            fitted, laser_features, truth, groups, n_labels, progress, "held-out scores"
+        )
+    learn_from = in_sample if learn_on == "in-sample" or held_out is None else held_out
+
+    second, context_scores = None, None
+    if context_m and held_out is not None:
+        means = _context_means(maps, masks, np.exp(held_out), context_m)
+        both = np.concatenate([laser_features, means], axis=1)
+        with progress.stage("decision list with context"):
+            second = clone(classifier).set_params(order=fitted.order_).fit(both, truth)
+        context_scores = (
+            aligned_log_proba(second, both, n_labels)
+            if learn_on == "in-sample"
+            else _out_of_fold(second, both, truth, groups, n_labels, progress, "held-out context")
+        )
+    model = UnaryModel(sensor, fitted, n_labels, node_columns, context_m, second)
+    nodes = laser_features[:, node_columns]
+    ends = np.cumsum(sizes)[:-1]
+    return model, [
+        CellScores(laser, context, features)
+        for laser, context, features in zip(
+            np.split(learn_from, ends),
+            [None] * len(maps) if context_scores is None else np.split(context_scores, ends),
+            np.split(nodes, ends),
+            strict=True,
+        )
+    ]
+
+
+def contiguous_blocks(cells_rc: NDArray[Any], n_blocks: int) -> NDArray[np.int64]:
+    """(N,) block number of each cell: stripes of about equal size across the longer side.
+
+    Neighbouring cells look alike, so held-out cells must not lie among training cells; stripes
+    keep them apart but for their borders.
+    """
+    if n_blocks < 1:
+        raise InputError(f"n_blocks must be at least 1, got {n_blocks}")
+    cells = np.asarray(cells_rc)
+    if not len(cells):
+        return np.zeros(0, np.int64)
+    axis = int(np.argmax(np.ptp(cells, axis=0)))
+    along = cells[:, axis]
+    cuts = np.quantile(along, np.arange(1, n_blocks) / n_blocks)
+    return np.searchsorted(cuts, along, side="right").astype(np.int64)
+
+
+def aligned_log_proba(
+    classifier: DecisionListClassifier, values: NDArray[np.float32], n_labels: int
+) -> NDArray[np.float64]:
+    """(N, K) log z with one column per label index, also for labels the list never saw."""
+    found = classifier.log_proba(values)
+    classes = np.asarray(classifier.classes_, np.int64)
+    if len(classes) == n_labels:
+        return found
+    full = np.full((len(found), n_labels), found.min(initial=0.0))
+    full[:, classes] = found
+    return full
+
+
+def _training_features(
+    maps: Sequence[LabelledMap], sensor: Sensor, n_threads: int | None, progress: Progress
+) -> NDArray[np.float32]:
+    """All laser features of all labelled cells, map after map in node order."""
+    total = sum(int(item.labelled_cells.sum()) for item in maps)
+    features = np.empty((total, len(LASER_FEATURES)), np.float32)
+    start = 0
+    with progress.stage("scans and features") as stage:
+        for item in maps:
+            mask = item.labelled_cells
+            for block in iter_cast(item.grid, sensor, mask=mask, n_threads=n_threads):
+                values = extract(block.ranges, max_range_m=sensor.max_range_m, n_threads=n_threads)
+                features[start + block.nodes] = values
+                stage.update((start + int(block.nodes[-1])) / max(total, 1))
+            start += int(mask.sum())
+    return features
+
+
+def _fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:
+    return np.concatenate([contiguous_blocks(np.argwhere(mask), n_folds) for mask in masks])
+
+
+def _out_of_fold(
+    fitted: DecisionListClassifier,
+    features: NDArray[np.float32],
+    truth: NDArray[np.int64],
+    groups: NDArray[np.int64],
+    n_labels: int,
+    progress: Progress,
+    name: str,
+) -> NDArray[np.float64]:
+    """Log z of every cell from a list of the same order that did not see the cell's block."""
+    from sklearn.base import clone
+
+    scores = np.empty((len(truth), n_labels))
+    folds = np.unique(groups)
+    with progress.stage(name) as stage:
+        for count, fold in enumerate(folds, start=1):
+            out = groups == fold
+            order = [label for label in fitted.order_ if (truth[~out] == label).any()]
+            if len(order) < 2:
+                raise InputError(
+                    "out-of-fold scores need at least two labels outside every block; "
+                    "use fewer folds or learn_on='in-sample'"
+                )
+            part = clone(fitted).set_params(order=order).fit(features[~out], truth[~out])
+            scores[out] = aligned_log_proba(part, features[out], n_labels)
+            stage.update(count / len(folds))
+    return scores
+
+
+def _context_means(
+    maps: Sequence[LabelledMap],
+    masks: Sequence[NDArray[np.bool_]],
+    scores: NDArray[np.float64],
+    context_m: tuple[float, ...],
+) -> NDArray[np.float32]:
+    parts, start = [], 0
+    for item, mask in zip(maps, masks, strict=True):
+        cells = np.argwhere(mask).astype(np.int32)
+        layout = GridLayout(item.grid.shape, cells)
+        part = scores[start : start + len(cells)]
+        parts.append(window_means(layout, part, context_m, item.grid.resolution_m))
+        start += len(cells)
+    return np.concatenate(parts)
+
+
+def _grid_layout(graph: LabelGraph) -> GridLayout:
+    if not isinstance(graph.layout, GridLayout):
+        raise InputError(
+            "cells can only be scored on a graph made by LabelGraph.from_grid; this one has "
+            f"{'no layout' if graph.layout is None else type(graph.layout).__name__}"
+        )
+    return graph.layout

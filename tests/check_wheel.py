@@ -1,0 +1,53 @@
+"""Checks a built wheel outside the checkout: its contents, and that it works once installed."""
+
+import subprocess
+import sys
+import tempfile
+import venv
+import zipfile
+from pathlib import Path
+
+ALLOWED_TOP_LEVEL = {"pgm_places"}
+TRIAL = """
+import pathlib, sys
+import pgm_places, pgm_places.models.independent, pgm_places.solvers
+here = pathlib.Path(pgm_places.__file__)
+assert "site-packages" in here.parts, here
+assert not (here.parent / "models").is_symlink()
+from pgm_places.datasets import generate_building
+assert generate_building(size="small").grid.free.any()
+print("wheel works:", here.parent)
+"""
+
+
+def check_contents(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    top = {name.split("/")[0] for name in names if ".dist-info/" not in name}
+    if top != ALLOWED_TOP_LEVEL:
+        sys.exit(f"{wheel.name} installs {sorted(top)}, wanted {sorted(ALLOWED_TOP_LEVEL)}")
+    for wanted in ("pgm_places/models/boosting.py", "pgm_places/solvers/max_flow.py"):
+        if wanted not in names:
+            sys.exit(f"{wheel.name} lacks {wanted}")
+    if "pgm_places/py.typed" not in names:
+        sys.exit(f"{wheel.name} lacks py.typed")
+
+
+def try_installed(wheel: Path) -> None:
+    """Install the wheel in a fresh environment that sees this one's dependencies, and use it."""
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        venv.create(home / "env", with_pip=True)
+        python = home / "env" / "bin" / "python"
+        if not python.exists():
+            python = home / "env" / "Scripts" / "python.exe"
+        run = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", str(wheel.resolve())]
+        subprocess.run(run, check=True, cwd=home)
+        dependencies = next(path for path in sys.path if path.endswith("site-packages"))
+        code = f"import sys; sys.path.append({dependencies!r})\n{TRIAL}"
+        subprocess.run([str(python), "-c", code], check=True, cwd=home)
+
+
+if __name__ == "__main__":
+    [built] = Path(sys.argv[1]).glob("*.whl")
+    check_contents(built)
+    try_installed(built)

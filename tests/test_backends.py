@@ -1,0 +1,66 @@
+"""Methods by name: the table, options, plugins, and the baseline without structure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
+from pgm_places.backends import BACKENDS, Backend, backend_class, backend_names, build
+from pgm_places.errors import ConfigError, InputError
+
+
+@dataclass(frozen=True)
+class AlwaysFirst:
+    """A third party's backend: label 0 everywhere."""
+
+    times: int = 1
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        return Labeling(np.zeros(problem.graph.n_nodes, np.int64), Status.CONVERGED)
+
+
+@pytest.mark.parametrize("name", list(BACKENDS))
+def test_every_named_method_is_a_backend(name: str) -> None:
+    assert isinstance(build(name), Backend)
+
+
+def test_third_party_by_module_and_class() -> None:
+    built = build(f"{__name__}:AlwaysFirst", {"times": 3})
+    assert built == AlwaysFirst(3)
+
+
+def test_unknown_method_offers_the_nearest() -> None:
+    with pytest.raises(ConfigError) as caught:
+        build("relaxaton")
+    assert "unknown method 'relaxaton'. did you mean 'relaxation'?" in str(caught.value)
+    assert all(name in str(caught.value) for name in backend_names())
+
+
+def test_unknown_option_offers_the_nearest() -> None:
+    with pytest.raises(ConfigError, match=r"has no option 'time'\. did you mean 'times'"):
+        build(f"{__name__}:AlwaysFirst", {"time": 3})
+
+
+def test_missing_module_is_named() -> None:
+    with pytest.raises(ConfigError, match="needs 'not_there'"):
+        backend_class("not_there:Thing")
+
+
+def test_independent_takes_the_best_label() -> None:
+    graph = LabelGraph.from_edges(2, [(0, 1)])
+    probabilities = np.array([[0.9, 0.1], [0.2, 0.8]])
+    problem = LabelingProblem(graph, ["a", "b"], unary=np.log(probabilities))
+    labeling = build("independent").infer(problem)
+    assert labeling.labels.tolist() == [0, 1]
+    assert labeling.status is Status.EXACT
+    assert labeling.beliefs is not None
+    np.testing.assert_allclose(labeling.beliefs, probabilities, rtol=0, atol=1e-12)
+    assert labeling.gap == 0.0
+
+
+def test_independent_needs_a_possible_label() -> None:
+    graph = LabelGraph.from_edges(2, [])
+    problem = LabelingProblem(graph, ["a"], unary=np.array([[0.0], [-np.inf]]))
+    with pytest.raises(InputError, match="forbids every label at node 1"):
+        build("independent").infer(problem)

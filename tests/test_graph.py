@@ -1,0 +1,153 @@
+"""LabelGraph: constructors, checks, conversions."""
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
+from pgm_places.errors import InputError
+from pgm_places.layout import GridLayout
+
+
+def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, int]]:
+    cells = [tuple(cell) for cell in np.argwhere(free)]
+    reach = 1 if connectivity == 4 else 2
+    return {
+        (i, j)
+        for i, (r, c) in enumerate(cells)
+        for j, (s, d) in enumerate(cells)
+        if i < j and max(abs(r - s), abs(c - d)) == 1 and abs(r - s) + abs(c - d) <= reach
+    }
+
+
+masks = arrays(np.bool_, st.tuples(st.integers(1, 5), st.integers(1, 5)))
+
+
+@pytest.mark.parametrize("connectivity", [4, 8])
+@given(free=masks)
+def test_grid_joins_neighbouring_free_cells(connectivity: int, free: np.ndarray) -> None:
+    graph = LabelGraph.from_grid(free, connectivity=connectivity)
+    assert set(map(tuple, graph.edges.tolist())) == neighbours_by_hand(free, connectivity)
+    assert graph.n_nodes == free.sum()
+
+
+@given(free=masks)
+def test_grid_edge_kinds_tell_sides_from_corners(free: np.ndarray) -> None:
+    graph = LabelGraph.from_grid(free)
+    assert isinstance(graph.layout, GridLayout)
+    assert graph.edge_kind is not None
+    step = np.abs(np.diff(graph.layout.cells_rc[graph.edges], axis=1)[:, 0]).sum(axis=1)
+    assert ((step == 2) == (graph.edge_kind == EdgeKind.DIAGONAL)).all()
+
+
+def test_grid_knows_walls_positions_and_raster() -> None:
+    grid = OccupancyGrid(
+        np.array([[0, 0, 100], [-1, 0, 0]]), resolution_m=0.5, origin_xy_m=(1.0, 2.0)
+    )
+    graph = LabelGraph.from_grid(grid)
+    assert isinstance(graph.layout, GridLayout)
+    assert graph.positions_m is not None
+    np.testing.assert_allclose(graph.positions_m[0], [1.25, 2.25], rtol=0, atol=1e-12)
+    assert graph.layout.walls is not None
+    assert graph.layout.walls.tolist() == [[False, False, True], [False, False, False]]
+    raster = graph.layout.to_raster(np.arange(4), fill=-9)
+    assert raster.tolist() == [[0, 1, -9], [-9, 2, 3]]
+    assert graph.layout.from_raster(raster).tolist() == [0, 1, 2, 3]
+
+
+def test_mask_restricts_the_nodes() -> None:
+    free = np.ones((2, 3), np.bool_)
+    mask = np.array([[True, True, False], [False, False, False]])
+    assert LabelGraph.from_grid(free, mask=mask).edges.tolist() == [[0, 1]]
+
+
+def test_trajectory_is_a_chain() -> None:
+    graph = LabelGraph.from_trajectory([[0, 0, 0.1], [1, 0, 0.2], [2, 0, 0.3]])
+    assert graph.is_chain
+    assert graph.edges.tolist() == [[0, 1], [1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("edges", "message"),
+    [
+        ([(0, 3)], "integers from 0 to 2, got 3 at index (0, 1)"),
+        ([(1, 1)], "edge 0 joins node 1 to itself"),
+        ([(0, 1), (1, 0)], "edge (0, 1) comes twice"),
+        ([(0.5, 1.0)], "edges must hold integers, got dtype float64"),
+        ([(0, 1, 2)], "edges must have shape (E, 2), got (1, 3)"),
+    ],
+)
+def test_bad_edges_are_refused(edges: list[tuple[int, ...]], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        LabelGraph.from_edges(3, edges)
+    assert message in str(caught.value)
+
+
+def test_plain_constructor_refuses_unsorted_edges() -> None:
+    with pytest.raises(InputError, match="sorted"):
+        LabelGraph(3, np.array([[1, 2], [0, 1]], np.int32))
+    with pytest.raises(InputError, match="i < j is wanted"):
+        LabelGraph(3, np.array([[1, 0]], np.int32))
+
+
+def test_networkx_round_trip() -> None:
+    first = nx.Graph([("a", "b"), ("b", "c")])
+    nx.set_node_attributes(first, {"a": (0, 0), "b": (1, 0), "c": (1, 1)}, "pos")
+    graph = LabelGraph.from_networkx(first)
+    assert graph.edges.tolist() == [[0, 1], [1, 2]]
+    back = LabelGraph.from_networkx(graph.to_networkx())
+    assert back.edges.tolist() == graph.edges.tolist()
+    assert back.positions_m is not None
+    np.testing.assert_allclose(back.positions_m, [[0, 0], [1, 0], [1, 1]], rtol=0, atol=0)
+
+
+def test_joined_renumbers_and_marks_links() -> None:
+    grid = LabelGraph.from_grid(np.ones((1, 2), np.bool_))
+    path = LabelGraph.from_trajectory([[0, 0], [1, 0]])
+    both = LabelGraph.joined(grid, path, [(1, 0)])
+    assert both.n_nodes == 4
+    assert both.edges.tolist() == [[0, 1], [1, 2], [2, 3]]
+    assert both.edge_kind is not None
+    assert both.edge_kind.tolist() == [EdgeKind.AXIS, EdgeKind.LINK, EdgeKind.TIME]
+
+
+@given(free=masks, data=st.data())
+def test_subgraph_keeps_inner_edges(free: np.ndarray, data: st.DataObject) -> None:
+    graph = LabelGraph.from_grid(free)
+    keep = data.draw(arrays(np.bool_, graph.n_nodes))
+    part = graph.subgraph(keep)
+    old = np.flatnonzero(keep)
+    wanted = {(i, j) for i, j in map(tuple, graph.edges.tolist()) if keep[i] and keep[j]}
+    assert {(int(old[i]), int(old[j])) for i, j in part.edges} == wanted
+
+
+@given(free=masks)
+def test_neighbours_mirror_the_edges(free: np.ndarray) -> None:
+    graph = LabelGraph.from_grid(free)
+    around = graph.neighbours
+    pairs = set()
+    for node in range(graph.n_nodes):
+        part = slice(around.start[node], around.start[node + 1])
+        for other, edge in zip(around.node[part], around.edge[part], strict=True):
+            assert sorted((node, int(other))) == graph.edges[edge].tolist()
+            pairs.add((min(node, int(other)), max(node, int(other))))
+    assert pairs == set(map(tuple, graph.edges.tolist()))
+    assert (np.diff(around.start) == graph.degree).all()
+
+
+def test_arrays_are_read_only_copies() -> None:
+    edges = np.array([[0, 1]], np.int32)
+    graph = LabelGraph(2, edges)
+    edges[0, 0] = 7
+    assert graph.edges.tolist() == [[0, 1]]
+    with pytest.raises(ValueError, match="read-only"):
+        graph.edges[0, 0] = 1
+
+
+def test_empty_graph() -> None:
+    graph = LabelGraph.from_edges(0, [])
+    assert (graph.n_nodes, graph.n_edges, graph.is_chain) == (0, 0, True)
+    assert graph.neighbours.start.tolist() == [0]

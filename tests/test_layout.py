@@ -1,0 +1,54 @@
+"""The source layout: two links, one list of packages, nothing heavy on import."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import pgm_places
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.mark.parametrize("name", ["models", "solvers"])
+def test_links_lead_to_the_real_folders(name: str) -> None:
+    link = ROOT / "pgm_places" / name
+    if not link.is_symlink():
+        pytest.skip("this checkout has no symbolic links; builds work through the mapping")
+    assert link.resolve() == ROOT / name
+
+
+def test_every_package_is_listed_for_the_wheel() -> None:
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    found = {
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for path in (ROOT / "pgm_places").glob("**/__init__.py")
+    }
+    found |= {f"pgm_places.{name}" for name in ("models", "solvers")}
+    assert sorted(listed) == sorted(found)
+
+
+def test_public_names_are_sorted_and_exist() -> None:
+    assert sorted(pgm_places.__all__) == pgm_places.__all__
+    for name in pgm_places.__all__:
+        assert hasattr(pgm_places, name)
+
+
+@pytest.mark.parametrize("heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "networkx", "typer"])
+def test_importing_the_package_stays_light(heavy: str) -> None:
+    code = f"import sys, pgm_places; sys.exit({heavy!r} in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "numpy"])
+def test_help_needs_nothing_heavy(heavy: str) -> None:
+    code = (
+        "import sys\n"
+        "from typer.testing import CliRunner\n"
+        "from pgm_places.cli.main import app\n"
+        "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
+        f"sys.exit({heavy!r} in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
