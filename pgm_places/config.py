@@ -42,7 +42,7 @@ IndexRange = tuple[int | None, int | None]
 def _open_ended(value: Any) -> Any:
     """TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window."""
     if isinstance(value, list):
-        return [None if item in ("", "end") else item for item in value]
+        return tuple(None if item in ("", "end") else item for item in value)
     return value
 
 
@@ -234,7 +234,10 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
     except ValidationError as error:
         raise ConfigError(f"{where}: {_first_problem(error)}") from None
     for method in config.methods:
-        _check_options(method, where)
+        try:
+            _check_options(method)
+        except ConfigError as error:
+            raise ConfigError(f"{where}: {error}") from None
     return config
 
 
@@ -251,7 +254,7 @@ def _split_methods(methods: Any, where: str) -> list[dict[str, Any]]:
     return split
 
 
-def _check_options(method: MethodConfig, where: str) -> None:
+def _check_options(method: MethodConfig) -> None:
     """Check names, types and values of a method's options before anything is computed."""
     cls = backend_class(method.name)
     hints = typing.get_type_hints(cls)
@@ -264,12 +267,9 @@ def _check_options(method: MethodConfig, where: str) -> None:
         except ValidationError as error:
             message = error.errors()[0]["msg"]
             raise ConfigError(
-                f"{where}: method {method.id!r}, option {item.name!r}: {message}, got {value!r}"
+                f"method {method.id!r}, option {item.name!r}: {message}, got {value!r}"
             ) from None
-    try:
-        build(method.name, resolved_options(cls, method.options))
-    except ConfigError as error:
-        raise ConfigError(f"{where}: {error}") from None
+    build_method(method)
 
 
 def resolved_options(cls: type[Any], options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,38 @@
+"""Spatial context: window means against a loop over cells."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pgm_places.errors import InputError
+from pgm_places.features.context import window_means
+from pgm_places.layout import GridLayout
+
+
+def means_by_hand(layout: GridLayout, values: np.ndarray, radius: int) -> np.ndarray:
+    cells = layout.cells_rc
+    return np.array(
+        [values[(np.abs(cells - cell) <= radius).all(axis=1)].mean(axis=0) for cell in cells]
+    )
+
+
+@given(
+    free=arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).filter(np.any),
+    radius=st.integers(1, 4),
+    seed=st.integers(0, 99),
+)
+def test_means_over_the_free_cells_of_a_window(free: np.ndarray, radius: int, seed: int) -> None:
+    layout = GridLayout((free.shape[0], free.shape[1]), np.argwhere(free).astype(np.int32))
+    values = np.random.default_rng(seed).random((int(free.sum()), 2))
+    found = window_means(layout, values, [0.1 * radius, 10.0], 0.1)
+    np.testing.assert_allclose(found[:, :2], means_by_hand(layout, values, radius), atol=1e-6)
+    everything = np.broadcast_to(values.mean(axis=0), values.shape)
+    np.testing.assert_allclose(found[:, 2:], everything, rtol=0, atol=1e-6)
+
+
+def test_wrong_rows_are_refused() -> None:
+    layout = GridLayout((1, 2), np.array([[0, 0], [0, 1]], np.int32))
+    with pytest.raises(InputError, match=r"values must have shape \(2, K\), got \(3, 1\)"):
+        window_means(layout, np.zeros((3, 1)), [1.0], 0.1)

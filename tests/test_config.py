@@ -1,0 +1,102 @@
+"""Configurations: defaults, and one clear line for everything that is wrong."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pgm_places.config import load_config, parse_config
+from pgm_places.errors import ConfigError
+
+
+def minimal() -> dict[str, Any]:
+    return {
+        "labels": {"names": ["corridor", "room"]},
+        "train": [{"map": "a.yaml", "labels": "a.png"}],
+        "methods": [{"name": "independent"}],
+    }
+
+
+def changed(**parts: Any) -> dict[str, Any]:
+    return {**minimal(), **parts}
+
+
+def test_defaults_are_filled_in() -> None:
+    config = parse_config(minimal())
+    assert config.sensor.n_beams == 360
+    assert config.classifier.n_rounds == 100
+    assert config.methods[0].id == "independent"
+    assert config.methods[0].unary == "laser"
+    assert config.test == []
+
+
+def test_windows_may_be_open() -> None:
+    source = {"map": "a.yaml", "labels": "a.png", "columns": [366, "end"], "rows": ["", 10]}
+    config = parse_config(changed(train=[source]))
+    assert config.train[0].columns == (366, None)
+    assert config.train[0].rows == (None, 10)
+
+
+def test_other_keys_of_a_method_are_its_options() -> None:
+    config = parse_config(changed(methods=[{"name": "relaxation", "iterations": 7}]))
+    assert config.methods[0].options == {"iterations": 7}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (changed(resolution=0.2), "unknown key 'resolution'. did you mean 'resolution_m'?"),
+        (
+            changed(train=[{"map": "a.yaml", "labels": "a.png", "collumns": [0, 1]}]),
+            "unknown key 'train[0].collumns'. did you mean 'columns'?",
+        ),
+        (changed(sensor={"beams": 1}), "unknown key 'sensor.beams'. did you mean 'n_beams'?"),
+        (changed(sensor={"n_beams": "360"}), "sensor.n_beams: Input should be a valid integer"),
+        (changed(resolution_m=-0.1), "resolution_m: Input should be greater than 0, got -0.1"),
+        (changed(resolution_m=float("nan")), "resolution_m: "),
+        (changed(train=[{"labels": "a.png"}]), "'train[0].map' is missing"),
+        (changed(train=[{"map": "a.yaml"}]), "train[0]: give labels (an image) or regions"),
+        (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
+        (changed(methods=[{"name": "relaxaton"}]), "did you mean 'relaxation'?"),
+        (
+            changed(methods=[{"name": "relaxation", "iteration": 3}]),
+            "has no option 'iteration'. did you mean 'iterations'?",
+        ),
+        (
+            changed(methods=[{"name": "relaxation", "iterations": "many"}]),
+            "method 'relaxation', option 'iterations': Input should be a valid integer, got 'many'",
+        ),
+        (changed(methods=[{"name": "independent"}] * 2), "give each its own id"),
+        (changed(methods={"name": "independent"}), "write [[methods]] above each"),
+        (changed(methods=[{"id": "x"}]), "methods[0] has no name"),
+        (changed(methods=[{"name": "independent", "unary": "context"}]), "add a [context] table"),
+        (
+            changed(classifier={"order": ["corridor", "kitchen"]}),
+            "classifier.order must name each of ['corridor', 'room'] once",
+        ),
+        (
+            changed(train=[{"map": "a", "regions": "r.geojson", "classes": {"CR": "corridors"}}]),
+            "train[0].classes: 'CR' is translated to 'corridors', which is no label",
+        ),
+    ],
+)
+def test_mistakes_are_named_with_their_place(content: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_config(content, "office.toml")
+    assert str(caught.value).startswith("office.toml: ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_broken_files(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no configuration file at"):
+        load_config(tmp_path / "none.toml")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("labels = [")
+    with pytest.raises(ConfigError, match="is not valid TOML"):
+        load_config(broken)
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        load_config(broken)
+    with pytest.raises(ConfigError, match="cannot read"):
+        load_config(tmp_path)
