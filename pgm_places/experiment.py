@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import logging
+import os
 import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -70,7 +71,19 @@ class Experiment:
             self.progress.warn(message)
 
     def resolve(self, name: str) -> Path:
-        """A path of the configuration, relative to the configuration's folder."""
+        """A path of the configuration, relative to the configuration's folder.
+
+        A leading ``$NAME`` is replaced by that environment variable, taken as a folder.
+        """
+        if name.startswith("$"):
+            variable, _, rest = name[1:].partition("/")
+            folder = os.environ.get(variable)
+            if not folder:
+                raise ConfigError(
+                    f"the path {name!r} needs the environment variable {variable}; set it to the "
+                    "folder that holds the data"
+                )
+            return (Path(folder) / rest).resolve()
         return (self.folder / Path(name).expanduser()).resolve()
 
     def record_input(self, path: Path) -> None:
