@@ -1,0 +1,221 @@
+"""The table of the 321 geometric features of a laser scan: names, parameters, definitions.
+
+A scan is ``M`` beams at the angles ``2 pi i / M`` around the sensor with lengths ``rho_i`` in
+metres, indices modulo ``M``; every feature is a number that does not change when the robot turns
+on the spot. ``D_i = |rho_i - rho_{i+1}|``, ``q_i = min(a, b) / max(a, b)`` with
+``a = rho_i + 1e-4`` and ``b = rho_{i+1} + 1e-4``. The polygon joins the beams' end points, has the
+area ``A``, the perimeter ``L`` and the Fourier coefficients ``c_n`` of its outline as a function of
+arc length. Means and standard deviations divide by ``M``.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+__all__ = [
+    "CANONICAL_BEAMS",
+    "DEFINITIONS_VERSION",
+    "LASER_FEATURES",
+    "FeatureSpec",
+    "distinct_features",
+    "feature_set_hash",
+    "laser_feature_names",
+]
+
+CANONICAL_BEAMS = 360
+"""Features are computed on this many beams: counts and differences depend on their number."""
+
+DEFINITIONS_VERSION = 1
+"""Raised whenever a definition changes so that stored models can be refused."""
+
+CUT_LENGTHS_M = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50)
+GAP_LENGTHS_M = tuple(k / 2 for k in range(1, 21))
+GAP_RATIOS = tuple(k / 10 for k in range(1, 11))
+PROMINENCES_M = tuple(k / 10 for k in range(1, 11))
+FOURIER_ORDERS = (*range(-100, 0), *range(2, 101))
+HU_INVARIANTS = (1, 2, 3, 4, 5, 6, 7)
+
+_CODE = "Mozos' published code and its parameter list"
+_CODE_ONLY = "Mozos' published code (not in its parameter list)"
+_CUTS = "formula: Mozos' published code; cut lengths: a later port, extended"
+_MINIMA = "name, purpose and parameters: Mozos' published code; search: this package"
+_FOURIER = "Mozos' published code and its parameter list"
+_NEGATIVE = "formula: Mozos' published code; negative orders: this package"
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureSpec:
+    """One feature: its short name, parameter, definition and where the definition comes from.
+
+    Parameters
+    ----------
+    id
+        Name of the family, as in the author's code (``f14``).
+    parameter
+        Threshold in metres, ratio, or order; None where the family has one member.
+    group
+        ``"beams"`` (computed on the raw beams) or ``"polygon"`` (on the polygon they span).
+    definition
+        The formula; ``t`` stands for a threshold, ``d`` for a prominence, ``n``, ``k`` for orders.
+    source
+        Where the definition and its parameters come from.
+
+    Examples
+    --------
+    >>> FeatureSpec("f14", 0.5, "beams", "number of i with D_i > t", "example").name
+    'f14[0.5]'
+    """
+
+    id: str
+    parameter: float | int | None
+    group: Literal["beams", "polygon"]
+    definition: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """The column's name: ``f2_sd``, ``f14[0.5]``, ``f16[-3]``."""
+        return self.id if self.parameter is None else f"{self.id}[{self.parameter}]"
+
+
+def _family(
+    id: str,
+    group: Literal["beams", "polygon"],
+    definition: str,
+    source: str,
+    parameters: tuple[float | int | None, ...] = (None,),
+) -> list[FeatureSpec]:
+    return [FeatureSpec(id, value, group, definition, source) for value in parameters]
+
+
+def _beam_specs() -> list[FeatureSpec]:
+    return [
+        *_family("f2", "beams", "mean of D_i", _CODE),
+        *_family("f2_sd", "beams", "standard deviation of D_i", _CODE),
+        *_family(
+            "f3", "beams", "mean of |min(rho_i, t) - min(rho_{i+1}, t)|", _CUTS, CUT_LENGTHS_M
+        ),
+        *_family("f8", "beams", "mean of rho_i", _CODE),
+        *_family("f8_sd", "beams", "standard deviation of rho_i", _CODE),
+        *_family("f14", "beams", "number of i with D_i > t", _CODE, GAP_LENGTHS_M),
+        *_family("f33", "beams", "f14[t] / (M - 1)", _CODE, GAP_LENGTHS_M),
+        *_family("f30", "beams", "number of i with q_i < t", _CODE, GAP_RATIOS),
+        *_family("f34", "beams", "f30[t] / (M - 1)", _CODE, GAP_RATIOS),
+        *_family("f27", "beams", "mean of q_i", _CODE),
+        *_family("f27_sd", "beams", "standard deviation of q_i", _CODE),
+        *_family("f28", "beams", "mean of rho_i / max rho", _CODE),
+        *_family("f28_sd", "beams", "standard deviation of rho_i / max rho", _CODE),
+        *_family("f32", "beams", "kurtosis: mean of (rho_i - f8)^4, over f8_sd^4", _CODE),
+        *_family(
+            "f25",
+            "beams",
+            "distance between the end points of the lowest minimum and of the lowest other "
+            "minimum whose prominence is at least d",
+            _MINIMA,
+            PROMINENCES_M,
+        ),
+        *_family(
+            "f26",
+            "beams",
+            "angle between the beams of the same two minima, in [0, pi]",
+            _MINIMA,
+            PROMINENCES_M,
+        ),
+    ]
+
+
+def _polygon_specs() -> list[FeatureSpec]:
+    negative = tuple(n for n in FOURIER_ORDERS if n < 0)
+    positive = tuple(n for n in FOURIER_ORDERS if n > 0)
+    return [
+        *_family("f5", "polygon", "area A", _CODE),
+        *_family("f6", "polygon", "perimeter L, the closing edge included", _CODE),
+        *_family("f7", "polygon", "L / A", _CODE),
+        *_family("f9", "polygon", "mean distance from the area's centroid to the vertices", _CODE),
+        *_family("f9_sd", "polygon", "standard deviation of those distances", _CODE),
+        *_family("f29", "polygon", "mean of those distances over the largest", _CODE),
+        *_family("f29_sd", "polygon", "f9_sd over the largest of those distances", _CODE),
+        *_family("f31", "polygon", "4 pi A / L^2", _CODE),
+        *_family("f16", "polygon", "|c_n| / |c_1|", _NEGATIVE, negative),
+        *_family("f16", "polygon", "|c_n| / |c_1|", _FOURIER, positive),
+        *_family("f17", "polygon", "major axis of the Fourier ellipse: |c_1| + |c_-1|", _CODE),
+        *_family("f18", "polygon", "minor axis of the Fourier ellipse: ||c_1| - |c_-1||", _CODE),
+        *_family("f19", "polygon", "f18 / f17", _CODE),
+        *_family("f17_2", "polygon", "f17 / |c_1|", _CODE),
+        *_family("f18_2", "polygon", "f18 / |c_1|", _CODE),
+        *_family("f19_2", "polygon", "f18_2 / f17_2", _CODE),
+        *_family(
+            "f21",
+            "polygon",
+            "sign(h_k) log10(1 + |h_k| / 1e-12) of Hu's k-th invariant of the area moments",
+            _CODE_ONLY,
+            HU_INVARIANTS,
+        ),
+        *_family("f22", "polygon", "compactness A^2 / (2 pi (mu_20 + mu_02))", _CODE_ONLY),
+        *_family(
+            "f23",
+            "polygon",
+            "eccentricity sqrt((mu_20 - mu_02)^2 + 4 mu_11^2) / (mu_20 + mu_02)",
+            _CODE_ONLY,
+        ),
+    ]
+
+
+LASER_FEATURES: tuple[FeatureSpec, ...] = (*_beam_specs(), *_polygon_specs())
+"""The 321 features in the order of their columns."""
+
+
+@cache
+def laser_feature_names() -> tuple[str, ...]:
+    """The names of the 321 columns, in order.
+
+    Examples
+    --------
+    >>> names = laser_feature_names()
+    >>> len(names), names[0], names[99]
+    (321, 'f2', 'f5')
+    """
+    return tuple(spec.name for spec in LASER_FEATURES)
+
+
+@cache
+def feature_set_hash() -> str:
+    """Hexadecimal digest that changes with the columns, their order or their definitions."""
+    text = "\n".join((f"{DEFINITIONS_VERSION} {CANONICAL_BEAMS}", *laser_feature_names()))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _repeats(spec: FeatureSpec) -> bool:
+    """Whether the feature is a monotone image of an earlier column on every scan.
+
+    ``f33`` and ``f34`` are ``f14`` and ``f30`` over a constant; ``f19``, ``f17_2``, ``f18_2`` and
+    ``f19_2`` are functions of ``f16[-1]`` alone while ``|c_-1| < |c_1|``; ``f22`` is the
+    reciprocal of Hu's first invariant up to a constant.
+    """
+    return spec.id in {"f33", "f34", "f19", "f17_2", "f18_2", "f19_2", "f22"}
+
+
+def distinct_features(max_range_m: float | None = None) -> tuple[int, ...]:
+    """Columns that remain when monotone repetitions of earlier columns are left out.
+
+    Linear models need this: with the repetitions their columns are linearly dependent. Stumps do
+    not. 286 of 321 columns remain; where ``max_range_m`` is given, the cuts ``f3[t]`` at or beyond
+    it, which repeat ``f2``, are left out too.
+
+    Examples
+    --------
+    >>> len(distinct_features()), len(distinct_features(max_range_m=30.0))
+    (286, 281)
+    """
+    return tuple(
+        column
+        for column, spec in enumerate(LASER_FEATURES)
+        if not _repeats(spec) and not _cut_never_reached(spec, max_range_m)
+    )
+
+
+def _cut_never_reached(spec: FeatureSpec, max_range_m: float | None) -> bool:
+    if spec.id != "f3" or max_range_m is None or spec.parameter is None:
+        return False
+    return spec.parameter >= max_range_m
