@@ -1,0 +1,63 @@
+"""A small building as files, and the command line as a function."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pgm_places.cli.main import main
+from pgm_places.datasets import generate_building
+from pgm_places.io.label_image import save_labels
+from pgm_places.io.map_server import save_map
+
+CONFIG = """\
+[labels]
+names = ["corridor", "room", "doorway"]
+
+[classifier]
+n_rounds = 10
+
+[[train]]
+map = "map.yaml"
+labels = "labels.png"
+
+[[test]]
+map = "map.yaml"
+labels = "labels.png"
+
+[[methods]]
+id = "adaboost"
+name = "independent"
+
+[[methods]]
+name = "relaxation"
+iterations = 5
+"""
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def building(tmp_path: Path) -> Path:
+    """A folder with map.yaml, labels.png and config.toml."""
+    made = generate_building(size="small")
+    save_map(made.grid, tmp_path / "map")
+    save_labels(tmp_path / "labels.png", made.labels, made.label_names)
+    (tmp_path / "config.toml").write_text(CONFIG)
+    return tmp_path
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the command line; its exit code, standard output and standard error."""
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["pgm-places", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        captured = capsys.readouterr()
+        code = ended.value.code
+        return (0 if code is None else int(code)), captured.out, captured.err
+
+    return call

@@ -1,0 +1,91 @@
+"""The commands do what they say, and write everything they promise."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.cli.conftest import Run
+
+
+def test_compare_writes_results_and_report(building: Path, run: Run) -> None:
+    out = building / "out"
+    code, text, _ = run("compare", building / "config.toml", "--out", out, "--quiet")
+    assert code == 0
+    assert "adaboost" in text
+    assert "relaxation" in text
+    results = json.loads((out / "results.json").read_text())
+    for method in ("adaboost", "relaxation"):
+        found = results["methods"][method]
+        confusion = np.array(found["confusion"])
+        assert found["accuracy"] == pytest.approx(np.trace(confusion) / confusion.sum())
+        assert set(found["recall"]) == {"corridor", "room", "doorway"}
+        assert {"balanced_accuracy", "macro_f1", "precision", "seconds"} <= set(found)
+    assert results["config"]["methods"][1]["iterations"] == 5
+    assert len(results["inputs"]) == 4
+    assert {"numpy", "numba", "pgm-places"} <= set(results["versions"])
+    html = (out / "report.html").read_text()
+    assert html.lstrip().lower().startswith("<!doctype html>")
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "results.json"]
+
+
+def test_train_then_label(building: Path, run: Run) -> None:
+    code, text, _ = run("train", building / "config.toml", "--out", building / "model", "-q")
+    assert code == 0
+    assert "methods: adaboost, relaxation" in text
+    out = building / "labelled"
+    code, text, _ = run(
+        "label", building / "map.yaml", "--model", building / "model", "--out", out, "-q"
+    )
+    assert code == 0
+    assert "% free" in text
+    source = Image.open(
+        building / "map.png" if (building / "map.png").exists() else building / "map.pgm"
+    )
+    written = Image.open(out / "labels.png")
+    assert written.size == source.size
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["method"] == "relaxation"
+    names = {path.name for path in out.iterdir()}
+    assert {"labels.yaml", "overview.png", "probability_doorway.png"} <= names
+
+    truth, found = np.asarray(Image.open(building / "labels.png")), np.asarray(written)
+    known = truth > 0
+    assert (truth[known] == found[known]).mean() > 0.85
+
+
+def test_label_by_another_method(building: Path, run: Run) -> None:
+    run("train", building / "config.toml", "--out", building / "model", "-q")
+    arguments = ["label", building / "map.yaml", "-m", building / "model", "-o", building / "x"]
+    code, _, error = run(*arguments, "--method", "adabost", "-q")
+    assert code == 2
+    assert "did you mean 'adaboost'" in error
+    assert not (building / "x").exists()
+    assert run(*arguments, "--method", "adaboost", "-q")[0] == 0
+
+
+def test_doctor_reports_versions_and_a_map(building: Path, run: Run) -> None:
+    code, text, _ = run("doctor", building / "map.yaml")
+    assert code == 0
+    assert "scikit-learn" in text
+    assert "compiled kernels are kept in" in text
+    assert "% unknown" in text
+
+
+def test_progress_is_a_line_per_stage_without_a_terminal(building: Path) -> None:
+    command = [sys.executable, "-m", "pgm_places", "compare", str(building / "config.toml")]
+    done = subprocess.run(
+        [*command, "--out", str(building / "out")], capture_output=True, text=True, check=True
+    )
+    assert "decision list: " in done.stderr
+    assert "\x1b" not in done.stderr
+
+
+def test_version(run: Run) -> None:
+    code, text, _ = run("--version")
+    assert code == 0
+    assert text.startswith("pgm-places ")

@@ -1,0 +1,48 @@
+"""Tasks over threads: each done once, errors raised, bad counts refused."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from pgm_places._threads import resolve_threads, run_tasks
+from pgm_places.errors import InputError
+
+
+@pytest.mark.parametrize("n_threads", [1, 2, 5])
+@pytest.mark.parametrize("n_tasks", [0, 1, 37])
+def test_every_task_runs_once(n_tasks: int, n_threads: int) -> None:
+    counts = np.zeros(n_tasks, np.int64)
+    lock = threading.Lock()
+
+    def work(task: int) -> None:
+        with lock:
+            counts[task] += 1
+
+    run_tasks(work, n_tasks, n_threads=n_threads)
+    assert (counts == 1).all()
+
+
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_the_first_error_is_raised_and_stops_the_rest(n_threads: int) -> None:
+    seen: list[int] = []
+
+    def work(task: int) -> None:
+        seen.append(task)
+        if task == 2:
+            raise RuntimeError("task 2")
+
+    with pytest.raises(RuntimeError, match="task 2"):
+        run_tasks(work, 10_000, n_threads=n_threads)
+    assert len(seen) < 10_000
+
+
+def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PGM_PLACES_NUM_THREADS", "3")
+    assert resolve_threads() == 3
+    assert resolve_threads(2) == 2
+    monkeypatch.setenv("PGM_PLACES_NUM_THREADS", "many")
+    with pytest.raises(InputError, match="whole number of threads, got 'many'"):
+        resolve_threads()
+    with pytest.raises(InputError, match="at least 1, got 0"):
+        resolve_threads(0)
