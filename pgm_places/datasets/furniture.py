@@ -1,0 +1,187 @@
+"""Furniture as a laser near the floor meets it: legs, boxes, cupboards, leaves of doors."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
+
+__all__ = ["furnish", "hang_doors"]
+
+_SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
+"""Where a leaf points from its hinge: (across the gap, into the room)."""
+
+
+def hang_doors(dice: Dice, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> None:
+    """Draw the leaf of each door into ``solid`` (H, W), more or less open, never across the gap."""
+    for door in plan.doors:
+        if door.has_leaf and dice.chance(3, 4):
+            _hang(dice, scale, door, solid)
+
+
+def _hang(dice: Dice, scale: Scale, door: Door, solid: NDArray[np.bool_]) -> None:
+    gap, (dx, dy) = door.gap, door.inward
+    across, into = dice.choice(_SLANTS)
+    columns, rows = gap.size
+    width = rows if dx else columns
+    hinge_low = dice.chance(1, 2)
+    turn = 1 if hinge_low else -1
+    if dx:
+        x, y = (gap.x1 if dx > 0 else gap.x0 - 1), (gap.y0 if hinge_low else gap.y1 - 1)
+        step = (dx * into, turn * across)
+    else:
+        x, y = (gap.x0 if hinge_low else gap.x1 - 1), (gap.y1 if dy > 0 else gap.y0 - 1)
+        step = (turn * across, dy * into)
+    reach = width * 2 // 3 if across and into == across else width
+    longest = max(abs(step[0]), abs(step[1]))
+    thick = max(1, scale.cells(10) // 2)
+    for t in range(reach):
+        column, row = x + t * step[0] // longest, y + t * step[1] // longest
+        stop_x, stop_y = column + (thick if dy else 1), row + (thick if dx else 1)
+        solid[max(row, 0) : stop_y, max(column, 0) : stop_x] = True
+
+
+def furnish(dice: Dice, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> None:
+    """Put furniture into the rooms, and a little into the corridors, of ``solid`` (H, W).
+
+    The way through each door stays free.
+    """
+    keep_free = np.zeros_like(solid)
+    clear = scale.cells(90)
+    for door in plan.doors:
+        keep_free[door.region(clear).slices] = True
+        keep_free[door.gap.grown(1, 1).slices] = True
+    put = _Mover(solid, keep_free)
+    for room in plan.rooms:
+        _furnish_room(dice, scale, room, put)
+    for corridor in plan.corridors:
+        for _ in range(max(corridor.size) // scale.cells(900)):
+            _along_wall(dice, scale, corridor, put, (40, 120), (20, 35))
+
+
+class _Mover:
+    """Carries pieces into a building, and leaves outside what would block a door."""
+
+    def __init__(self, solid: NDArray[np.bool_], keep_free: NDArray[np.bool_]) -> None:
+        self._solid = solid
+        self._keep_free = keep_free
+
+    def __call__(self, piece: Rect, room: Rect) -> bool:
+        inside = Rect(
+            max(piece.x0, room.x0),
+            max(piece.y0, room.y0),
+            min(piece.x1, room.x1),
+            min(piece.y1, room.y1),
+        )
+        if min(inside.size) < 1 or self._keep_free[inside.slices].any():
+            return False
+        self._solid[inside.slices] = True
+        return True
+
+
+def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+    columns, rows = room.size
+    square_metres = columns * rows // scale.cells(100) ** 2
+    for _ in range(1 + square_metres // 7):
+        _along_wall(dice, scale, room, put, (40, 180), (25, 50))
+    for _ in range(dice.integer(0, 2)):
+        _pillar(dice, scale, room, put)
+    if square_metres > 28 and dice.chance(1, 2):
+        _rows_of_tables(dice, scale, room, put)
+    else:
+        for _ in range(1 + square_metres // 9):
+            _desk(dice, scale, room, put)
+    for _ in range(1 + square_metres // 5):
+        _thing(dice, scale, room, put)
+
+
+def _spot(dice: Dice, scale: Scale, room: Rect) -> tuple[int, int]:
+    edge = scale.cells(20)
+    x = dice.integer(room.x0 + edge, max(room.x0 + edge, room.x1 - edge))
+    y = dice.integer(room.y0 + edge, max(room.y0 + edge, room.y1 - edge))
+    return x, y
+
+
+def _along_wall(
+    dice: Dice,
+    scale: Scale,
+    room: Rect,
+    put: _Mover,
+    length_cm: tuple[int, int],
+    depth_cm: tuple[int, int],
+) -> None:
+    """A cupboard or a shelf with its back to a wall."""
+    length, depth = scale.cells(dice.integer(*length_cm)), scale.cells(dice.integer(*depth_cm))
+    x, y = _spot(dice, scale, room)
+    pieces = (
+        Rect(x, room.y0, x + length, room.y0 + depth),
+        Rect(x, room.y1 - depth, x + length, room.y1),
+        Rect(room.x0, y, room.x0 + depth, y + length),
+        Rect(room.x1 - depth, y, room.x1, y + length),
+    )
+    put(dice.choice(pieces[:2] if room.size[0] > room.size[1] and depth < 8 else pieces), room)
+
+
+def _pillar(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+    """A pillar or a duct in a corner."""
+    side, other = scale.cells(dice.integer(25, 60)), scale.cells(dice.integer(20, 45))
+    x = dice.choice((room.x0, room.x1 - side))
+    y = dice.choice((room.y0, room.y1 - other))
+    put(Rect(x, y, x + side, y + other), room)
+
+
+def _legs(dice: Dice, scale: Scale, table: Rect, room: Rect, put: _Mover) -> None:
+    """The four legs of a table, one of them at times hidden."""
+    leg = scale.cells(5)
+    for x in (table.x0, table.x1 - leg):
+        for y in (table.y0, table.y1 - leg):
+            if dice.chance(7, 8):
+                put(Rect(x, y, x + leg, y + leg), room)
+
+
+def _chair(dice: Dice, scale: Scale, x: int, y: int, room: Rect, put: _Mover) -> None:
+    """The feet of a swivel chair: specks on a small circle, some of them run together."""
+    radius = scale.cells(20)
+    feet = ((0, 0), (2, 0), (1, 2), (-2, 1), (-2, -1), (1, -2))
+    for fx, fy in feet:
+        if dice.chance(4, 5):
+            px, py = x + fx * radius // 2, y + fy * radius // 2
+            wide, long = scale.cells(dice.integer(4, 14)), scale.cells(dice.integer(4, 12))
+            put(Rect(px, py, px + wide, py + long), room)
+
+
+def _desk(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+    """A desk: legs and mostly a pedestal of drawers under it, and a chair before it."""
+    x, y = _spot(dice, scale, room)
+    length, depth = scale.cells(dice.integer(120, 180)), scale.cells(dice.integer(60, 80))
+    if dice.chance(1, 2):
+        length, depth = depth, length
+    x, y = min(x, max(room.x0, room.x1 - length)), min(y, max(room.y0, room.y1 - depth))
+    table = Rect(x, y, x + length, y + depth)
+    _legs(dice, scale, table, room, put)
+    if dice.chance(2, 3):
+        wide, long = scale.cells(dice.integer(30, 50)), scale.cells(dice.integer(40, 65))
+        put(Rect(x, y, x + wide, y + long), room)
+    _chair(dice, scale, (table.x0 + table.x1) // 2, table.y1 + scale.cells(15), room, put)
+
+
+def _rows_of_tables(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+    """A seminar room: tables in a grid with chairs between them."""
+    pitch_x, pitch_y = scale.cells(dice.integer(150, 190)), scale.cells(dice.integer(140, 170))
+    edge, length, depth = scale.cells(110), scale.cells(120), scale.cells(60)
+    for x in range(room.x0 + edge, room.x1 - edge - length, pitch_x):
+        for y in range(room.y0 + edge, room.y1 - edge - depth, pitch_y):
+            _legs(dice, scale, Rect(x, y, x + length, y + depth), room, put)
+            for seat in (x + length // 4, x + 3 * length // 4):
+                if dice.chance(1, 2):
+                    _chair(dice, scale, seat, y + depth + scale.cells(20), room, put)
+
+
+def _thing(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+    """A bin, a box, a bag, a heap: lumps that touch."""
+    x, y = _spot(dice, scale, room)
+    spread = scale.cells(15)
+    for _ in range(dice.choice((1, 1, 2, 3, 6))):
+        wide, long = scale.cells(dice.integer(8, 30)), scale.cells(dice.integer(8, 25))
+        put(Rect(x, y, x + wide, y + long), room)
+        x, y = x + dice.integer(-spread, spread), y + dice.integer(-spread, spread)

@@ -1,0 +1,154 @@
+"""The wings of a building: how corridors run, and where rooms lie along them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
+
+__all__ = ["Wing", "draw_wing", "partition"]
+
+
+@dataclass(frozen=True)
+class Wing:
+    """The place a wing has: columns ``x0`` to ``x1`` of a building ``height`` rows high.
+
+    The corridor comes in from the left with its lower edge on row ``corridor_y`` and is
+    ``corridor_width`` rows wide.
+    """
+
+    x0: int
+    x1: int
+    height: int
+    corridor_y: int
+    corridor_width: int
+
+    def flipped(self) -> "Wing":
+        """The wing in the map turned upside down."""
+        y = self.height - self.corridor_y - self.corridor_width
+        return Wing(self.x0, self.x1, self.height, y, self.corridor_width)
+
+    @property
+    def above(self) -> int:
+        """Rows between the corridor and the top."""
+        return self.height - self.corridor_y - self.corridor_width
+
+
+def draw_wing(dice: Dice, scale: Scale, wing: Wing, kind: str) -> tuple[FloorPlan, int]:
+    """The wing's plan, and the row of its corridor's lower edge where it leaves at the right.
+
+    The kinds: ``spine`` (one straight corridor), ``tee`` (a second corridor branches off),
+    ``bend`` (the corridor turns twice), ``loop`` (two corridors joined at both ends).
+    """
+    turn = wing.above < wing.corridor_y
+    plan, leaves = _KINDS[kind](dice, scale, wing.flipped() if turn else wing)
+    if not turn:
+        return plan, leaves
+    return plan.flipped(wing.height), wing.height - leaves - wing.corridor_width
+
+
+def _across(wing: Wing, x0: int, x1: int, y: int, side: int, depth: int) -> Frontage:
+    """The frontage along a horizontal corridor whose lower edge is on row ``y``."""
+    edge = y + wing.corridor_width if side > 0 else y
+    room = wing.height - edge if side > 0 else edge
+    return Frontage("x", (x0, edge), 1 if side > 0 else -1, x1 - x0, min(depth, room))
+
+
+def _spine(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+    y, deep = wing.corridor_y, scale.cells(720)
+    plan = FloorPlan(corridors=[Rect(wing.x0, y, wing.x1, y + wing.corridor_width)])
+    for side in (1, -1):
+        plan.add(row_of_rooms(dice, scale, _across(wing, wing.x0, wing.x1, y, side, deep)))
+    return plan, y
+
+
+def _tee(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+    y, top = wing.corridor_y, wing.corridor_y + wing.corridor_width
+    width = scale.cells(dice.integer(160, 220))
+    third = (wing.x1 - wing.x0) // 3
+    branch = wing.x0 + dice.integer(third, 2 * third)
+    end = min(wing.height, top + scale.cells(dice.integer(1150, 1500)))
+    first = min(scale.cells(dice.integer(460, 580)), (end - top) // 2)
+    plan = FloorPlan(
+        corridors=[
+            Rect(wing.x0, y, wing.x1, top),
+            Rect(branch, top, branch + width, end - scale.cells(20)),
+        ]
+    )
+    sides = [
+        _across(wing, wing.x0, wing.x1, y, -1, scale.cells(720)),
+        _across(wing, wing.x0, branch - scale.cells(15), y, 1, first),
+        _across(wing, branch + width + scale.cells(15), wing.x1, y, 1, first),
+        Frontage("y", (branch, top + first), -1, end - top - first, scale.cells(700)),
+        Frontage("y", (branch + width, top + first), 1, end - top - first, scale.cells(700)),
+    ]
+    for side in sides:
+        plan.add(row_of_rooms(dice, scale, side))
+    return plan, y
+
+
+def _bend(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+    y, width = wing.corridor_y, wing.corridor_width
+    third = (wing.x1 - wing.x0) // 3
+    turn = wing.x0 + dice.integer(third, 2 * third)
+    leaves = y + scale.cells(dice.integer(640, 820))
+    past, deep = turn + width, scale.cells(680)
+    plan = FloorPlan(
+        corridors=[
+            Rect(wing.x0, y, past, y + width),
+            Rect(turn, y + width, past, leaves),
+            Rect(turn, leaves, wing.x1, leaves + width),
+        ]
+    )
+    wall = scale.cells(20)
+    sides = [
+        _across(wing, wing.x0, past, y, -1, deep),
+        _across(wing, wing.x0, turn - wall, y, 1, deep),
+        _across(wing, turn, wing.x1, leaves, 1, deep),
+        _across(wing, past + wall, wing.x1, leaves, -1, deep),
+    ]
+    for side in sides:
+        plan.add(row_of_rooms(dice, scale, side))
+    return plan, leaves
+
+
+def _loop(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+    y, width, wall = wing.corridor_y, wing.corridor_width, scale.cells(20)
+    link = scale.cells(dice.integer(160, 200))
+    inner = scale.cells(dice.integer(480, 600))
+    upper = y + width + inner
+    left, right = wing.x0 + scale.cells(dice.integer(80, 300)), wing.x1 - scale.cells(400)
+    plan = FloorPlan(
+        corridors=[
+            Rect(wing.x0, y, wing.x1, y + width),
+            Rect(left, y + width, left + link, upper),
+            Rect(right - link, y + width, right, upper),
+            Rect(left, upper, right, upper + width),
+        ]
+    )
+    sides = [
+        _across(wing, wing.x0, wing.x1, y, -1, scale.cells(700)),
+        _across(wing, left + link + wall, right - link, y, 1, inner - wall),
+        _across(wing, left, right, upper, 1, scale.cells(600)),
+    ]
+    for side in sides:
+        plan.add(row_of_rooms(dice, scale, side))
+    return plan, y
+
+
+def partition(dice: Dice, scale: Scale, wing: Wing) -> FloorPlan:
+    """A glazed wall across the corridor at the wing's left end, and the door in it."""
+    top = wing.corridor_y + wing.corridor_width
+    wall = Rect(wing.x0, wing.corridor_y, wing.x0 + scale.cells(12), top)
+    width = min(scale.cells(dice.integer(95, 110)), wing.corridor_width - 2)
+    low = dice.integer(wall.y0 + 1, wall.y1 - 1 - width)
+    door = Door(Rect(wall.x0, low, wall.x1, low + width), (1, 0), has_leaf=False)
+    return FloorPlan(walls=[wall], doors=[door])
+
+
+_KINDS: dict[str, Callable[[Dice, Scale, Wing], tuple[FloorPlan, int]]] = {
+    "bend": _bend,
+    "loop": _loop,
+    "spine": _spine,
+    "tee": _tee,
+}
