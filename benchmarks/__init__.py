@@ -1,0 +1,1 @@
+"""Speed against peers and physical limits, side by side in one run."""

@@ -1,0 +1,97 @@
+"""Run every benchmark and write ``docs/benchmarks.md``: ``python -m benchmarks [--quick]``."""
+
+import argparse
+import importlib
+import os
+import platform
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pgm_places.experiment import versions
+
+TOPICS = (
+    "casting",
+    "features",
+    "boosting",
+    "labelling",
+    "relaxation",
+    "inference",
+    "amn_learning",
+    "forward",
+)
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
+HEAD = """\
+# Benchmarks
+
+Each table compares methods side by side in one run on the same data.
+Machines differ and shared ones are noisy: look at the ratios.
+Times are medians of repeated runs after a warm-up that compiles the kernels, in seconds of processor time on one thread and of wall clock on several, unless a column says otherwise.
+
+"""
+
+
+def processor() -> str:
+    """The processor's name where the system tells it."""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def markdown_table(rows: Sequence[dict[str, Any]]) -> str:
+    """Rows as a table; a row with other columns than the one before starts another table."""
+    lines: list[str] = []
+    columns: list[str] = []
+    for row in rows:
+        if list(row) != columns:
+            columns = list(row)
+            lines += ["", "| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+        lines.append("| " + " | ".join(_text(row[name]) for name in columns) + " |")
+    return "\n".join(lines)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    return str(value)
+
+
+def section(topic: str, *, quick: bool) -> str:
+    """One topic's heading, explanation, command and table."""
+    module = importlib.import_module(f"benchmarks.{topic}")
+    text = (module.__doc__ or "").strip()
+    title, _, body = text.partition("\n")
+    rows = module.run(quick)
+    return (
+        f"## {title.rstrip('.')}\n\n{body.strip()}\n\n"
+        f"```console\n$ python -m benchmarks.{topic}\n```\n{markdown_table(rows)}\n"
+    )
+
+
+def main() -> None:
+    """Parse arguments, run, write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("topics", nargs="*", help=f"some of {', '.join(TOPICS)}; all by default")
+    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
+    parser.add_argument("--out", type=Path, default=PAGE, help="the page to write")
+    arguments = parser.parse_args()
+    known = ", ".join(f"{name} {version}" for name, version in versions().items())
+    machine = f"Machine: {processor()}, {os.cpu_count()} cores. Versions: {known}."
+    parts = [HEAD + machine + "\n\nAll of it: `make bench` or `python -m benchmarks`.\n"]
+    for topic in arguments.topics or TOPICS:
+        print(f"== {topic}", flush=True)
+        parts.append(section(topic, quick=arguments.quick))
+        print(parts[-1], flush=True)
+    arguments.out.write_text("\n".join(parts), encoding="utf-8")
+    print(f"wrote {arguments.out}")
+
+
+if __name__ == "__main__":
+    main()
