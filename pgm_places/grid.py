@@ -65,7 +65,7 @@ class OccupancyGrid:
         pose = (*self.origin_xy_m, self.yaw_rad)
         if len(pose) != 3 or not np.isfinite(pose).all():
             raise MapError(f"origin_xy_m and yaw_rad must be three finite numbers, got {pose}")
-        object.__setattr__(self, "cells", frozen(cells.astype(np.int8)))
+        object.__setattr__(self, "cells", frozen(cells.astype(np.int8, copy=False)))
         object.__setattr__(self, "resolution_m", float(self.resolution_m))
         object.__setattr__(self, "origin_xy_m", (float(pose[0]), float(pose[1])))
         object.__setattr__(self, "yaw_rad", float(self.yaw_rad))

@@ -1,0 +1,183 @@
+"""YAML files read as yaml-cpp, the parser of ROS, reads them: every scalar is text until asked for.
+
+PyYAML follows YAML 1.1 and guesses types: ``5e-2`` becomes a string, ``010`` becomes 8, ``no``
+becomes False. Here nothing is guessed: the reader of a key says which type it wants.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import InputError
+
+__all__ = ["YamlFile", "YamlValue", "read_yaml"]
+
+YamlValue: TypeAlias = "str | list[YamlValue] | dict[str, YamlValue]"
+
+MAX_BYTES = 256 * 1024  # a map's or a label file's YAML has some hundred bytes
+MAX_DEPTH = 16
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_NAN = re.compile(r"[+-]?\.?nan", re.IGNORECASE)
+_INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)")
+_TRUE = {"y", "yes", "true", "on"}
+_FALSE = {"n", "no", "false", "off"}
+
+
+class YamlFile:
+    """The mapping at the top of a YAML file, with typed access and errors that name the place.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    values : mapping
+        Keys to texts, lists and mappings of texts.
+    error : type
+        The exception that wrong content raises.
+    """
+
+    def __init__(
+        self, path: Path, values: Mapping[str, YamlValue], error: type[InputError]
+    ) -> None:
+        self.path = path
+        self.values = dict(values)
+        self._error = error
+
+    def fail(self, message: str) -> InputError:
+        """The exception to raise, naming the file."""
+        return self._error(f"{self.path}: {message}")
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.values
+
+    def value(self, key: str) -> YamlValue:
+        """What stands at a key that must be there."""
+        if key not in self.values:
+            raise self.fail(f"key {key!r} is missing; {nearest_name(key, list(self.values))}")
+        return self.values[key]
+
+    def text(self, key: str) -> str:
+        """A text that is not empty."""
+        value = self.value(key)
+        if not isinstance(value, str) or not value:
+            raise self.fail(f"key {key!r} must be a text that is not empty, got {value!r}")
+        return value
+
+    def number(self, key: str) -> float:
+        """A finite number."""
+        return self.as_number(self.value(key), f"key {key!r}")
+
+    def flag(self, key: str) -> bool:
+        """True or false, written as an integer or as one of YAML's words for them."""
+        value = self.value(key)
+        if isinstance(value, str):
+            if _INTEGER.fullmatch(value):
+                return bool(set(value.lower().lstrip("+-").removeprefix("0x")) - {"0"})
+            if value.lower() in _TRUE | _FALSE:
+                return value.lower() in _TRUE
+        raise self.fail(f"key {key!r} must be 0, 1, true or false, got {value!r}")
+
+    def as_number(self, value: YamlValue, where: str, *, allow_nan: bool = False) -> float:
+        """A value of this file as a finite number; ``nan`` in any spelling where allowed."""
+        if isinstance(value, str):
+            if _NUMBER.fullmatch(value) and math.isfinite(float(value)):
+                return float(value)
+            if allow_nan and _NAN.fullmatch(value):
+                return math.nan
+        raise self.fail(
+            f"{where} must be a finite decimal number such as 0.05 or 5e-2, got {value!r}"
+        )
+
+    def as_integer(self, value: YamlValue, where: str, *, low: int, high: int) -> int:
+        """A value of this file as a decimal integer with ``low <= value <= high``."""
+        if isinstance(value, str) and re.fullmatch(r"[+-]?\d{1,18}", value):
+            number = int(value)
+            if low <= number <= high:
+                return number
+        raise self.fail(f"{where} must be a whole number from {low} to {high}, got {value!r}")
+
+
+def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
+    """The content of a YAML file whose top is a mapping; no types guessed, no tags obeyed.
+
+    Parameters
+    ----------
+    path : Path
+        The file; UTF-8.
+    error : type
+        The exception to raise for everything that is wrong.
+    what : str
+        What the file should be, for messages: "map description", "label names".
+
+    Raises
+    ------
+    error
+        Where the file is missing, unreadable, longer than 256 KiB, not YAML, nested deeper than 16
+        levels, uses anchors or aliases, names a key twice, or is no mapping at its top.
+    """
+    text = _text_of(path, error, what)
+    import yaml
+
+    try:
+        node = yaml.compose(text, Loader=yaml.BaseLoader)
+    except yaml.YAMLError as problem:
+        detail = " ".join(str(problem).split())
+        raise error(f"{path}: not a YAML file: {detail}") from None
+    except RecursionError:
+        raise error(f"{path}: nested deeper than {MAX_DEPTH} levels") from None
+    file = YamlFile(path, {}, error)
+    value = _plain(node, file, depth=0, seen=set())
+    if not isinstance(value, dict):
+        raise error(f"{path}: the {what} must be a mapping of keys to values (key: value)")
+    file.values = value
+    return file
+
+
+def _text_of(path: Path, error: type[InputError], what: str) -> str:
+    try:
+        if path.is_dir():
+            raise error(f"{path}: is a folder, the {what} must be a YAML file")
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise error(f"{path}: no such file; the {what} (YAML) was expected there") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    if len(data) > MAX_BYTES:
+        raise error(f"{path}: longer than {MAX_BYTES} bytes; is this the {what} (YAML)?")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise error(
+            f"{path}: not a text file in UTF-8; the {what} (YAML) was expected, not an image"
+        ) from None
+
+
+def _plain(node: object, file: YamlFile, *, depth: int, seen: set[int]) -> YamlValue:
+    """Texts, lists and dictionaries of a composed node."""
+    import yaml
+
+    if depth > MAX_DEPTH:
+        raise file.fail(f"nested deeper than {MAX_DEPTH} levels")
+    if isinstance(node, yaml.ScalarNode):
+        return str(node.value)
+    if isinstance(node, yaml.SequenceNode | yaml.MappingNode):
+        if id(node) in seen:
+            raise file.fail("anchors and aliases (& and *) are not supported; write the value out")
+        seen.add(id(node))
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(item, file, depth=depth + 1, seen=seen) for item in node.value]
+    mapping: dict[str, YamlValue] = {}
+    if isinstance(node, yaml.MappingNode):
+        for key_node, value_node in node.value:
+            key = _plain(key_node, file, depth=depth + 1, seen=seen)
+            if not isinstance(key, str):
+                raise file.fail(f"a key must be a text, got {key!r}")
+            if key in mapping:
+                line = key_node.start_mark.line + 1
+                raise file.fail(f"key {key!r} appears twice (line {line}); keep one")
+            mapping[key] = _plain(value_node, file, depth=depth + 1, seen=seen)
+    return mapping
