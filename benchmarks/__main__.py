@@ -26,7 +26,8 @@ HEAD = """\
 
 Each table compares methods side by side in one run on the same data.
 Machines differ and shared ones are noisy: look at the ratios.
-Times are medians of repeated runs after a warm-up that compiles the kernels, in seconds of processor time on one thread and of wall clock on several, unless a column says otherwise.
+Times are medians of repeated runs after a warm-up that compiles the kernels: processor time on one
+thread, wall clock on several, unless a column says otherwise.
 
 """
 
