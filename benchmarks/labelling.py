@@ -1,0 +1,108 @@
+"""Labelling a whole map: load, cast, features, classify.
+
+The real map of building 79 at 5 cm where the data is there, else the generated building; the list
+is trained on the same map. ``stages`` are processor seconds on one thread; ``cold`` is a fresh
+process with an empty kernel cache.
+"""
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgm_places.datasets import generate_building
+from pgm_places.io.label_image import load_labels, save_labels
+from pgm_places.io.map_server import load_map, save_map
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.place_files import load_labeler, save_labeler
+from pgm_places.places import PlaceLabeler
+
+ROOT = Path(__file__).resolve().parent.parent
+NAMES = ("corridor", "room", "doorway")
+
+
+def map_files(folder: Path) -> tuple[str, Path, Path]:
+    """A name, a map and its labels: the real building, or the generated one written aside."""
+    base = Path(os.environ.get("PGM_PLACES_DATA") or ROOT.parent / "shared" / "data")
+    real = base / "freiburg079"
+    if real.is_dir():
+        return "building 79", real / "map.yaml", real / "labels.png"
+    building = generate_building()
+    save_map(building.grid, folder / "map")
+    save_labels(folder / "labels.png", building.labels, building.label_names)
+    return "generated building", folder / "map.yaml", folder / "labels.png"
+
+
+def median_seconds(work: Any, repeats: int) -> tuple[float, float]:
+    """Median wall and processor seconds."""
+    wall, processor = [], []
+    for _ in range(repeats):
+        start, start_processor = time.perf_counter(), time.process_time()
+        work()
+        wall.append(time.perf_counter() - start)
+        processor.append(time.process_time() - start_processor)
+    return statistics.median(wall), statistics.median(processor)
+
+
+def cold_seconds(model: Path, map_yaml: Path, folder: Path) -> float:
+    """Wall seconds of ``pgm-places label`` in a fresh process with an empty kernel cache."""
+    with tempfile.TemporaryDirectory(dir=folder) as cache:
+        environment = {**os.environ, "PGM_PLACES_CACHE_DIR": cache}
+        command = [sys.executable, "-m", "pgm_places", "label", str(map_yaml), "--model"]
+        start = time.perf_counter()
+        subprocess.run(
+            [*command, str(model), "--out", str(folder / "labelled"), "--quiet"],
+            check=True,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+        )
+        return time.perf_counter() - start
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """The rows of the table."""
+    repeats = 3 if quick else 9
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        title, map_yaml, label_path = map_files(folder)
+        grid = load_map(map_yaml).grid
+        labels = load_labels(label_path, NAMES, grid=grid)
+        methods = {"relaxation": "relaxation", "adaboost": "independent"}
+        labeler = PlaceLabeler(NAMES, methods).fit([LabelledMap(grid, labels)])
+        save_labeler(folder / "model", labeler)
+        labeler, _ = load_labeler(folder / "model")
+
+        for threads in (1, 2):
+
+            def label(threads: int = threads) -> None:
+                loaded = load_map(map_yaml).grid
+                labeler.label(loaded, method="adaboost", n_threads=threads)
+
+            label()
+            wall, processor = median_seconds(label, repeats)
+            rows.append(
+                {
+                    "map": title,
+                    "free cells": int(np.count_nonzero(grid.free)),
+                    "threads": threads,
+                    "wall s": wall,
+                    "processor s": processor,
+                    "cells a second": grid.free.sum() / wall,
+                }
+            )
+        cold = cold_seconds(folder / "model", map_yaml, folder)
+        rows.append({"command": "pgm-places label, cold (nothing compiled)", "wall s": cold})
+    return rows
+
+
+if __name__ == "__main__":
+    from benchmarks.__main__ import markdown_table
+
+    print(markdown_table(run("--quick" in sys.argv)))
