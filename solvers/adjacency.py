@@ -1,0 +1,78 @@
+"""Adjacency of a graph for kernels: which arcs leave a node, and where they lead."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen, integer_array
+from pgm_places.errors import InputError
+from pgm_places.solvers._adjacency_kernels import Arcs, fill_slots
+
+__all__ = ["Adjacency", "adjacency"]
+
+_MAX_EDGES = 2**30
+"""Arcs are numbered in int32: two for every edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Adjacency:
+    """A graph of N nodes and E edges, ready for kernels.
+
+    Parameters
+    ----------
+    n_nodes : int
+        N.
+    edges : (E, 2) int32
+        Node pairs in the order and direction they were given in.
+    arcs : Arcs
+        The same in compressed rows, both directions of every edge.
+    """
+
+    n_nodes: int
+    edges: NDArray[np.int32]
+    arcs: Arcs
+
+    @property
+    def n_edges(self) -> int:
+        """E, the number of edges."""
+        return len(self.edges)
+
+
+def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
+    """The adjacency of ``n_nodes`` nodes and ``edges`` (E, 2), in any order and direction.
+
+    Parallel edges are allowed and add up.
+
+    Raises
+    ------
+    InputError
+        An edge names a node that is not there, or joins a node to itself.
+
+    Examples
+    --------
+    >>> arcs = adjacency(3, [(0, 1), (1, 2)]).arcs
+    >>> arcs.head[arcs.start[1] : arcs.start[2]].tolist()
+    [0, 2]
+    """
+    if n_nodes < 0:
+        raise InputError(f"n_nodes must be at least 0, got {n_nodes}")
+    pairs = np.asarray(edges)
+    if pairs.size == 0:
+        pairs = np.zeros((0, 2), np.int32)
+    pairs = integer_array("edges", pairs, ("E", 2), low=0, high=max(n_nodes, 1))
+    if len(pairs) and n_nodes == 0:
+        raise InputError(f"the graph has no nodes but {len(pairs)} edges")
+    if len(pairs) >= _MAX_EDGES:
+        raise InputError(f"at most {_MAX_EDGES - 1} edges are supported, got {len(pairs)}")
+    loops = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
+    if len(loops):
+        raise InputError(f"edge {loops[0]} joins node {pairs[loops[0], 0]} to itself")
+    ends = frozen(pairs.astype(np.int32))
+    start = np.zeros(n_nodes + 1, np.int32)
+    start[1:] = np.cumsum(np.bincount(ends.ravel(), minlength=n_nodes))
+    head = np.empty(2 * len(ends), np.int32)
+    arc = np.empty(2 * len(ends), np.int32)
+    fill_slots(ends, start[:-1].copy(), head, arc)
+    arcs = Arcs(frozen(start), frozen(head), frozen(arc), ends.reshape(-1))
+    return Adjacency(n_nodes, ends, arcs)

@@ -1,0 +1,160 @@
+"""Checked log-potentials of a pairwise model, in the one form that every solver here takes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError
+from pgm_places.solvers.adjacency import Adjacency, adjacency
+
+__all__ = ["PairwiseModel", "pairwise_model", "total_score"]
+
+
+@dataclass(frozen=True, eq=False)
+class PairwiseModel:
+    """Unary and pairwise log-potentials on a graph; pairwise ones are ``agreement`` or ``tables``.
+
+    Parameters
+    ----------
+    around : Adjacency
+        The graph, N nodes and E edges.
+    unary : (N, K) float
+        Log-potential of each label at each node, -inf where it is forbidden.
+    agreement : (E, K) float or None
+        Log-potential of an edge whose ends agree on a label; 0 where they differ.
+    tables : (1 or E, K, K) float
+        Log-potential of the labels at an edge's first and second node; not used, and (0, K, K),
+        where there is ``agreement``.
+    offset : float
+        What the score of every labelling has on top of these potentials.
+    """
+
+    around: Adjacency
+    unary: NDArray[np.float64]
+    agreement: NDArray[np.float64] | None
+    tables: NDArray[np.float64]
+    offset: float = 0.0
+
+    @property
+    def n_nodes(self) -> int:
+        """N, the number of nodes."""
+        return self.unary.shape[0]
+
+    @property
+    def n_labels(self) -> int:
+        """K, the number of labels."""
+        return self.unary.shape[1]
+
+    @property
+    def table_step(self) -> int:
+        """How far apart the tables of two neighbouring edges lie: 0 where one serves all."""
+        return 1 if len(self.tables) > 1 else 0
+
+
+def pairwise_model(
+    unary: ArrayLike,
+    edges: ArrayLike | Adjacency,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+) -> PairwiseModel:
+    """The potentials checked and put in order, without copying what is in order already.
+
+    Tables that only reward agreement (one value off the diagonal) become ``agreement``, for which
+    every solver is faster.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-potentials of the nodes; -inf forbids a label.
+    edges : (E, 2) int or Adjacency
+        The graph.
+    agreement : (E, K) float, optional
+        Log-potential of agreeing on each label.
+    pairwise : (K, K) or (E, K, K) float, optional
+        Log-potential of each pair of labels; give this or ``agreement``, or neither.
+
+    Raises
+    ------
+    InputError
+        A shape does not fit, a value is NaN or +inf, or a node has no label that is allowed.
+    """
+    nodes = _read_only(finite_array("unary", unary, ("N", "K"), allow_minus_inf=True))
+    n_nodes, n_labels = nodes.shape
+    if n_labels == 0:
+        raise InputError("unary must have a column for at least one label, got none")
+    around = edges if isinstance(edges, Adjacency) else adjacency(n_nodes, edges)
+    if around.n_nodes != n_nodes:
+        raise InputError(f"unary has {n_nodes} rows but the graph has {around.n_nodes} nodes")
+    barred = np.flatnonzero(nodes.max(axis=1) == -np.inf)
+    if len(barred):
+        raise InputError(f"unary forbids every label at node {barred[0]}; allow at least one")
+    if agreement is not None and pairwise is not None:
+        raise InputError("give agreement or pairwise, not both")
+    if pairwise is not None:
+        return _with_tables(around, nodes, pairwise)
+    if agreement is None:
+        reward = np.zeros((around.n_edges, n_labels))
+    else:
+        reward = finite_array("agreement", agreement, (around.n_edges, n_labels))
+    return _with_agreement(around, nodes, reward)
+
+
+def total_score(model: PairwiseModel, labels: NDArray[np.integer]) -> float:
+    """The log-potential of a labelling (N,): its unaries plus its edges plus the offset."""
+    total = float(model.unary[np.arange(model.n_nodes), labels].sum()) + model.offset
+    first, second = labels[model.around.edges[:, 0]], labels[model.around.edges[:, 1]]
+    if model.agreement is not None:
+        same = np.flatnonzero(first == second)
+        return total + float(model.agreement[same, first[same]].sum())
+    table = np.arange(model.around.n_edges) * model.table_step
+    return total + float(model.tables[table, first, second].sum())
+
+
+def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[np.int32]:
+    """A writeable copy of the labelling to start from; the best unaries where none is given."""
+    if initial is None:
+        return model.unary.argmax(axis=1).astype(np.int32)
+    labels = integer_array("initial", initial, (model.n_nodes,), low=0, high=model.n_labels)
+    barred = np.flatnonzero(model.unary[np.arange(model.n_nodes), labels] == -np.inf)
+    if len(barred):
+        raise InputError(
+            f"initial gives node {barred[0]} the label {labels[barred[0]]}, which unary forbids"
+        )
+    return labels.astype(np.int32)
+
+
+def _with_agreement(
+    around: Adjacency, unary: NDArray[np.float64], reward: NDArray[np.float64], offset: float = 0.0
+) -> PairwiseModel:
+    no_tables = _read_only(np.zeros((0, unary.shape[1], unary.shape[1])))
+    return PairwiseModel(around, unary, _read_only(reward), no_tables, offset)
+
+
+def _with_tables(
+    around: Adjacency, unary: NDArray[np.float64], pairwise: ArrayLike
+) -> PairwiseModel:
+    n_labels = unary.shape[1]
+    tables = np.asarray(pairwise, np.float64)
+    shape: tuple[int, ...] = (n_labels, n_labels)
+    if tables.ndim == 3:
+        shape = (around.n_edges, n_labels, n_labels)
+    tables = finite_array("pairwise", tables, shape, allow_minus_inf=True)
+    stacked = tables if tables.ndim == 3 else tables[None]
+    diagonal = np.einsum("tkk->tk", stacked)
+    off = stacked[:, ~np.eye(n_labels, dtype=np.bool_)]
+    if n_labels == 1:
+        off = np.zeros((len(stacked), 1))
+    if np.isfinite(diagonal).all() and np.isfinite(off).all() and (off == off[:, :1]).all():
+        reward = np.broadcast_to(diagonal - off[:, :1], (around.n_edges, n_labels))
+        offset = np.broadcast_to(off[:, 0], around.n_edges).sum()
+        return _with_agreement(around, unary, reward, float(offset))
+    return PairwiseModel(around, unary, None, _read_only(stacked))
+
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A contiguous view that kernels see as read-only, so that each is compiled once."""
+    view = np.ascontiguousarray(array).view()
+    view.setflags(write=False)
+    return view
