@@ -14,7 +14,7 @@ from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
-from pgm_places.grid import FREE, OccupancyGrid
+from pgm_places.grid import FREE, UNKNOWN, OccupancyGrid
 
 __all__ = ["LABEL_NAMES", "LabelledBuilding", "generate_building"]
 
@@ -25,6 +25,9 @@ _CORRIDOR, _ROOM, _DOORWAY = range(3)
 
 _DOORWAY_MARGIN_CM = 30
 """A doorway reaches so far before and behind its wall: what hand-made labels of real maps show."""
+
+_MARGIN_CM = 150
+"""Unknown space that is left around a building."""
 
 _FINEST_M, _COARSEST_M = 0.02, 0.2
 
@@ -128,6 +131,8 @@ def generate_building(
     cells = survey(Dice(seed, 3), scale, plan, solid, glass, noise=slam_noise)
     if slam_noise:
         cells, labels = _bent(Dice(seed, 4), cells, labels)
+    kept = _mapped_rows(cells, scale.cells(_MARGIN_CM))
+    cells, labels = cells[kept], labels[kept]
     labels[(cells != FREE) | ~_main_component(cells == FREE)] = -1
     grid = OccupancyGrid(cells, scale.mm_per_cell / 1000)
     return LabelledBuilding(grid, labels, LABEL_NAMES, split, f"generated building {seed}")
@@ -156,7 +161,7 @@ def _draw_plan(
     dice: Dice, scale: Scale, size: _Size, wings: int
 ) -> tuple[tuple[int, int], FloorPlan, int]:
     """Shape of the raster, the plan in its cells, and the split column."""
-    margin, height = scale.cells(150), scale.cells(size.height_cm)
+    margin, height = scale.cells(_MARGIN_CM), scale.cells(size.height_cm)
     y = height // 2 - scale.cells(110)
     x, plan, edges = 0, FloorPlan(), []
     for index, kind in enumerate(_kinds(dice, size.kinds, wings)):
@@ -165,7 +170,7 @@ def _draw_plan(
             scale.cells(dice.integer(*size.wing_cm)),
             scale.cells(dice.integer(165, 250)),
         )
-        wing = Wing(x, x + length, height, min(y, height - width), width)
+        wing = Wing(x, x + length, height, min(y, height - width), width, scale.cells(20))
         drawn, y = draw_wing(dice, scale, wing, kind)
         plan.add(drawn)
         if index and dice.chance(2, 3):
@@ -231,6 +236,12 @@ def _drift(dice: Dice, length: int) -> NDArray[np.int64]:
     slope, wave = dice.integer(-most, most), dice.integer(-most, most)
     at = np.arange(length, dtype=np.int64) - length // 2
     return (slope * at // length) + (4 * wave * at * at // (length * length))
+
+
+def _mapped_rows(cells: NDArray[np.int8], margin: int) -> slice:
+    """The rows with anything known, and a margin."""
+    known = np.flatnonzero((cells != UNKNOWN).any(axis=1))
+    return slice(max(0, known[0] - margin), known[-1] + 1 + margin)
 
 
 def _main_component(free: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ class Wing:
     """The place a wing has: columns ``x0`` to ``x1`` of a building ``height`` rows high.
 
     The corridor comes in from the left with its lower edge on row ``corridor_y`` and is
-    ``corridor_width`` rows wide.
+    ``corridor_width`` rows wide; a wall of ``wall`` columns parts the rooms from the wing before.
     """
 
     x0: int
@@ -22,11 +22,17 @@ class Wing:
     height: int
     corridor_y: int
     corridor_width: int
+    wall: int
 
     def flipped(self) -> "Wing":
         """The wing in the map turned upside down."""
         y = self.height - self.corridor_y - self.corridor_width
-        return Wing(self.x0, self.x1, self.height, y, self.corridor_width)
+        return Wing(self.x0, self.x1, self.height, y, self.corridor_width, self.wall)
+
+    @property
+    def rooms_x0(self) -> int:
+        """Where rooms may begin."""
+        return self.x0 + self.wall
 
     @property
     def above(self) -> int:
@@ -47,8 +53,9 @@ def draw_wing(dice: Dice, scale: Scale, wing: Wing, kind: str) -> tuple[FloorPla
     return plan.flipped(wing.height), wing.height - leaves - wing.corridor_width
 
 
-def _across(wing: Wing, x0: int, x1: int, y: int, side: int, depth: int) -> Frontage:
+def _across(wing: Wing, span: tuple[int, int], y: int, side: int, depth: int) -> Frontage:
     """The frontage along a horizontal corridor whose lower edge is on row ``y``."""
+    x0, x1 = span
     edge = y + wing.corridor_width if side > 0 else y
     room = wing.height - edge if side > 0 else edge
     return Frontage("x", (x0, edge), 1 if side > 0 else -1, x1 - x0, min(depth, room))
@@ -58,7 +65,7 @@ def _spine(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
     y, deep = wing.corridor_y, scale.cells(720)
     plan = FloorPlan(corridors=[Rect(wing.x0, y, wing.x1, y + wing.corridor_width)])
     for side in (1, -1):
-        plan.add(row_of_rooms(dice, scale, _across(wing, wing.x0, wing.x1, y, side, deep)))
+        plan.add(row_of_rooms(dice, scale, _across(wing, (wing.rooms_x0, wing.x1), y, side, deep)))
     return plan, y
 
 
@@ -76,9 +83,9 @@ def _tee(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
         ]
     )
     sides = [
-        _across(wing, wing.x0, wing.x1, y, -1, scale.cells(720)),
-        _across(wing, wing.x0, branch - scale.cells(15), y, 1, first),
-        _across(wing, branch + width + scale.cells(15), wing.x1, y, 1, first),
+        _across(wing, (wing.rooms_x0, wing.x1), y, -1, scale.cells(720)),
+        _across(wing, (wing.rooms_x0, branch - scale.cells(15)), y, 1, first),
+        _across(wing, (branch + width + scale.cells(15), wing.x1), y, 1, first),
         Frontage("y", (branch, top + first), -1, end - top - first, scale.cells(700)),
         Frontage("y", (branch + width, top + first), 1, end - top - first, scale.cells(700)),
     ]
@@ -102,10 +109,10 @@ def _bend(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
     )
     wall = scale.cells(20)
     sides = [
-        _across(wing, wing.x0, past, y, -1, deep),
-        _across(wing, wing.x0, turn - wall, y, 1, deep),
-        _across(wing, turn, wing.x1, leaves, 1, deep),
-        _across(wing, past + wall, wing.x1, leaves, -1, deep),
+        _across(wing, (wing.rooms_x0, past), y, -1, deep),
+        _across(wing, (wing.rooms_x0, turn - wall), y, 1, deep),
+        _across(wing, (turn, wing.x1), leaves, 1, deep),
+        _across(wing, (past + wall, wing.x1), leaves, -1, deep),
     ]
     for side in sides:
         plan.add(row_of_rooms(dice, scale, side))
@@ -127,9 +134,9 @@ def _loop(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
         ]
     )
     sides = [
-        _across(wing, wing.x0, wing.x1, y, -1, scale.cells(700)),
-        _across(wing, left + link + wall, right - link, y, 1, inner - wall),
-        _across(wing, left, right, upper, 1, scale.cells(600)),
+        _across(wing, (wing.rooms_x0, wing.x1), y, -1, scale.cells(700)),
+        _across(wing, (left + link + wall, right - link), y, 1, inner - wall),
+        _across(wing, (left, right), upper, 1, scale.cells(600)),
     ]
     for side in sides:
         plan.add(row_of_rooms(dice, scale, side))
