@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, LabelError
 
-__all__ = ["finite_array", "frozen", "integer_array", "nearest_name"]
+__all__ = ["finite_array", "frozen", "integer_array", "label_raster", "nearest_name"]
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -76,6 +76,27 @@ def integer_array(
             f"got {array[where]} at index {where}"
         )
     return array.astype(np.int64, copy=False)
+
+
+def label_raster(
+    name: str, values: ArrayLike, shape: tuple[int | str | None, ...], n_labels: int | None = None
+) -> NDArray[np.int16]:
+    """``values`` as labels per cell, -1 for none; at most two bytes a cell are allocated."""
+    array = np.asarray(values)
+    if not np.issubdtype(array.dtype, np.integer):
+        raise LabelError(f"{name} must hold integers, got dtype {array.dtype}")
+    if len(array.shape) != len(shape) or any(
+        isinstance(want, int) and want != size
+        for want, size in zip(shape, array.shape, strict=True)
+    ):
+        raise LabelError(f"{name} must have shape {_shape_text(shape)}, got {array.shape}")
+    high = np.iinfo(np.int16).max if n_labels is None else n_labels - 1
+    if array.size and (array.min() < -1 or array.max() > high):
+        raise LabelError(
+            f"{name} must hold labels from 0 to {high}, or -1 for none, got values from "
+            f"{array.min()} to {array.max()}"
+        )
+    return array.astype(np.int16, copy=False)
 
 
 def nearest_name(name: str, known: list[str]) -> str:

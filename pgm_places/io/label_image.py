@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array
-from pgm_places.errors import InputError, LabelError
+from pgm_places._checks import label_raster
+from pgm_places.errors import LabelError
 from pgm_places.grid import OccupancyGrid
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.label_values import LabelValues, default_values, read_label_values
@@ -107,11 +107,8 @@ def save_labels(
     """
     target = Path(path)
     names = [str(name) for name in label_names]
-    try:
-        labels = integer_array("raster", raster, ("H", "W"), low=-1, high=len(names))
-    except InputError as error:
-        raise LabelError(f"labels for {target}: {error}") from None
     values = default_values(names)
+    labels = label_raster("raster", raster, ("H", "W"), n_labels=len(names))
     table = np.zeros(len(names) + 1, np.uint8)  # the last entry is that of label -1
     table[: len(names)] = list(values.values())
     write_bytes(target, _indexed_png(table[labels][::-1], values))

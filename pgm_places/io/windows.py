@@ -1,0 +1,134 @@
+"""Windows of a map, to learn from or to test on: ranges of columns, rows or metres."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import MapError
+from pgm_places.grid import OccupancyGrid
+
+__all__ = ["window_mask"]
+
+_STRIP_CELLS = 1 << 20
+
+
+def window_mask(
+    grid: OccupancyGrid,
+    *,
+    columns: Sequence[int | None] | None = None,
+    rows: Sequence[int | None] | None = None,
+    x_m: Sequence[float | None] | None = None,
+    y_m: Sequence[float | None] | None = None,
+) -> NDArray[np.bool_]:
+    """(H, W) mask of the cells inside every given range; all cells where none is given.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map.
+    columns : (start, stop), optional
+        Image columns from the left, ``start <= column < stop``; None leaves a side open.
+    rows : (start, stop), optional
+        Image rows from the *top*, as an image editor counts them, ``start <= row < stop``. Row 0 of
+        the image is the last row of the mask, as of the grid.
+    x_m, y_m : (low, high), optional
+        Metres in the map frame, ``low <= centre of the cell < high``; they may reach beyond the
+        map.
+
+    Raises
+    ------
+    MapError
+        Where a range is empty, reaches outside the image's columns or rows, or no cell is left.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0], [0, 0, 0]], resolution_m=1.0)
+    >>> window_mask(grid, columns=(1, None), rows=(0, 1)).tolist()
+    [[False, False, False], [False, True, True]]
+    """
+    height, width = grid.shape
+    mask = np.zeros((height, width), np.bool_)
+    first, last = _indices("columns", columns, width, "width")
+    top, bottom = _indices("rows", rows, height, "height")
+    mask[height - bottom : height - top, first:last] = True
+    if x_m is not None or y_m is not None:
+        _cut_in_metres(mask, grid, _metres("x_m", x_m), _metres("y_m", y_m))
+        if not mask.any():
+            raise MapError(
+                f"the window {_listed(columns=columns, rows=rows, x_m=x_m, y_m=y_m)} holds no cell "
+                f"of the map, which {_extent(grid)}"
+            )
+    return mask
+
+
+def _indices(
+    name: str, limits: Sequence[int | None] | None, size: int, size_name: str
+) -> tuple[int, int]:
+    start, stop = _pair(name, limits)
+    first, last = 0 if start is None else start, size if stop is None else stop
+    whole = isinstance(first, int | np.integer) and isinstance(last, int | np.integer)
+    if not whole or not 0 <= first < last <= size:
+        raise MapError(
+            f"the window {_listed(**{name: limits})} must be whole numbers with "
+            f"0 <= start < stop <= {size}, the {size_name} of the map's image"
+        )
+    return int(first), int(last)
+
+
+def _metres(name: str, limits: Sequence[float | None] | None) -> tuple[float, float]:
+    low, high = _pair(name, limits)
+    low_m, high_m = -np.inf if low is None else float(low), np.inf if high is None else float(high)
+    if not low_m < high_m:
+        raise MapError(f"the window {_listed(**{name: limits})} is empty: low < high is wanted")
+    return low_m, high_m
+
+
+def _pair(name: str, limits: Sequence[float | None] | None) -> tuple[float | None, float | None]:
+    if limits is None:
+        return None, None
+    if isinstance(limits, str) or len(limits) != 2:
+        raise MapError(f"the window {name} must be a pair [start, stop], got {limits!r}")
+    return limits[0], limits[1]
+
+
+def _cut_in_metres(
+    mask: NDArray[np.bool_],
+    grid: OccupancyGrid,
+    x_limits: tuple[float, float],
+    y_limits: tuple[float, float],
+) -> None:
+    """Clear the cells whose centre lies outside the ranges, some rows at a time."""
+    height, width = grid.shape
+    cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
+    along = (np.arange(width) + 0.5) * grid.resolution_m
+    origin_x, origin_y = grid.origin_xy_m
+    step = max(1, _STRIP_CELLS // width)
+    for first in range(0, height, step):
+        last = min(first + step, height)
+        up = ((np.arange(first, last) + 0.5) * grid.resolution_m)[:, None]
+        x, y = origin_x + cos * along - sin * up, origin_y + sin * along + cos * up
+        mask[first:last] &= (x >= x_limits[0]) & (x < x_limits[1])
+        mask[first:last] &= (y >= y_limits[0]) & (y < y_limits[1])
+
+
+def _extent(grid: OccupancyGrid) -> str:
+    height, width = grid.shape
+    corners = np.array([[-0.5, -0.5], [-0.5, width - 0.5], [height - 0.5, -0.5]])
+    corners = np.vstack([corners, [[height - 0.5, width - 0.5]]])
+    (x0, y0), (x1, y1) = (pick(grid.cell_centres_m(corners), axis=0) for pick in (np.min, np.max))
+    return (
+        f"has {width} columns and {height} rows and reaches from {x0:g} to {x1:g} m in x and from "
+        f"{y0:g} to {y1:g} m in y"
+    )
+
+
+def _listed(**limits: Sequence[float | None] | None) -> str:
+    def text(value: float | None) -> str:
+        return "end" if value is None else f"{value:g}" if isinstance(value, float) else repr(value)
+
+    return ", ".join(
+        f"{name} [{', '.join(text(value) for value in pair)}]"
+        for name, pair in limits.items()
+        if pair is not None
+    )
