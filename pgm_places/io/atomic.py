@@ -9,7 +9,14 @@ from pathlib import Path
 
 from pgm_places.errors import OutputError
 
-__all__ = ["atomic_file", "atomic_folder", "check_writable_folder", "write_bytes", "write_text"]
+__all__ = [
+    "atomic_file",
+    "atomic_folder",
+    "check_folder_target",
+    "check_writable_folder",
+    "write_bytes",
+    "write_text",
+]
 
 
 def write_bytes(path: Path | str, data: bytes) -> Path:
@@ -83,7 +90,7 @@ def atomic_folder(
     target = Path(path)
     with _as_output_errors(target):
         _make_parent(target)
-        _refuse_what_is_in_the_way(target, replaces)
+        check_folder_target(target, replaces=replaces)
         temporary = _sibling(target, "tmp")
         temporary.mkdir()
         try:
@@ -95,6 +102,32 @@ def atomic_folder(
         finally:
             if temporary.exists():
                 shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_folder_target(
+    path: Path | str, *, replaces: Callable[[Path], bool] | None = None
+) -> None:
+    """Refuse a path where ``atomic_folder`` would find something in the way.
+
+    Raises
+    ------
+    OutputError
+        Where a file stands there, or a folder that is neither empty nor to be replaced.
+    """
+    target = Path(path)
+    with _as_output_errors(target):
+        if not target.exists() and not target.is_symlink():
+            return
+        if target.is_symlink() or not target.is_dir():
+            raise OutputError(
+                f"cannot write the folder {target}: a file of that name is in the way; choose "
+                "another path or remove it"
+            )
+        if any(target.iterdir()) and not (replaces is not None and replaces(target)):
+            raise OutputError(
+                f"cannot write the folder {target}: it exists and holds other files; choose "
+                "another path or empty it"
+            )
 
 
 def check_writable_folder(path: Path | str) -> Path:
@@ -140,21 +173,6 @@ def _make_parent(target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
 
 
-def _refuse_what_is_in_the_way(target: Path, replaces: Callable[[Path], bool] | None) -> None:
-    if not target.exists() and not target.is_symlink():
-        return
-    if target.is_symlink() or not target.is_dir():
-        raise OutputError(
-            f"cannot write the folder {target}: a file of that name is in the way; choose another "
-            "path or remove it"
-        )
-    if any(target.iterdir()) and not (replaces is not None and replaces(target)):
-        raise OutputError(
-            f"cannot write the folder {target}: it exists, is not empty and was not written by "
-            "this tool for the same purpose; choose another path or remove it"
-        )
-
-
 def _swap_in(new: Path, target: Path) -> None:
     """Rename ``new`` to ``target``; a folder that stands there survives until that succeeded."""
     if not target.exists():
@@ -171,6 +189,8 @@ def _swap_in(new: Path, target: Path) -> None:
 
 
 def _sibling(target: Path, suffix: str) -> Path:
+    if target.name in ("", ".."):  # "." and the like: the folder's real name is wanted
+        target = target.resolve()
     return target.with_name(f".{target.name}.{secrets.token_hex(6)}.{suffix}")
 
 
