@@ -1,0 +1,329 @@
+"""The max-margin objective of an associative Markov network: what every learner minimises.
+
+Weights ``w`` hold one column per label: node weights (D, K) and edge weights (F, K) >= 0. They give
+the score of a labelling y,
+
+    score(y) = sum_i w_n[:, y_i] . x_i + sum_ij [y_i = y_j] w_e[:, y_i] . x_ij ,
+
+and learning minimises, with the true labelling t, node losses l and N nodes,
+
+    f(w) = 1/2 |w|^2 + C H(w),   H(w) = 1/N max_y ( score(y) + sum_i l_i [y_i != t_i] - score(t) ).
+
+The penalty C multiplies a mean over nodes, so it means the same on a small and on a large map.
+B. Taskar, V. Chatalbashev, D. Koller, "Learning associative Markov networks", ICML 2004.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+
+__all__ = [
+    "Cut",
+    "LearningStep",
+    "MaxMarginProblem",
+    "MaxMarginSolution",
+    "OnStep",
+    "Oracle",
+    "augmented_potentials",
+    "cut_of",
+    "hinge",
+    "joined",
+    "joint_features",
+    "objective",
+    "potentials_of",
+    "relaxed_lower_bound",
+    "split_weights",
+]
+
+Oracle = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.int64]]
+"""(unary (N, K), agreement (E, K)) -> a labelling (N,) of large score."""
+
+
+@dataclass(frozen=True, eq=False)
+class MaxMarginProblem:
+    """One training map, or several side by side.
+
+    Parameters
+    ----------
+    node_features : (N, D) float
+    edges : (E, 2) int
+        Node pairs, each once.
+    edge_features : (E, F) float
+        At least 0, so that non-negative weights give non-negative rewards for agreement.
+    labels : (N,) int
+        The true label of every node.
+    n_labels : int
+        K.
+    loss : (N,) float
+        l, what a wrong label costs at each node; ones are the Hamming loss.
+    penalty : float
+        C > 0, the price of the mean hinge against the size of the weights.
+    """
+
+    node_features: NDArray[np.float64]
+    edges: NDArray[np.int32]
+    edge_features: NDArray[np.float64]
+    labels: NDArray[np.int64]
+    n_labels: int
+    loss: NDArray[np.float64]
+    penalty: float
+
+    def __post_init__(self) -> None:
+        nodes = finite_array("node_features", self.node_features, ("N", "D"))
+        n_nodes = len(nodes)
+        if n_nodes == 0:
+            raise InputError("max-margin learning needs at least one labelled node, got none")
+        edges = integer_array("edges", self.edges, ("E", 2), low=0, high=n_nodes)
+        features = finite_array("edge_features", self.edge_features, (len(edges), "F"))
+        if features.size and features.min() < 0:
+            raise InputError("edge_features must be at least 0; shift or split signed features")
+        labels = integer_array("labels", self.labels, (n_nodes,), low=0, high=self.n_labels)
+        loss = finite_array("loss", self.loss, (n_nodes,))
+        if loss.min() < 0:
+            raise InputError(f"loss must be at least 0 at every node, got {loss.min()}")
+        if not (np.isfinite(self.penalty) and self.penalty > 0):
+            raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
+        object.__setattr__(self, "node_features", frozen(nodes))
+        object.__setattr__(self, "edges", frozen(edges.astype(np.int32, copy=False)))
+        object.__setattr__(self, "edge_features", frozen(features))
+        object.__setattr__(self, "labels", frozen(labels))
+        object.__setattr__(self, "loss", frozen(loss))
+
+    @property
+    def n_nodes(self) -> int:
+        """N."""
+        return len(self.node_features)
+
+    @property
+    def n_node_weights(self) -> int:
+        """D K: where the edge weights begin in the flat weight vector."""
+        return self.node_features.shape[1] * self.n_labels
+
+    @property
+    def n_weights(self) -> int:
+        """(D + F) K, the length of the flat weight vector."""
+        return self.n_node_weights + self.edge_features.shape[1] * self.n_labels
+
+    @cached_property
+    def truth_features(self) -> NDArray[np.float64]:
+        """The joint features of the true labelling."""
+        return frozen(joint_features(self, self.labels))
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A plane below the hinge: H(w) >= offset - gradient . w for every w."""
+
+    gradient: NDArray[np.float64]
+    offset: float
+
+    def value(self, weights: NDArray[np.float64]) -> float:
+        """The plane's height at ``weights``."""
+        return self.offset - float(self.gradient @ weights)
+
+
+@dataclass(frozen=True)
+class LearningStep:
+    """Where a learner stands, handed to ``on_iteration``; answering True stops it.
+
+    ``objective`` is that of the best weights so far as far as the learner knows it; ``gap`` is
+    relative: ``(objective - lower_bound) / objective``.
+    """
+
+    iteration: int
+    seconds: float
+    objective: float
+    lower_bound: float
+    n_cuts: int
+
+    @property
+    def gap(self) -> float:
+        """(objective - lower bound) / objective, 0 where both are 0."""
+        return relative_gap(self.objective, self.lower_bound)
+
+
+OnStep = Callable[[LearningStep], bool | None]
+"""Called once per iteration; a learner stops with the best weights so far when it says True."""
+
+
+@dataclass(frozen=True, eq=False)
+class MaxMarginSolution:
+    """Learned weights and how good they are known to be.
+
+    Parameters
+    ----------
+    weights : (n_weights,) float
+        Flat: node weights (D, K), then edge weights (F, K), both row by row.
+    objective : float
+        f(weights). The QP's is the repaired, rigorously feasible value of the relaxation, an
+        upper bound of f; the other learners evaluate H with their oracle, which may miss a
+        better labelling: certify them.
+    lower_bound : float
+        No weights reach less than this (rigorous).
+    status : str
+        ``optimal`` (the tolerance was met), ``optimal_inaccurate``, ``iteration_limit``,
+        ``time_limit``, ``stopped`` (``on_iteration`` said so) or ``stalled`` (no further
+        progress at machine precision or by this oracle).
+    iterations : int
+    history : tuple of LearningStep
+    cuts : tuple of Cut
+        Planes that hold for the same nodes and losses at any penalty; a warm start.
+    """
+
+    weights: NDArray[np.float64]
+    objective: float
+    lower_bound: float
+    status: str
+    iterations: int
+    history: tuple[LearningStep, ...] = ()
+    cuts: tuple[Cut, ...] = ()
+
+    @property
+    def gap(self) -> float:
+        """(objective - lower bound) / objective, 0 where both are 0."""
+        return relative_gap(self.objective, self.lower_bound)
+
+
+def relative_gap(upper: float, lower: float) -> float:
+    """(upper - lower) / upper, and 0 where the bounds meet."""
+    return 0.0 if upper <= lower else (upper - lower) / max(abs(upper), np.finfo(float).tiny)
+
+
+def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
+    """Several training maps as one problem of separate blocks.
+
+    The maximum over labellings splits over blocks, so the hinge is the sum of the maps' own,
+    weighted by their numbers of nodes.
+
+    Raises
+    ------
+    InputError
+        No problem, or problems that differ in features, labels or penalty.
+    """
+    if not problems:
+        raise InputError("learning needs at least one training map, got none")
+    first = problems[0]
+    if len(problems) == 1:
+        return first
+    for problem in problems[1:]:
+        same = (
+            problem.node_features.shape[1] == first.node_features.shape[1]
+            and problem.edge_features.shape[1] == first.edge_features.shape[1]
+            and problem.n_labels == first.n_labels
+            and problem.penalty == first.penalty
+        )
+        if not same:
+            raise InputError("training maps must have the same features, labels and penalty")
+    starts = np.cumsum([0, *(problem.n_nodes for problem in problems[:-1])])
+    edges = [problem.edges + start for problem, start in zip(problems, starts, strict=True)]
+    return MaxMarginProblem(
+        np.concatenate([problem.node_features for problem in problems]),
+        np.concatenate(edges).astype(np.int32),
+        np.concatenate([problem.edge_features for problem in problems]),
+        np.concatenate([problem.labels for problem in problems]),
+        first.n_labels,
+        np.concatenate([problem.loss for problem in problems]),
+        first.penalty,
+    )
+
+
+def split_weights(
+    problem: MaxMarginProblem, weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Node weights (D, K) and edge weights (F, K) of a flat weight vector; views."""
+    start = problem.n_node_weights
+    shape = (-1, problem.n_labels)
+    return weights[:start].reshape(shape), weights[start:].reshape(shape)
+
+
+def joint_features(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The vector phi(y) with score(y) = w . phi(y), flat like the weights.
+
+    Per label: the sum of the features of its nodes, then of the edges whose ends both have it.
+    """
+    first, second = labels[problem.edges[:, 0]], labels[problem.edges[:, 1]]
+    agreed = np.where(first == second, first, problem.n_labels)
+    return np.concatenate(
+        [
+            _sums_by_label(problem.node_features, labels, problem.n_labels).ravel(),
+            _sums_by_label(problem.edge_features, agreed, problem.n_labels).ravel(),
+        ]
+    )
+
+
+def _sums_by_label(
+    features: NDArray[np.float64], labels: NDArray[np.int64], n_labels: int
+) -> NDArray[np.float64]:
+    sums = np.empty((features.shape[1], n_labels))
+    for k in range(n_labels):
+        sums[:, k] = (labels == k).astype(np.float64) @ features
+    return sums
+
+
+def potentials_of(
+    problem: MaxMarginProblem, weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unary (N, K) and agreement (E, K) of the score."""
+    node_weights, edge_weights = split_weights(problem, weights)
+    return problem.node_features @ node_weights, problem.edge_features @ edge_weights
+
+
+def augmented_potentials(
+    problem: MaxMarginProblem, weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The potentials of score plus loss: l_i is added to every wrong label of node i."""
+    unary, agreement = potentials_of(problem, weights)
+    unary += problem.loss[:, None]
+    unary[np.arange(problem.n_nodes), problem.labels] -= problem.loss
+    return unary, agreement
+
+
+def cut_of(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> Cut:
+    """The plane that a labelling gives: its loss and its joint features against the truth's."""
+    wrong = float(problem.loss[labels != problem.labels].sum())
+    difference = problem.truth_features - joint_features(problem, labels)
+    return Cut(difference / problem.n_nodes, wrong / problem.n_nodes)
+
+
+def hinge(
+    problem: MaxMarginProblem, weights: NDArray[np.float64], augmented_maximum: float
+) -> float:
+    """H(w), given the maximum of score plus loss; an upper bound of H from an upper bound."""
+    truth = float(problem.truth_features @ weights)
+    return max(augmented_maximum - truth, 0.0) / problem.n_nodes
+
+
+def objective(problem: MaxMarginProblem, weights: NDArray[np.float64], hinge: float) -> float:
+    """f(w) = 1/2 |w|^2 + C H."""
+    return 0.5 * float(weights @ weights) + problem.penalty * hinge
+
+
+def relaxed_lower_bound(problem: MaxMarginProblem, marginals: NDArray[np.float64]) -> float:
+    """A rigorous lower bound of the relaxed objective's minimum from node marginals (N, K).
+
+    Any marginals with rows that sum to one are feasible in the dual of the learning QP, with
+    the edge marginals ``min(m_i, m_j)`` that suit it best; the bound is the dual's value
+
+        C/N sum_i l_i (1 - m_i[t_i]) - 1/2 |w_n|^2 - 1/2 |w_e|^2,
+        w_n = C/N sum_i x_i (1[t_i] - m_i),  w_e = max(0, C/N sum_ij x_ij (1[t_ij] - m_ij)).
+    """
+    nodes = np.arange(problem.n_nodes)
+    m = np.maximum(marginals, 0.0)
+    total = m.sum(axis=1, keepdims=True)
+    m = np.where(total > 0, m / np.where(total > 0, total, 1.0), 1.0 / problem.n_labels)
+    scale = problem.penalty / problem.n_nodes
+    loss = scale * float(problem.loss @ (1.0 - m[nodes, problem.labels]))
+    edge_marginals = np.minimum(m[problem.edges[:, 0]], m[problem.edges[:, 1]])
+    expected = np.concatenate(
+        [(problem.node_features.T @ m).ravel(), (problem.edge_features.T @ edge_marginals).ravel()]
+    )
+    weights = scale * (problem.truth_features - expected)
+    start = problem.n_node_weights
+    weights[start:] = np.maximum(weights[start:], 0.0)
+    return loss - 0.5 * float(weights @ weights)

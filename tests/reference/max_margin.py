@@ -1,0 +1,75 @@
+"""Max-margin learning by listing every labelling: slow, obvious, for a dozen nodes."""
+
+import itertools
+
+import cvxpy as cp
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
+
+
+def all_labelings(n_nodes: int, n_labels: int) -> NDArray[np.int64]:
+    return np.array(list(itertools.product(range(n_labels), repeat=n_nodes)), np.int64)
+
+
+def score(
+    problem: MaxMarginProblem, weights: NDArray[np.float64], labels: NDArray[np.int64]
+) -> float:
+    """The definition, node by node and edge by edge."""
+    d, f, k = problem.node_features.shape[1], problem.edge_features.shape[1], problem.n_labels
+    node_weights = weights[: d * k].reshape(d, k)
+    edge_weights = weights[d * k :].reshape(f, k)
+    total = 0.0
+    for i, label in enumerate(labels):
+        total += float(problem.node_features[i] @ node_weights[:, label])
+    for e, (i, j) in enumerate(problem.edges):
+        if labels[i] == labels[j]:
+            total += float(problem.edge_features[e] @ edge_weights[:, labels[i]])
+    return total
+
+
+def loss(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> float:
+    return float(sum(problem.loss[i] for i in range(len(labels)) if labels[i] != problem.labels[i]))
+
+
+def objective(problem: MaxMarginProblem, weights: NDArray[np.float64]) -> float:
+    """f(w) with the maximum over all labellings."""
+    truth = score(problem, weights, problem.labels)
+    margin = max(
+        score(problem, weights, labels) + loss(problem, labels) - truth
+        for labels in all_labelings(problem.n_nodes, problem.n_labels)
+    )
+    return 0.5 * float(weights @ weights) + problem.penalty * margin / problem.n_nodes
+
+
+def optimum(problem: MaxMarginProblem) -> tuple[float, NDArray[np.float64]]:
+    """The least objective and its weights, with one constraint per labelling."""
+    d, f, k = problem.node_features.shape[1], problem.edge_features.shape[1], problem.n_labels
+    basis = np.eye((d + f) * k)
+    labelings = all_labelings(problem.n_nodes, k)
+    features = np.array([[score(problem, unit, y) for unit in basis] for y in labelings])
+    truth = np.array([score(problem, unit, problem.labels) for unit in basis])
+    losses = np.array([loss(problem, y) for y in labelings])
+    weights, slack = cp.Variable(len(basis)), cp.Variable()
+    margins = (features - truth) @ weights + losses
+    program = cp.Problem(
+        cp.Minimize(0.5 * cp.sum_squares(weights) + problem.penalty * slack),
+        [slack >= margins / problem.n_nodes, weights[d * k :] >= 0],
+    )
+    program.solve(solver="CLARABEL")
+    assert program.status == "optimal"
+    return float(program.value), np.asarray(weights.value)
+
+
+def exact_oracle(problem: MaxMarginProblem) -> Oracle:
+    labelings = all_labelings(problem.n_nodes, problem.n_labels)
+    first, second = labelings[:, problem.edges[:, 0]], labelings[:, problem.edges[:, 1]]
+    nodes, edges = np.arange(problem.n_nodes), np.arange(len(problem.edges))
+
+    def best(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
+        scores = unary[nodes, labelings].sum(axis=1)
+        scores += np.where(first == second, agreement[edges, first], 0.0).sum(axis=1)
+        return labelings[int(scores.argmax())]
+
+    return best

@@ -1,0 +1,59 @@
+"""Small random learning problems that several test files share."""
+
+import numpy as np
+
+from pgm_places.graph import LabelGraph
+from pgm_places.solvers.max_margin import MaxMarginProblem
+
+
+def grid_problem(
+    height: int,
+    width: int,
+    n_labels: int,
+    *,
+    seed: int = 0,
+    penalty: float = 5.0,
+    n_noise: int = 1,
+    noise: float = 1.0,
+    weighted: bool = False,
+) -> MaxMarginProblem:
+    """Stripes of labels on a grid, seen through noisy indicators."""
+    rng = np.random.default_rng(seed)
+    n = height * width
+    labels = ((np.mgrid[:height, :width][1] * n_labels) // width).ravel()
+    indicators = np.eye(n_labels)[labels] + noise * rng.normal(size=(n, n_labels))
+    features = np.column_stack([indicators, rng.normal(size=(n, n_noise)), np.ones(n)])
+    graph = LabelGraph.from_grid(np.ones((height, width), np.bool_))
+    edge_features = np.column_stack([np.ones(graph.n_edges), rng.random(graph.n_edges)])
+    loss = rng.uniform(0.5, 2.0, n) if weighted else np.ones(n)
+    return MaxMarginProblem(
+        features, graph.edges, edge_features, labels.astype(np.int64), n_labels, loss, penalty
+    )
+
+
+def renumbered(problem: MaxMarginProblem, order: np.ndarray) -> MaxMarginProblem:
+    """The same problem with node ``order[i]`` called i."""
+    number = np.empty(problem.n_nodes, np.int32)
+    number[order] = np.arange(problem.n_nodes, dtype=np.int32)
+    return MaxMarginProblem(
+        problem.node_features[order],
+        number[problem.edges][:, ::-1],
+        problem.edge_features,
+        problem.labels[order],
+        problem.n_labels,
+        problem.loss[order],
+        problem.penalty,
+    )
+
+
+def relabelled(problem: MaxMarginProblem, names: np.ndarray) -> MaxMarginProblem:
+    """The same problem with label k called ``names[k]``."""
+    return MaxMarginProblem(
+        problem.node_features,
+        problem.edges,
+        problem.edge_features,
+        names[problem.labels],
+        problem.n_labels,
+        problem.loss,
+        problem.penalty,
+    )

@@ -1,0 +1,218 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pgm_places.errors import InputError, SolverError
+from pgm_places.solvers import max_margin_qp as module
+from pgm_places.solvers.max_margin import (
+    augmented_potentials,
+    cut_of,
+    hinge,
+    joined,
+    joint_features,
+    objective,
+    potentials_of,
+    relaxed_lower_bound,
+)
+from pgm_places.solvers.max_margin_qp import max_margin_qp, relaxed_objective
+from tests.reference import max_margin as reference
+from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered
+
+SOLVERS = ["clarabel", "osqp"]
+
+
+# ---------------------------------------------------------------- the objective's parts
+
+
+def test_joint_features_score_like_the_definition() -> None:
+    problem = grid_problem(2, 3, 3, weighted=True)
+    rng = np.random.default_rng(1)
+    weights = rng.normal(size=problem.n_weights)
+    labels = rng.integers(0, 3, problem.n_nodes)
+    expected = reference.score(problem, weights, labels)
+    assert float(joint_features(problem, labels) @ weights) == pytest.approx(expected, abs=1e-12)
+    unary, agreement = potentials_of(problem, weights)
+    same = labels[problem.edges[:, 0]] == labels[problem.edges[:, 1]]
+    total = unary[np.arange(6), labels].sum()
+    total += agreement[same, labels[problem.edges[same, 0]]].sum()
+    assert total == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_cut_is_below_the_hinge_and_touches_it_at_its_labelling() -> None:
+    problem = grid_problem(2, 3, 2, weighted=True)
+    rng = np.random.default_rng(2)
+    weights = rng.normal(size=problem.n_weights)
+    weights[problem.n_node_weights :] = np.abs(weights[problem.n_node_weights :])
+    exact = reference.objective(problem, weights)
+    heights = []
+    for labels in reference.all_labelings(6, 2):
+        cut = cut_of(problem, labels)
+        heights.append(objective(problem, weights, cut.value(weights)))
+    assert max(heights) == pytest.approx(exact, rel=1e-12)
+    unary, agreement = augmented_potentials(problem, weights)
+    best = reference.exact_oracle(problem)(unary, agreement)
+    same = best[problem.edges[:, 0]] == best[problem.edges[:, 1]]
+    maximum = unary[np.arange(6), best].sum() + agreement[same, best[problem.edges[same, 0]]].sum()
+    value = objective(problem, weights, hinge(problem, weights, float(maximum)))
+    assert value == pytest.approx(exact, rel=1e-12)
+
+
+# ---------------------------------------------------------------- against enumeration
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_with_two_labels_the_qp_is_the_exact_optimum(seed: int, weighted: bool) -> None:
+    problem = grid_problem(2, 4, 2, seed=seed, weighted=weighted)
+    exact, weights = reference.optimum(problem)
+    found = max_margin_qp(problem, tolerance=1e-8)
+    assert found.status == "optimal"
+    assert found.objective == pytest.approx(exact, rel=1e-5)
+    assert found.lower_bound == pytest.approx(exact, rel=1e-5)
+    np.testing.assert_allclose(found.weights, weights, rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_with_three_labels_the_qp_bounds_the_optimum_from_above(seed: int) -> None:
+    problem = grid_problem(2, 3, 3, seed=seed)
+    exact, _ = reference.optimum(problem)
+    found = max_margin_qp(problem)
+    assert exact <= found.objective * (1 + 1e-6)
+    assert found.objective <= 1.05 * exact
+    assert reference.objective(problem, found.weights) <= found.objective * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_solvers_agree_and_their_bounds_close(solver: str) -> None:
+    problem = grid_problem(8, 8, 3, seed=4)
+    exact = max_margin_qp(problem, tolerance=1e-8)
+    found = max_margin_qp(problem, solver=solver, tolerance=1e-5)
+    assert found.lower_bound <= exact.objective
+    assert found.objective >= exact.lower_bound
+    assert found.objective == pytest.approx(exact.objective, rel=1e-3)
+    assert found.gap < 2e-3
+
+
+def test_piqp_agrees_where_installed() -> None:
+    pytest.importorskip("piqp")
+    problem = grid_problem(6, 6, 3, seed=5)
+    found = max_margin_qp(problem, solver="piqp")
+    expected = max_margin_qp(problem).objective
+    assert found.objective == pytest.approx(expected, rel=1e-4)
+
+
+# ---------------------------------------------------------------- optimality
+
+
+def test_no_direction_leads_down_from_the_optimum() -> None:
+    problem = grid_problem(2, 4, 2, seed=6, weighted=True)
+    found = max_margin_qp(problem, tolerance=1e-9)
+    least = reference.objective(problem, found.weights)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        moved = found.weights + 0.05 * rng.normal(size=len(found.weights))
+        moved[problem.n_node_weights :] = np.maximum(moved[problem.n_node_weights :], 0)
+        assert reference.objective(problem, moved) >= least - 1e-6
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**31))
+def test_any_marginals_bound_any_weights(seed: int) -> None:
+    problem = grid_problem(2, 3, 3, seed=seed % 7, weighted=True)
+    rng = np.random.default_rng(seed)
+    lower = relaxed_lower_bound(problem, rng.random((6, 3)) - 0.1)
+    weights = rng.normal(size=problem.n_weights)
+    weights[problem.n_node_weights :] = np.abs(weights[problem.n_node_weights :])
+    split = rng.normal(size=(len(problem.edges), 3))
+    upper = relaxed_objective(problem, weights, split)
+    exact = reference.objective(problem, weights)
+    assert lower <= upper
+    assert exact <= upper * (1 + 1e-12)
+
+
+# ---------------------------------------------------------------- what must not matter
+
+
+def test_renumbering_nodes_and_turning_edges_changes_nothing() -> None:
+    problem = grid_problem(5, 5, 3, seed=7, weighted=True)
+    order = np.random.default_rng(3).permutation(problem.n_nodes)
+    found = max_margin_qp(problem, tolerance=1e-8)
+    again = max_margin_qp(renumbered(problem, order), tolerance=1e-8)
+    assert again.objective == pytest.approx(found.objective, rel=1e-6)
+    np.testing.assert_allclose(again.weights, found.weights, rtol=0, atol=1e-3)
+
+
+def test_renaming_labels_permutes_the_weights() -> None:
+    problem = grid_problem(5, 5, 3, seed=8)
+    names = np.array([2, 0, 1])
+    found = max_margin_qp(problem, tolerance=1e-8)
+    again = max_margin_qp(relabelled(problem, names), tolerance=1e-8)
+    assert again.objective == pytest.approx(found.objective, rel=1e-6)
+    np.testing.assert_allclose(
+        again.weights.reshape(-1, 3)[:, names], found.weights.reshape(-1, 3), rtol=0, atol=1e-3
+    )
+
+
+def test_doubling_the_map_leaves_the_optimum() -> None:
+    problem = grid_problem(4, 4, 3, seed=9)
+    once = max_margin_qp(problem, tolerance=1e-8)
+    twice = max_margin_qp(joined([problem, problem]), tolerance=1e-8)
+    assert twice.objective == pytest.approx(once.objective, rel=1e-6)
+
+
+def test_without_edges_the_qp_is_a_plain_margin_classifier() -> None:
+    full = grid_problem(2, 3, 2, seed=10)
+    problem = type(full)(
+        full.node_features,
+        np.zeros((0, 2), np.int32),
+        np.zeros((0, 2)),
+        full.labels,
+        2,
+        full.loss,
+        full.penalty,
+    )
+    exact, _ = reference.optimum(problem)
+    assert max_margin_qp(problem).objective == pytest.approx(exact, rel=1e-5)
+
+
+# ---------------------------------------------------------------- statuses and refusals
+
+
+def test_a_solver_that_fails_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = module._solver_options
+
+    def starved(name: str, tolerance: float, limit: float | None) -> dict[str, Any]:
+        options = plain(name, tolerance, limit)
+        return {**options, "max_iter": 1} if name == "osqp" else options
+
+    monkeypatch.setattr(module, "_solver_options", starved)
+    problem = grid_problem(3, 3, 2)
+    found = max_margin_qp(problem, solver="osqp")
+    assert found.status == "optimal"
+    assert found.gap < 1e-4
+
+
+def test_when_all_fail_the_error_has_every_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "QP_SOLVERS", ("osqp",))
+    monkeypatch.setattr(module, "_solver_options", lambda *_: {"max_iter": 1})
+    with pytest.raises(SolverError, match=r"no solver solved the learning QP \(osqp: user_limit\)"):
+        max_margin_qp(grid_problem(3, 3, 2), solver="osqp")
+
+
+def test_an_unknown_solver_is_refused() -> None:
+    with pytest.raises(InputError, match="one of clarabel, piqp, osqp, got 'gurobi'"):
+        max_margin_qp(grid_problem(2, 2, 2), solver="gurobi")
+
+
+def test_a_problem_checks_what_it_is_given() -> None:
+    good = grid_problem(2, 2, 2)
+    parts = [good.node_features, good.edges, good.edge_features, good.labels, 2, good.loss]
+    with pytest.raises(InputError, match=r"penalty \(C\) must be a positive number, got 0"):
+        type(good)(*parts, 0.0)
+    with pytest.raises(InputError, match="edge_features must be at least 0"):
+        type(good)(parts[0], parts[1], -good.edge_features, *parts[3:], 1.0)
+    with pytest.raises(InputError, match="training maps must have the same features"):
+        joined([good, grid_problem(2, 3, 3)])
