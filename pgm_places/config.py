@@ -319,16 +319,15 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:
     """The keys of the record at a location of the configuration."""
-    record: Any = ExperimentConfig
+    record: type[BaseModel] | None = ExperimentConfig
     for part in location:
-        if isinstance(part, str) and isinstance(record, type) and part in record.model_fields:
+        if isinstance(part, str) and record is not None and part in record.model_fields:
             record = _record_in(record.model_fields[part].annotation)
-    if isinstance(record, type) and issubclass(record, BaseModel):
-        return list(record.model_fields)
-    return []
+    return [] if record is None else list(record.model_fields)
 
 
-def _record_in(annotation: Any) -> Any:
+def _record_in(annotation: Any) -> type[BaseModel] | None:
+    """The first record in a type such as ``list[MapConfig] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for inner in typing.get_args(annotation):
