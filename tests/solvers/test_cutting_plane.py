@@ -1,0 +1,228 @@
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
+from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.max_margin import (
+    Cut,
+    LearningStep,
+    MaxMarginProblem,
+    MaxMarginSolution,
+    joined,
+)
+from pgm_places.solvers.max_margin_qp import max_margin_qp
+from pgm_places.solvers.max_oracle import graph_cut_oracle
+from tests.reference import max_margin as reference
+from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered
+
+MASTERS = ["active-set", "osqp"]
+
+
+def learn(problem: MaxMarginProblem, **options: object) -> MaxMarginSolution:
+    oracle = graph_cut_oracle(problem.n_nodes, problem.edges)
+    return cutting_plane(problem, oracle, **{"tolerance": 1e-4, **options})  # type: ignore[arg-type]
+
+
+# ---------------------------------------------------------------- the master
+
+
+def random_cuts(seed: int, n_cuts: int, n_weights: int) -> list[Cut]:
+    rng = np.random.default_rng(seed)
+    return [Cut(rng.normal(size=n_weights), float(rng.random())) for _ in range(n_cuts)]
+
+
+def master_optimum(cuts: Sequence[Cut], n_free: int, penalty: float) -> float:
+    weights, slack = cp.Variable(len(cuts[0].gradient)), cp.Variable(nonneg=True)
+    rows = np.array([cut.gradient for cut in cuts])
+    offsets = np.array([cut.offset for cut in cuts])
+    program = cp.Problem(
+        cp.Minimize(0.5 * cp.sum_squares(weights) + penalty * slack),
+        [slack >= offsets - rows @ weights, weights[n_free:] >= 0],
+    )
+    program.solve(solver="CLARABEL")
+    return float(program.value)
+
+
+@pytest.mark.parametrize("method", MASTERS)
+@pytest.mark.parametrize(("n_cuts", "n_weights", "n_free"), [(1, 3, 2), (8, 5, 3), (40, 6, 2)])
+def test_the_master_is_solved(method: str, n_cuts: int, n_weights: int, n_free: int) -> None:
+    cuts = random_cuts(n_cuts, n_cuts, n_weights)
+    master = CutMaster(n_weights, n_free, 3.0, method=method)
+    for cut in cuts:
+        master.add(cut)
+        point = master.solve()
+    expected = master_optimum(cuts, n_free, 3.0)
+    value = 0.5 * point.weights @ point.weights + 3.0 * max(master.height(point.weights), 0.0)
+    assert point.lower_bound == pytest.approx(expected, rel=1e-5)
+    assert point.lower_bound <= value + 1e-9
+    assert value == pytest.approx(expected, rel=1e-4)
+    assert (point.weights[n_free:] >= 0).all()
+
+
+def test_repeated_cuts_do_no_harm() -> None:
+    cut = Cut(np.array([1.0, -1.0]), 0.5)
+    master = CutMaster(2, 1, 1.0)
+    for _ in range(5):
+        master.add(cut)
+        point = master.solve()
+    assert point.lower_bound == pytest.approx(master_optimum([cut], 1, 1.0), rel=1e-6)
+
+
+def test_cuts_that_stay_idle_are_dropped() -> None:
+    master = CutMaster(2, 2, 1.0)
+    master.add(Cut(np.array([1.0, 0.0]), 1.0))
+    master.add(Cut(np.array([1.0, 0.0]), -5.0))  # never above the first
+    for _ in range(INACTIVE_ROUNDS + 1):
+        point = master.solve()
+    assert master.n_cuts == 1
+    assert point.n_active == 1
+    assert master.cuts[0].offset == 1.0
+
+
+def test_an_unknown_master_is_refused() -> None:
+    with pytest.raises(InputError, match="one of active-set, osqp, got 'simplex'"):
+        CutMaster(2, 1, 1.0, method="simplex")
+
+
+# ---------------------------------------------------------------- against enumeration and the QP
+
+
+@pytest.mark.parametrize("master", MASTERS)
+@pytest.mark.parametrize(("n_labels", "width"), [(2, 4), (3, 3)])
+def test_with_an_exact_oracle_it_finds_the_optimum(master: str, n_labels: int, width: int) -> None:
+    problem = grid_problem(2, width, n_labels, seed=3, weighted=True)
+    exact, weights = reference.optimum(problem)
+    oracle = reference.exact_oracle(problem)
+    found = cutting_plane(problem, oracle, tolerance=1e-6, master=master)
+    assert found.status == "optimal"
+    assert found.lower_bound <= exact * (1 + 1e-7)
+    assert found.objective == pytest.approx(exact, rel=1e-5)
+    assert found.objective == pytest.approx(reference.objective(problem, found.weights), rel=1e-9)
+    np.testing.assert_allclose(found.weights, weights, rtol=0, atol=2e-2)
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5, 0.2])
+def test_with_two_labels_it_reaches_the_qp(step: float) -> None:
+    problem = grid_problem(9, 9, 2, seed=1, weighted=True)
+    exact = max_margin_qp(problem, tolerance=1e-8)
+    found = learn(problem, step=step)
+    assert found.status == "optimal"
+    assert found.lower_bound <= exact.objective * (1 + 1e-7)
+    assert exact.lower_bound * (1 - 1e-7) <= found.objective <= exact.objective * (1 + 1e-4)
+
+
+def test_with_three_labels_it_stays_near_the_qp() -> None:
+    problem = grid_problem(9, 9, 3, seed=2, noise=0.7)
+    exact = max_margin_qp(problem)
+    found = learn(problem)
+    assert found.lower_bound <= exact.objective
+    assert found.lower_bound >= 0.97 * exact.objective
+
+
+def test_the_class_weighted_loss_moves_the_weights_as_the_qp_says() -> None:
+    problem = grid_problem(6, 6, 2, seed=5)
+    rare = np.where(problem.labels == 1, 1.8, 0.2)
+    weighted = replace(problem, loss=rare)
+    found, exact = learn(weighted), max_margin_qp(weighted, tolerance=1e-8)
+    assert found.objective == pytest.approx(exact.objective, rel=2e-4)
+    assert not np.allclose(found.weights, learn(problem).weights, rtol=0, atol=1e-2)
+
+
+def test_several_maps_are_the_union_of_their_blocks() -> None:
+    maps = [grid_problem(4, 4, 2, seed=6), grid_problem(3, 5, 2, seed=7)]
+    union = joined(maps)
+    assert union.n_nodes == 31
+    found, exact = learn(union), max_margin_qp(union, tolerance=1e-8)
+    assert found.objective == pytest.approx(exact.objective, rel=2e-4)
+
+
+# ---------------------------------------------------------------- what must not matter
+
+
+def test_renumbering_nodes_changes_nothing() -> None:
+    problem = grid_problem(6, 6, 2, seed=8, weighted=True)
+    order = np.random.default_rng(4).permutation(problem.n_nodes)
+    found, again = learn(problem), learn(renumbered(problem, order))
+    np.testing.assert_allclose(again.weights, found.weights, rtol=0, atol=1e-6)
+
+
+def test_renaming_labels_permutes_the_weights() -> None:
+    problem = grid_problem(6, 6, 2, seed=9)
+    found = learn(problem, tolerance=1e-6)
+    again = learn(relabelled(problem, np.array([1, 0])), tolerance=1e-6)
+    np.testing.assert_allclose(
+        again.weights.reshape(-1, 2)[:, ::-1], found.weights.reshape(-1, 2), rtol=0, atol=5e-3
+    )
+
+
+def test_the_same_call_gives_the_same_bits() -> None:
+    problem = grid_problem(6, 6, 3, seed=10)
+    np.testing.assert_array_equal(learn(problem).weights, learn(problem).weights)
+
+
+def test_cuts_are_a_warm_start_at_another_penalty() -> None:
+    problem = grid_problem(8, 8, 2, seed=11)
+    before = learn(problem)
+    dearer = replace(problem, penalty=2 * problem.penalty)
+    cold, warm = learn(dearer), learn(dearer, cuts=before.cuts)
+    assert warm.objective == pytest.approx(cold.objective, rel=2e-4)
+    assert warm.iterations < cold.iterations
+
+
+# ---------------------------------------------------------------- stopping
+
+
+def test_history_reports_every_cut_and_bounds_close() -> None:
+    steps: list[LearningStep] = []
+    found = learn(grid_problem(6, 6, 2, seed=12), on_iteration=steps.append)
+    assert [step.iteration for step in steps] == list(range(1, found.iterations + 1))
+    assert tuple(steps) == found.history
+    lower = [step.lower_bound for step in steps]
+    upper = [step.objective for step in steps]
+    assert lower == sorted(lower)
+    assert upper == sorted(upper, reverse=True)
+    assert steps[-1].gap <= 1e-4
+
+
+def test_the_caller_can_stop_it_and_gets_the_best_so_far() -> None:
+    problem = grid_problem(2, 4, 2, seed=13, penalty=50.0)
+    oracle = reference.exact_oracle(problem)
+    found = cutting_plane(problem, oracle, on_iteration=lambda step: step.iteration >= 3)
+    assert found.status == "stopped"
+    assert found.iterations == 3
+    assert found.objective == pytest.approx(reference.objective(problem, found.weights), rel=1e-9)
+    assert found.objective == found.history[-1].objective
+
+
+@pytest.mark.parametrize(
+    ("options", "status"),
+    [({"time_limit_s": 1e-9}, "time_limit"), ({"max_iterations": 2}, "iteration_limit")],
+)
+def test_limits_give_the_best_so_far(options: dict[str, float], status: str) -> None:
+    found = learn(grid_problem(6, 6, 2, seed=14), **options)
+    assert found.status == status
+    assert found.lower_bound <= found.objective
+    assert np.isfinite(found.weights).all()
+
+
+def test_a_poor_oracle_is_said_to_stall() -> None:
+    problem = grid_problem(4, 4, 2, seed=15)
+
+    def poor(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
+        return 1 - problem.labels
+
+    found = cutting_plane(problem, poor, tolerance=1e-9)
+    assert found.status in ("stalled", "optimal")
+    assert found.iterations < 10
+
+
+@pytest.mark.parametrize("step", [0.0, 1.5])
+def test_a_step_outside_its_range_is_refused(step: float) -> None:
+    with pytest.raises(InputError, match="step must be in"):
+        learn(grid_problem(2, 2, 2), step=step)
