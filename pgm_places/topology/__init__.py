@@ -1,0 +1,1 @@
+"""From labels to places: regions, their corrections, and the topological map."""

@@ -1,0 +1,99 @@
+"""The paper's corrections: what is wrong, what it becomes, and that it ends."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pgm_places.errors import InputError
+from pgm_places.topology.borders import contacts
+from pgm_places.topology.components import connected_components
+from pgm_places.topology.corrections import CorrectionRules, correct_regions
+
+NAMES = ("corridor", "room", "doorway")
+
+
+def floor() -> np.ndarray:
+    """A corridor below a room, a wall between them and a doorway through it; cells of 0.5 m."""
+    raster = np.full((7, 12), -1, np.int16)
+    raster[0:2] = 0
+    raster[3:7] = 1
+    raster[2, 5:7] = 2
+    return raster
+
+
+def test_a_sound_floor_is_left_alone() -> None:
+    corrected, log = correct_regions(floor(), NAMES, 0.5)
+    assert (corrected == floor()).all()
+    assert log == []
+
+
+def test_a_speck_of_room_in_the_corridor_becomes_corridor() -> None:
+    raster = floor()
+    raster[0, 3:5] = 1
+    corrected, log = correct_regions(raster, NAMES, 0.5)
+    assert (corrected == floor()).all()
+    assert [(c.was, c.became, c.reason) for c in log] == [("room", "corridor", "too small")]
+    assert log[0].area_m2 == pytest.approx(0.5)
+    assert raster[log[0].cell_rc] == 1
+
+
+def test_a_doorway_that_joins_nothing_goes() -> None:
+    raster = floor()
+    raster[5:7, 8:10] = 2
+    corrected, log = correct_regions(raster, NAMES, 0.5)
+    assert (corrected == floor()).all()
+    assert log[0].reason == "joins nothing"
+
+
+def test_a_tiny_doorway_goes_even_between_two_regions() -> None:
+    raster = floor()
+    raster[2, 5] = -1
+    corrected, log = correct_regions(raster, NAMES, 0.05)
+    assert corrected[2, 6] != 2
+    assert log[0].reason == "too small"
+
+
+def test_the_longest_border_wins() -> None:
+    raster = np.zeros((6, 6), np.int16)
+    raster[:, 3:] = 1
+    raster[2:4, 2:4] = 2
+    raster[2, 4] = 2  # one more cell inside the room
+    corrected, _ = correct_regions(
+        raster, NAMES, 0.1, CorrectionRules(min_area_m2=0.0, min_doorway_area_m2=1.0)
+    )
+    assert (corrected[raster == 2] == 1).all()
+
+
+def test_an_island_keeps_its_label() -> None:
+    raster = np.full((3, 3), -1, np.int16)
+    raster[1, 1] = 2
+    corrected, log = correct_regions(raster, NAMES, 0.05)
+    assert corrected[1, 1] == 2
+    assert log == []
+
+
+@given(
+    raster=arrays(
+        np.int16, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.integers(-1, 2)
+    )
+)
+def test_it_ends_with_nothing_wrong_left(raster: np.ndarray) -> None:
+    rules = CorrectionRules(min_area_m2=0.05, min_doorway_area_m2=0.02)
+    corrected, log = correct_regions(raster, NAMES, 0.1, rules)
+    assert ((corrected < 0) == (raster < 0)).all()
+    pieces = connected_components(corrected)
+    borders = contacts(pieces.piece, pieces.count)
+    touching = np.bincount(borders.pairs.ravel(), minlength=pieces.count)
+    for number in range(pieces.count):
+        if touching[number]:
+            doorway = pieces.label[number] == 2
+            assert pieces.size[number] * 0.01 >= (0.02 if doorway else 0.05) - 1e-12
+            assert not doorway or touching[number] >= 2
+    assert len(log) <= connected_components(raster).count
+
+
+def test_bad_thresholds_are_refused() -> None:
+    with pytest.raises(InputError, match="min_area_m2 must be at least 0 square metres, got -1"):
+        CorrectionRules(min_area_m2=-1)
