@@ -10,11 +10,12 @@ import stat
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec, TypeVar, overload
+from typing import Any, ParamSpec, TypeVar, overload
 
 import numba
+import numba.extending
 
-__all__ = ["cache_folder", "inlined", "njit"]
+__all__ = ["cache_folder", "inlined", "njit", "prefetch"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -96,3 +97,36 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """A small helper of kernels, pasted into its callers at compile time; never called alone."""
     pasted: Callable[P, R] = numba.njit(inline="always", error_model="numpy")(function)
     return pasted
+
+
+def _prefetch_in_plain_python(array: Any, index: Any) -> None:
+    """A hint does nothing where there is no compiled code."""
+
+
+def _prefetch_signature(typing_context: Any, array: Any, index: Any) -> Any:  # noqa: ARG001
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        from llvmlite import ir
+
+        values = context.make_array(signature.args[0])(context, builder, arguments[0])
+        byte = ir.IntType(8).as_pointer()
+        address = builder.bitcast(builder.gep(values.data, [arguments[1]]), byte)
+        word = ir.IntType(32)
+        hint = builder.module.declare_intrinsic(
+            "llvm.prefetch", [byte], ir.FunctionType(ir.VoidType(), [byte, word, word, word])
+        )
+        for_writing, keep_in_all_caches, data = word(1), word(3), word(1)
+        builder.call(hint, [address, for_writing, keep_in_all_caches, data])
+        return context.get_dummy_value()
+
+    return numba.types.void(array, index), generate
+
+
+prefetch: Callable[[Any, Any], None] = (
+    _prefetch_in_plain_python
+    if numba.config.DISABLE_JIT
+    else numba.extending.intrinsic(_prefetch_signature)
+)
+"""In kernels: fetch the cache line of element ``index`` of a contiguous array, soon to be written.
+
+A hint only: it changes no result, and an index outside the array does no harm.
+"""
