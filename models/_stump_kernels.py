@@ -1,0 +1,46 @@
+"""Compiled sums of stumps: kept small, because every use of a stored classifier waits for it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+
+__all__ = ["BLOCK", "sum_votes"]
+
+BLOCK = 128  # samples whose used columns stay in the first-level cache together
+
+
+@njit
+def sum_votes(
+    X: NDArray[np.float32],
+    start: int,
+    stop: int,
+    columns: NDArray[np.int64],
+    plane: NDArray[np.int64],
+    cut: NDArray[np.float32],
+    vote: NDArray[np.float64],
+    first: NDArray[np.int64],
+    out: NDArray[np.float64],
+) -> None:
+    """Write ``out[k, n]`` = sum of +vote[t] where x < cut[t], else -vote[t], over t of group k.
+
+    ``plane[t]`` says which of ``columns`` stump t looks at; group k is ``first[k]`` to
+    ``first[k + 1]``. Votes are added in the order of t, so one group's bits depend on nothing else.
+    """
+    values = np.empty((len(columns), BLOCK), np.float32)
+    total = np.empty(BLOCK, np.float64)
+    for block in range(start, stop, BLOCK):
+        size = min(BLOCK, stop - block)
+        for i in range(size):
+            for c in range(len(columns)):
+                values[c, i] = X[block + i, columns[c]]
+        for k in range(len(first) - 1):
+            total[:] = 0.0
+            for t in range(first[k], first[k + 1]):
+                x = values[plane[t]]
+                edge = cut[t]
+                a = vote[t]
+                for i in range(size):
+                    total[i] += a if x[i] < edge else -a
+            for i in range(size):
+                out[k, block + i] = total[i]

@@ -1,0 +1,260 @@
+"""A trained decision list of strong classifiers (paper, section 3, eq. 7 and 8), as plain data."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_expit, logsumexp
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError, ModelFileError
+from pgm_places.models.strong_classifier import StrongClassifier, distinct_in_order, score_all
+
+__all__ = ["BoostedList"]
+
+_KIND = "boosted decision list"
+_VERSION = 1
+_MAX_FEATURES = 10_000_000
+_DECISIONS = ("list", "argmax")
+
+
+@dataclass(frozen=True, eq=False)
+class BoostedList:
+    """Classes asked for one after the other; needs neither scikit-learn nor training data.
+
+    Attributes
+    ----------
+    classes : (K,) array
+        The labels, ascending; columns of the histogram follow them.
+    order : (K,) int64
+        Indices into ``classes``: the class that each classifier asks for, and at last the class
+        that remains.
+    classifiers : tuple of K - 1 StrongClassifier
+        In the order of the list.
+    calibration : (K - 1, 2) float64
+        Slope and offset of each confidence C+ = expit(slope F + offset); (2, 0) is eq. 7.
+    n_features : int
+        Columns of the matrices to predict.
+    decision : {"list", "argmax"}
+        Predict the first class whose F is positive (section 3), or the largest bin of z.
+    clip : float
+        The smallest probability in the histogram, before it is normalised again; 0 for none.
+    """
+
+    classes: NDArray[Any]
+    order: NDArray[np.int64]
+    classifiers: tuple[StrongClassifier, ...]
+    calibration: NDArray[np.float64]
+    n_features: int
+    decision: str = "list"
+    clip: float = 1e-6
+
+    def __post_init__(self) -> None:
+        """Check that the parts belong together and freeze them."""
+        n_classes = len(self.classes)
+        if n_classes < 2:
+            raise InputError(f"a decision list needs at least two classes, got {n_classes}")
+        if len(np.unique(self.classes)) != n_classes:
+            raise InputError("classes must differ from each other")
+        order = integer_array("order", self.order, (n_classes,), low=0, high=n_classes)
+        if len(np.unique(order)) != n_classes:
+            raise InputError(f"order must name each class once, got {order.tolist()}")
+        if len(self.classifiers) != n_classes - 1:
+            raise InputError(
+                f"{n_classes} classes need {n_classes - 1} classifiers, got {len(self.classifiers)}"
+            )
+        calibration = finite_array("calibration", self.calibration, (n_classes - 1, 2))
+        check_decision(self.decision, self.clip, n_classes)
+        for k, item in enumerate(self.classifiers):
+            if (item.feature >= self.n_features).any():
+                raise InputError(
+                    f"classifier {k} looks at feature {int(item.feature.max())}, "
+                    f"but there are {self.n_features} features"
+                )
+        object.__setattr__(self, "classes", frozen(np.asarray(self.classes)))
+        object.__setattr__(self, "order", frozen(order))
+        object.__setattr__(self, "calibration", frozen(calibration))
+
+    @property
+    def used_features(self) -> NDArray[np.int64]:
+        """The distinct columns that any classifier looks at, ascending."""
+        parts = [np.zeros(0, np.int64), *(item.feature for item in self.classifiers)]
+        return np.unique(np.concatenate(parts))
+
+    def scores(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(K - 1, N) F of every classifier of the list."""
+        return score_all(self.classifiers, X, n_threads=n_threads)
+
+    def log_histogram(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(N, K) log z: z[k] = C_k prod_{j<k} (1 - C_j), with C_K = 1 (eq. 8).
+
+        In the order of ``classes``; clipped from below and normalised again if ``clip`` > 0.
+        """
+        log_z = self._unclipped(self.scores(X, n_threads=n_threads))
+        if self.clip > 0:
+            log_z = np.maximum(log_z, np.log(self.clip))
+            log_z -= logsumexp(log_z, axis=1, keepdims=True)
+        return log_z
+
+    def _unclipped(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
+        log_z = np.empty((scores.shape[1], len(self.classes)))
+        remaining = np.zeros(scores.shape[1])
+        for k, (score, (slope, offset)) in enumerate(zip(scores, self.calibration, strict=True)):
+            logit = slope * score + offset
+            log_z[:, self.order[k]] = remaining + log_expit(logit)
+            remaining += log_expit(-logit)
+        log_z[:, self.order[-1]] = remaining
+        return log_z
+
+    def decide(self, X: NDArray[np.float32], *, n_threads: int | None = None) -> NDArray[np.int64]:
+        """(N,) index into ``classes`` of the predicted label."""
+        scores = self.scores(X, n_threads=n_threads)
+        if self.decision == "argmax":
+            return self._unclipped(scores).argmax(axis=1)
+        return first_positive(scores, self.order)
+
+    def restricted(self, columns: ArrayLike) -> Self:
+        """The same list for matrices that hold only these columns, in this order.
+
+        Raises
+        ------
+        InputError
+            A column is unknown or named twice, or one that the list looks at is missing.
+        """
+        kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
+        place = np.full(self.n_features, -1, np.int64)
+        place[kept] = np.arange(len(kept))
+        if len(np.unique(kept)) != len(kept):
+            raise InputError("columns must not name a column twice")
+        missing = self.used_features[place[self.used_features] < 0]
+        if len(missing):
+            raise InputError(
+                f"the list looks at columns {missing[:5].tolist()} that are not among the "
+                f"{len(kept)} given; used_features_ names all it needs"
+            )
+        parts = tuple(item.renumbered(place) for item in self.classifiers)
+        return replace(self, classifiers=parts, n_features=len(kept))
+
+    def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
+        """The distinct columns in the order boosting chose them, at most ``limit``.
+
+        Every classifier's first round comes before every classifier's second round, and so on.
+        """
+        picked = distinct_in_order(self.classifiers, by_threshold=False, limit=limit)
+        return np.array([self.classifiers[k].feature[t] for k, t in picked], np.int64)
+
+    def weak_outputs(self, X: NDArray[np.float32], limit: int | None = None) -> NDArray[np.int8]:
+        """(N, S) outputs +1 or -1 of the stumps with distinct (feature, threshold).
+
+        In the order of choice, as in :meth:`features_in_order_of_choice`.
+        """
+        picked = distinct_in_order(self.classifiers, by_threshold=True, limit=limit)
+        out = np.empty((len(X), len(picked)), np.int8)
+        for s, (k, t) in enumerate(picked):
+            item = self.classifiers[k]
+            low = item.polarity[t]
+            out[:, s] = np.where(X[:, item.feature[t]] < item.cut[t], low, -low)
+        return out
+
+    def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What JSON can hold, and the arrays: all that :meth:`from_arrays` needs."""
+        sizes = [item.n_rounds for item in self.classifiers]
+        meta = {
+            "kind": _KIND,
+            "version": _VERSION,
+            "classes": self.classes.tolist(),
+            "n_features": self.n_features,
+            "decision": self.decision,
+            "clip": self.clip,
+        }
+        arrays: dict[str, NDArray[Any]] = {
+            "order": self.order,
+            "calibration": self.calibration,
+            "first": np.cumsum([0, *sizes]).astype(np.int64),
+        }
+        for name in ("feature", "threshold", "polarity", "alpha"):
+            arrays[name] = np.concatenate([getattr(item, name) for item in self.classifiers])
+        return meta, arrays
+
+    @classmethod
+    def from_arrays(cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
+        """The list that :meth:`to_arrays` described.
+
+        Raises
+        ------
+        ModelFileError
+            Something is missing, of another type, out of bounds, or does not fit together.
+        """
+        try:
+            return cls._from_checked(meta, arrays)
+        except ModelFileError:
+            raise
+        except KeyError as error:
+            raise ModelFileError(f"the stored decision list lacks {error}") from None
+        except (InputError, TypeError, ValueError, AttributeError) as error:
+            raise ModelFileError(f"the stored decision list is damaged: {error}") from None
+
+    @classmethod
+    def _from_checked(cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
+        kind, version = meta["kind"], meta["version"]
+        if kind != _KIND or version != _VERSION:
+            raise ModelFileError(
+                f"a {_KIND!r} of version {_VERSION} is wanted, got {kind!r} of version {version!r}"
+            )
+        n_features = meta["n_features"]
+        if type(n_features) is not int or not 1 <= n_features <= _MAX_FEATURES:
+            raise ModelFileError(f"n_features must be 1 to {_MAX_FEATURES}, got {n_features!r}")
+        classes = _stored_classes(meta["classes"])
+        total = len(arrays["feature"])
+        first = integer_array("first", arrays["first"], (len(classes),), low=0, high=total + 1)
+        if first[0] != 0 or first[-1] != total or (np.diff(first) < 0).any():
+            raise ModelFileError(f"first must ascend from 0 to {total}, got {first.tolist()}")
+        integer_array("feature", arrays["feature"], (total,), low=0, high=n_features)
+        names = ("feature", "threshold", "polarity", "alpha")
+        for name in names:
+            if arrays[name].shape != (total,):
+                raise ModelFileError(f"{name} must have shape ({total},)")
+        parts = tuple(
+            StrongClassifier(*(arrays[name][start:stop] for name in names))
+            for start, stop in pairwise(first.tolist())
+        )
+        return cls(
+            classes,
+            arrays["order"],
+            parts,
+            arrays["calibration"],
+            n_features,
+            meta["decision"],
+            meta["clip"],
+        )
+
+
+def check_decision(decision: str, clip: float, n_classes: int) -> None:
+    """Refuse an unknown decision rule, or a clip that leaves no room for ``n_classes`` bins."""
+    if decision not in _DECISIONS:
+        raise InputError(f"decision must be one of {', '.join(_DECISIONS)}, got {decision!r}")
+    is_number = isinstance(clip, int | float | np.number) and not isinstance(clip, bool)
+    if not is_number or not 0 <= clip < 1 / n_classes:
+        raise InputError(f"clip must be at least 0 and below 1/{n_classes}, got {clip!r}")
+
+
+def first_positive(scores: NDArray[np.float64], order: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) the class of the first classifier with F > 0, else the last of the order."""
+    chosen = np.full(scores.shape[1], order[-1], np.int64)
+    for k in range(len(scores) - 1, -1, -1):
+        chosen[scores[k] > 0] = order[k]
+    return chosen
+
+
+def _stored_classes(labels: Any) -> NDArray[Any]:
+    if not isinstance(labels, list) or len({type(label) for label in labels}) != 1:
+        raise ModelFileError("classes must be a list of labels of one type")
+    if not isinstance(labels[0], str | int | float | bool):
+        raise ModelFileError(f"a class must be a text or a number, got {type(labels[0]).__name__}")
+    return np.array(labels)

@@ -1,0 +1,339 @@
+"""The sequential multi-class classifier: a decision list of boosted classifiers (paper, 3, 6.1)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.utils.validation import check_is_fitted
+
+from pgm_places.errors import InputError
+from pgm_places.models.boosted_list import BoostedList, check_decision
+from pgm_places.models.boosting import (
+    check_carried,
+    check_rounds,
+    check_two_classes,
+    checked_training_data,
+    float32_matrix,
+)
+from pgm_places.models.list_training import (
+    Folds,
+    ListTraining,
+    folds_of_groups,
+    last_quarters,
+    whole,
+)
+from pgm_places.models.strong_classifier import StrongClassifier
+
+__all__ = ["DecisionListClassifier"]
+
+_CRITERIA = ("balanced_accuracy", "accuracy")
+_CALIBRATIONS = ("none", "platt")
+_ORDERS = ("heuristic", "exhaustive")
+
+
+class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+    """K - 1 strong classifiers asked in turn; the first that says yes decides.
+
+    Classifier k of the list is trained on the examples that can reach it: those of its own class
+    against those of all classes later in the list.
+
+    Parameters
+    ----------
+    n_rounds : int
+        The number of stumps of each strong classifier at most.
+    order : {"heuristic", "exhaustive"} or sequence of class labels
+        ``"heuristic"`` sorts the classes by decreasing classification rate (share of right
+        answers) of their classifiers against all other classes, as the paper does.
+        ``"exhaustive"`` tries every order on held-out examples. A sequence names each class once.
+    decision : {"list", "argmax"}
+        Predict the first class whose classifier says yes (section 3 of the paper), or the largest
+        bin of the histogram z (eq. 8).
+    criterion : {"balanced_accuracy", "accuracy"}
+        What the exhaustive search maximises.
+    calibration : {"none", "platt"}
+        Confidences by eq. 7, or by Platt's scaling of F on held-out examples. It changes z, not
+        the decision of the list.
+    clip : float
+        Bins of z are at least this before they are normalised again; 0 for none.
+    tolerance : float
+        Boosting stops when the best stump's ``|r|`` is below this.
+    n_threads : int or None
+        None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
+
+    Attributes
+    ----------
+    classes_ : (K,) array
+        The labels, ascending; the columns of ``predict_proba``.
+    order_ : (K,) array
+        The labels in the order in which the list asks for them; the last needs no classifier.
+    list_ : tuple of K - 1 StrongClassifier
+        In the order of the list.
+    used_features_ : (n_used,) int64
+        The columns that any stump looks at, ascending; the only ones prediction needs.
+    boosted_list_ : BoostedList
+        The same as one value that needs no scikit-learn.
+    rates_ : (K,) float64 or None
+        The classification rates behind the heuristic order.
+    order_scores_ : dict or None
+        The held-out criterion of each order (tuple of labels) tried by the exhaustive search;
+        orders that differ in their last two classes only are listed once.
+
+    Notes
+    -----
+    Held-out examples come from ``groups``: each group (or each of five folds of neighbouring
+    groups where there are more) is held out once. Neighbouring cells of a map look alike, so
+    groups should be buildings or contiguous blocks, never single cells. Without groups the
+    heuristic rates its classifiers on the training examples, and the exhaustive search and Platt's
+    scaling hold out the last quarter of each class's examples in the order given. The final
+    classifiers are always trained on all examples. Equal rates or scores: the order that comes
+    first by label wins.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> X = np.arange(12, dtype=np.float32).reshape(-1, 1)
+    >>> y = np.repeat(["corridor", "doorway", "room"], 4)
+    >>> model = DecisionListClassifier(n_rounds=3, order=["room", "doorway", "corridor"]).fit(X, y)
+    >>> model.predict(np.array([[1.0], [5.0], [9.0]], np.float32))
+    array(['corridor', 'doorway', 'room'], dtype='<U8')
+    """
+
+    def __init__(
+        self,
+        n_rounds: int = 100,
+        order: str | Sequence[Any] = "heuristic",
+        decision: str = "list",
+        criterion: str = "balanced_accuracy",
+        calibration: str = "none",
+        clip: float = 1e-6,
+        tolerance: float = 1e-6,
+        n_threads: int | None = None,
+    ) -> None:
+        self.n_rounds = n_rounds
+        self.order = order
+        self.decision = decision
+        self.criterion = criterion
+        self.calibration = calibration
+        self.clip = clip
+        self.tolerance = tolerance
+        self.n_threads = n_threads
+
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        groups: ArrayLike | None = None,
+    ) -> Self:
+        """The list fitted on N examples; a weight of 2 equals two copies of an example.
+
+        Parameters
+        ----------
+        X : (N, F) array
+            Features, rounded to float32.
+        y : (N,) array
+            Labels of any kind.
+        sample_weight : (N,) array, optional
+            Non-negative weights.
+        groups : (N,) array, optional
+            The building or block of each example, for held-out rates and calibration.
+
+        Raises
+        ------
+        InputError
+            An option is unknown or out of range, an explicit order does not name each class once,
+            a class has no example of positive weight, or no group can be held out.
+        ValueError
+            scikit-learn's own checks of X and y failed.
+        """
+        check_rounds(self.n_rounds, self.tolerance)
+        _one_of("criterion", self.criterion, _CRITERIA)
+        _one_of("calibration", self.calibration, _CALIBRATIONS)
+        values, given, weight = checked_training_data(self, X, y, sample_weight)
+        classes, labels = np.unique(given, return_inverse=True)
+        check_two_classes(classes)
+        check_decision(self.decision, self.clip, len(classes))
+        explicit = self._explicit_order(classes)
+        check_carried(classes, labels, weight)
+        training = ListTraining(
+            values,
+            labels,
+            weight,
+            len(classes),
+            self._folds(labels, weight, len(classes), groups),
+            self.n_rounds,
+            self.tolerance,
+            self.n_threads,
+        )
+        self.rates_: NDArray[np.float64] | None = None
+        self.order_scores_: dict[tuple[Any, ...], float] | None = None
+        order = explicit or self._chosen_order(training, classes)
+        calibration = np.tile([2.0, 0.0], (len(classes) - 1, 1))
+        if self.calibration == "platt":
+            calibration = training.platt_calibration(order)
+        self.boosted_list_ = BoostedList(
+            classes,
+            np.array(order),
+            training.members(order),
+            calibration,
+            self.n_features_in_,
+            self.decision,
+            float(self.clip),
+        )
+        return self
+
+    def _explicit_order(self, classes: NDArray[Any]) -> tuple[int, ...] | None:
+        if isinstance(self.order, str):
+            _one_of("order", self.order, _ORDERS)
+            return None
+        names = classes.tolist()
+        wanted = np.asarray(self.order).tolist()
+        if sorted(map(str, wanted)) != sorted(map(str, names)):
+            raise InputError(f"order must name each class of y once: {names}, got {wanted}")
+        return tuple(names.index(name) for name in wanted)
+
+    def _folds(
+        self,
+        labels: NDArray[np.int64],
+        weight: NDArray[np.float64],
+        n_classes: int,
+        groups: ArrayLike | None,
+    ) -> Folds:
+        kept = weight > 0
+        if groups is not None:
+            names = np.asarray(groups)
+            if names.shape != labels.shape:
+                raise InputError(f"groups must have shape {labels.shape}, got {names.shape}")
+        needed = self.calibration == "platt" or isinstance(self.order, str)
+        if not needed or (
+            groups is None and self.calibration == "none" and self.order == "heuristic"
+        ):
+            return whole(len(labels))
+        if groups is None:
+            found = last_quarters(labels[kept], n_classes)
+        else:
+            found = folds_of_groups(names[kept], labels[kept], n_classes)
+        number = np.zeros(len(labels), np.int64)
+        number[kept] = found.number
+        return Folds(number, found.held_out)
+
+    def _chosen_order(self, training: ListTraining, classes: NDArray[Any]) -> tuple[int, ...]:
+        if self.order == "heuristic":
+            rates = training.rates()
+            self.rates_ = rates
+            return tuple(int(k) for k in np.argsort(-rates, kind="stable"))
+        scores = training.order_scores(self.decision, self.criterion)
+        self.order_scores_ = {
+            tuple(classes[list(order)].tolist()): score for order, score in scores.items()
+        }
+        return max(scores, key=lambda order: scores[order])
+
+    @property
+    def classes_(self) -> NDArray[Any]:
+        """(K,) the labels, ascending."""
+        return self._fitted().classes
+
+    @property
+    def order_(self) -> NDArray[Any]:
+        """(K,) the labels in the order of the list."""
+        fitted = self._fitted()
+        return fitted.classes[fitted.order]
+
+    @property
+    def list_(self) -> tuple[StrongClassifier, ...]:
+        """The K - 1 strong classifiers in the order of the list."""
+        return self._fitted().classifiers
+
+    @property
+    def used_features_(self) -> NDArray[np.int64]:
+        """The columns that any stump looks at, ascending."""
+        return self._fitted().used_features
+
+    def predict(self, X: ArrayLike) -> NDArray[Any]:
+        """(N,) labels by the list's decision rule."""
+        fitted = self._fitted()
+        return fitted.classes[fitted.decide(float32_matrix(self, X), n_threads=self.n_threads)]
+
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
+        """(N, K) the histogram z (eq. 8), columns in the order of ``classes_``."""
+        return np.exp(self.log_proba(X))
+
+    def predict_log_proba(self, X: ArrayLike) -> NDArray[np.float64]:
+        """(N, K) log z; -inf is possible only with ``clip=0``."""
+        return self.log_proba(X)
+
+    def log_proba(self, X: ArrayLike) -> NDArray[np.float64]:
+        """(N, K) log z, computed from F without underflow; what structured models start from."""
+        fitted = self._fitted()
+        return fitted.log_histogram(float32_matrix(self, X), n_threads=self.n_threads)
+
+    def weak_outputs(self, X: ArrayLike, limit: int | None = None) -> NDArray[np.int8]:
+        """(N, S) outputs +1 or -1 of the stumps with distinct (feature, threshold)."""
+        fitted = self._fitted()
+        return fitted.weak_outputs(float32_matrix(self, X), limit)
+
+    def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
+        """The distinct columns in the order boosting chose them, at most ``limit``.
+
+        Every classifier's first round comes before every classifier's second round, and so on.
+        """
+        return self._fitted().features_in_order_of_choice(limit)
+
+    def restricted(self, columns: ArrayLike) -> "DecisionListClassifier":
+        """A copy for matrices that hold only these columns, in this order.
+
+        Raises
+        ------
+        InputError
+            A column is unknown or named twice, or one that the list looks at is missing.
+        """
+        fitted = self._fitted()
+        copy = self._like(fitted.restricted(columns))
+        names = getattr(self, "feature_names_in_", None)
+        if names is not None:
+            copy.feature_names_in_ = names[np.asarray(columns)]
+        return copy
+
+    def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What JSON can hold, and the arrays: all that prediction needs, for model files."""
+        return self._fitted().to_arrays()
+
+    @classmethod
+    def from_arrays(
+        cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]
+    ) -> "DecisionListClassifier":
+        """The fitted classifier that :meth:`to_arrays` described.
+
+        Its order, decision and clip are those that were stored; options that only training uses
+        have their defaults.
+
+        Raises
+        ------
+        ModelFileError
+            Something is missing, of another type, out of bounds, or does not fit together.
+        """
+        fitted = BoostedList.from_arrays(meta, arrays)
+        order = fitted.classes[fitted.order].tolist()
+        return cls(order=order, decision=fitted.decision, clip=fitted.clip)._like(fitted)
+
+    def _like(self, fitted: BoostedList) -> "DecisionListClassifier":
+        copy = type(self)(**self.get_params(deep=False))
+        copy.boosted_list_ = replace(fitted)
+        copy.n_features_in_ = fitted.n_features
+        copy.rates_, copy.order_scores_ = None, None
+        return copy
+
+    def _fitted(self) -> BoostedList:
+        check_is_fitted(self)
+        return self.boosted_list_
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "boosted_list_")
+
+
+def _one_of(name: str, value: Any, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")

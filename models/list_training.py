@@ -1,0 +1,274 @@
+"""Training a decision list: its binary problems, shared between orders, and the choice of order."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, log_expit
+
+from pgm_places.errors import InputError
+from pgm_places.models.boosted_list import first_positive
+from pgm_places.models.sorted_features import SortedFeatures, prepare
+from pgm_places.models.strong_classifier import StrongClassifier, score_all
+from pgm_places.models.stump_search import boost
+
+__all__ = ["Folds", "ListTraining", "folds_of_groups", "last_quarters", "platt"]
+
+_MAX_FOLDS = 5
+_MAX_EXHAUSTIVE = 7  # classes; 448 binary classifiers and 2 520 orders
+
+Order = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Folds:
+    """Which fold each example belongs to, and the folds that are held out in turn."""
+
+    number: NDArray[np.int64]
+    held_out: tuple[int, ...]
+
+
+def whole(n: int) -> Folds:
+    """All examples in one fold that is never held out."""
+    return Folds(np.zeros(n, np.int64), ())
+
+
+def last_quarters(labels: NDArray[np.int64], n_classes: int) -> Folds:
+    """The last quarter of each class's examples, in the order given, held out once.
+
+    Examples of a map come row by row, so this holds out a contiguous part of each class.
+
+    Raises
+    ------
+    InputError
+        A class has fewer than two examples.
+    """
+    number = np.zeros(len(labels), np.int64)
+    for k in range(n_classes):
+        members = np.flatnonzero(labels == k)
+        if len(members) < 2:
+            raise InputError(
+                f"class {k} has {len(members)} example; holding a part out needs at least two"
+            )
+        number[members[len(members) - max(1, len(members) // 4) :]] = 1
+    return Folds(number, (1,))
+
+
+def folds_of_groups(groups: NDArray[Any], labels: NDArray[np.int64], n_classes: int) -> Folds:
+    """One fold per group, or five folds of neighbouring groups where there are more.
+
+    Folds without which some class has no example left are never held out.
+
+    Raises
+    ------
+    InputError
+        No fold can be held out.
+    """
+    names, group = np.unique(groups, return_inverse=True)
+    n_folds = min(len(names), _MAX_FOLDS)
+    number = np.asarray(group * n_folds // len(names), np.int64)
+    held_out = tuple(
+        fold
+        for fold in range(n_folds)
+        if len(np.unique(labels[number != fold])) == n_classes and (number == fold).any()
+    )
+    if not held_out:
+        raise InputError(
+            f"groups: without any of the {n_folds} folds some class has no example left; "
+            "give smaller groups, or none"
+        )
+    return Folds(number, held_out)
+
+
+@dataclass
+class ListTraining:
+    """The binary classifiers of all lists on one training set, each trained at most once.
+
+    A classifier depends on its class, on the set of classes that come later, and on the fold that
+    is held out, so lists of different orders share most of them; all share one preparation.
+    """
+
+    X: NDArray[np.float32]
+    labels: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    n_classes: int
+    folds: Folds
+    n_rounds: int
+    tolerance: float
+    n_threads: int | None
+    _prepared: SortedFeatures = field(init=False)
+    _trained: dict[tuple[int, frozenset[int], int], StrongClassifier] = field(
+        init=False, default_factory=dict
+    )
+    _scores: dict[tuple[int, frozenset[int], int], NDArray[np.float64]] = field(
+        init=False, default_factory=dict
+    )
+
+    def __post_init__(self) -> None:
+        """Prepare the matrix once; a part holds the examples of one class in one fold."""
+        part = np.where(self.weights > 0, self.folds.number * self.n_classes + self.labels, -1)
+        self._prepared = prepare(self.X, part, n_threads=self.n_threads)
+
+    def classifier(self, k: int, later: Iterable[int], without: int = -1) -> StrongClassifier:
+        """Class k against the classes ``later`` in the list, without the examples of one fold."""
+        key = (k, frozenset(later), without)
+        if key not in self._trained:
+            used = [f for f in range(int(self.folds.number.max()) + 1) if f != without]
+            self._trained[key] = boost(
+                self._prepared,
+                [f * self.n_classes + k for f in used],
+                [f * self.n_classes + other for f in used for other in sorted(key[1])],
+                n_rounds=self.n_rounds,
+                tolerance=self.tolerance,
+                sample_weight=self.weights,
+                n_threads=self.n_threads,
+            )
+        return self._trained[key]
+
+    def members(self, order: Sequence[int]) -> tuple[StrongClassifier, ...]:
+        """The K - 1 classifiers of a list in this order, trained on all examples."""
+        return tuple(self.classifier(k, order[i + 1 :]) for i, k in enumerate(order[:-1]))
+
+    def held_out_score(self, k: int, later: Iterable[int], fold: int) -> NDArray[np.float64]:
+        """F of a classifier on every example of the fold that it was not trained on."""
+        key = (k, frozenset(later), fold)
+        if key not in self._scores:
+            rows = self.X[self.folds.number == fold]
+            classifier = self.classifier(k, key[1], fold)
+            self._scores[key] = score_all([classifier], rows, n_threads=self.n_threads)[0]
+        return self._scores[key]
+
+    def rates(self) -> NDArray[np.float64]:
+        """(K,) the classification rate of each class against all others.
+
+        On the held-out folds if there are any, else on the training examples.
+        """
+        rates = np.empty(self.n_classes)
+        for k in range(self.n_classes):
+            rest = frozenset(range(self.n_classes)) - {k}
+            right = total = 0.0
+            for fold in self.folds.held_out or (-1,):
+                inside = self.folds.number == fold if fold >= 0 else slice(None)
+                score = (
+                    self.held_out_score(k, rest, fold)
+                    if fold >= 0
+                    else self.classifier(k, rest).scores(self.X, n_threads=self.n_threads)
+                )
+                weight = self.weights[inside]
+                agrees = (score > 0) == (self.labels[inside] == k)
+                right += float(weight[agrees].sum())
+                total += float(weight.sum())
+            rates[k] = right / total
+        return rates
+
+    def order_scores(self, decision: str, criterion: str) -> dict[Order, float]:
+        """The held-out score of every order; orders that swap the last two classes are equal."""
+        if self.n_classes > _MAX_EXHAUSTIVE:
+            raise InputError(
+                f"order='exhaustive' tries all orders of at most {_MAX_EXHAUSTIVE} classes, got "
+                f"{self.n_classes}; use order='heuristic' or name the order"
+            )
+        found: dict[Order, float] = {}
+        for order in permutations(range(self.n_classes)):
+            if order[-2] < order[-1]:
+                found[order] = self._order_score(order, decision, criterion)
+        return found
+
+    def _order_score(self, order: Order, decision: str, criterion: str) -> float:
+        confusion = np.zeros((self.n_classes, self.n_classes))
+        for fold in self.folds.held_out:
+            inside = self.folds.number == fold
+            scores = np.stack(
+                [self.held_out_score(k, order[i + 1 :], fold) for i, k in enumerate(order[:-1])]
+            )
+            places = np.array(order)
+            if decision == "list":
+                chosen = first_positive(scores, places)
+            else:
+                chosen = places[_log_bins(scores).argmax(axis=0)]
+            np.add.at(confusion, (self.labels[inside], chosen), self.weights[inside])
+        if criterion == "accuracy":
+            return float(np.trace(confusion) / confusion.sum())
+        seen = confusion.sum(axis=1) > 0
+        return float(np.mean(np.diag(confusion)[seen] / confusion.sum(axis=1)[seen]))
+
+    def platt_calibration(self, order: Sequence[int]) -> NDArray[np.float64]:
+        """(K - 1, 2) slope and offset of each classifier's confidence, from held-out scores."""
+        found = np.empty((self.n_classes - 1, 2))
+        for i, k in enumerate(order[:-1]):
+            later = order[i + 1 :]
+            scores, positive, weights = [], [], []
+            for fold in self.folds.held_out:
+                inside = self.folds.number == fold
+                labels = self.labels[inside]
+                remaining = np.isin(labels, [k, *later])
+                scores.append(self.held_out_score(k, later, fold)[remaining])
+                positive.append(labels[remaining] == k)
+                weights.append(self.weights[inside][remaining])
+            found[i] = platt(
+                np.concatenate(scores), np.concatenate(positive), np.concatenate(weights)
+            )
+        return found
+
+
+def _log_bins(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, N) log z of eq. 8 with the confidences of eq. 7, in the order of the list."""
+    remaining = np.cumsum(log_expit(-2.0 * scores), axis=0)
+    log_z = np.concatenate([log_expit(2.0 * scores), np.zeros((1, scores.shape[1]))])
+    log_z[1:] += remaining
+    return log_z
+
+
+def platt(
+    scores: NDArray[np.float64], positive: NDArray[np.bool_], weights: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Slope a and offset b of the likeliest expit(a F + b), by Newton's method.
+
+    Targets are smoothed as by Platt, (n+ + 1)/(n+ + 2) and 1/(n- + 2), so that separable scores
+    have a finite answer (Platt 1999; Lin, Lin and Weng 2007). Eq. 7, (2, 0), where the scores
+    lack one of the classes or do not vary.
+    """
+    n_positive = float(weights[positive].sum())
+    n_negative = float(weights[~positive].sum())
+    if n_positive <= 0 or n_negative <= 0 or np.ptp(scores) == 0:
+        return 2.0, 0.0
+    target = np.where(positive, (n_positive + 1) / (n_positive + 2), 1 / (n_negative + 2))
+    a, b = 0.0, float(np.log((n_positive + 1) / (n_negative + 1)))
+    loss = _cross_entropy(a, b, scores, target, weights)
+    for _ in range(100):
+        p = expit(a * scores + b)
+        slack = weights * (p - target)
+        curve = weights * np.maximum(p * (1 - p), 1e-12)
+        gradient = np.array([slack @ scores, slack.sum()])
+        cross = float(curve @ scores)
+        hessian = np.array([[curve @ scores**2, cross], [cross, curve.sum()]])
+        hessian += 1e-12 * np.trace(hessian) * np.eye(2)
+        if np.abs(gradient).max() < 1e-9 * weights.sum():
+            break
+        step = np.linalg.solve(hessian, gradient)
+        length = 1.0
+        while length > 1e-10:
+            new = _cross_entropy(
+                a - length * step[0], b - length * step[1], scores, target, weights
+            )
+            if new < loss - 1e-4 * length * float(gradient @ step):
+                break
+            length /= 2
+        else:
+            break
+        a, b, loss = a - length * step[0], b - length * step[1], new
+    return float(a), float(b)
+
+
+def _cross_entropy(
+    a: float,
+    b: float,
+    scores: NDArray[np.float64],
+    target: NDArray[np.float64],
+    weights: NDArray[np.float64],
+) -> float:
+    logit = a * scores + b
+    return float(-(weights @ (target * log_expit(logit) + (1 - target) * log_expit(-logit))))

@@ -1,0 +1,160 @@
+"""A strong classifier: the weighted vote of decision stumps (paper, eq. 1 and step 4 of Fig. 2)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._threads import run_tasks
+from pgm_places.errors import InputError
+
+__all__ = ["StrongClassifier", "distinct_in_order", "interleaved", "score_all"]
+
+_SAMPLES_PER_TASK = 8192
+
+
+@dataclass(frozen=True, eq=False)
+class StrongClassifier:
+    """F(x) = sum_t alpha_t h_t(x) with stumps h_t (x) = +1 if p_t x_j < p_t theta_t, else -1.
+
+    Attributes
+    ----------
+    feature : (T,) int64
+        The column j that each stump looks at.
+    threshold : (T,) float64
+        theta, halfway between two neighbouring values of the training data. Between two float32
+        numbers there is always such a float64, so no training value lies on its threshold.
+    polarity : (T,) int8
+        p: +1 if small values are positive, -1 if large ones are.
+    alpha : (T,) float64
+        The weight of each stump's vote.
+    """
+
+    feature: NDArray[np.int64]
+    threshold: NDArray[np.float64]
+    polarity: NDArray[np.int8]
+    alpha: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Check the arrays against each other and freeze them."""
+        feature = integer_array("feature", self.feature, ("T",), low=0, high=2**31)
+        size = len(feature)
+        polarity = integer_array("polarity", self.polarity, (size,), low=-1, high=2)
+        if (polarity == 0).any():
+            raise InputError("polarity must hold +1 or -1, got 0")
+        object.__setattr__(self, "feature", frozen(feature))
+        object.__setattr__(self, "polarity", frozen(polarity.astype(np.int8)))
+        for name in ("threshold", "alpha"):
+            values = finite_array(name, getattr(self, name), (size,))
+            object.__setattr__(self, name, frozen(values))
+
+    @property
+    def n_rounds(self) -> int:
+        """T, the number of stumps."""
+        return len(self.feature)
+
+    @property
+    def used_features(self) -> NDArray[np.int64]:
+        """The distinct columns that the stumps look at, ascending."""
+        return np.unique(self.feature)
+
+    @property
+    def cut(self) -> NDArray[np.float32]:
+        """(T,) float32 such that ``x < cut`` decides each stump for every float32 x.
+
+        Eq. 1 is strict for both polarities: at x = theta the stump says -1.
+        """
+        cut = self.threshold.astype(np.float32)
+        low = cut.astype(np.float64) < self.threshold
+        low |= (cut.astype(np.float64) == self.threshold) & (self.polarity < 0)
+        return np.where(low, np.nextafter(cut, np.float32(np.inf)), cut)
+
+    @property
+    def vote(self) -> NDArray[np.float64]:
+        """(T,) what each stump adds to F where ``x < cut``; elsewhere it takes it away."""
+        return self.alpha * self.polarity
+
+    def scores(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(N,) F of every row of a float32 matrix."""
+        return score_all([self], X, n_threads=n_threads)[0]
+
+    def staged_scores(self, X: NDArray[np.float32]) -> Iterator[NDArray[np.float64]]:
+        """(N,) F after each round, the last being :meth:`scores` bit for bit."""
+        total = np.zeros(len(X))
+        for j, cut, vote in zip(self.feature, self.cut, self.vote, strict=True):
+            total = total + np.where(X[:, j] < cut, vote, -vote)
+            yield total
+
+    def renumbered(self, place: NDArray[np.int64]) -> "StrongClassifier":
+        """The same classifier where column j is found at ``place[j]``."""
+        return StrongClassifier(place[self.feature], self.threshold, self.polarity, self.alpha)
+
+
+def score_all(
+    classifiers: Sequence[StrongClassifier],
+    X: NDArray[np.float32],
+    *,
+    n_threads: int | None = None,
+) -> NDArray[np.float64]:
+    """(len(classifiers), N) F of every classifier for every row, in one pass over the rows.
+
+    Only columns that some stump uses are read. The bits depend neither on the number of threads
+    nor on which other classifiers are evaluated with one.
+    """
+    from pgm_places.models._stump_kernels import BLOCK, sum_votes
+
+    first = np.cumsum([0, *(item.n_rounds for item in classifiers)])
+    feature = _joined([item.feature for item in classifiers], np.int64)
+    cut = _joined([item.cut for item in classifiers], np.float32)
+    vote = _joined([item.vote for item in classifiers], np.float64)
+    columns, plane = np.unique(feature, return_inverse=True)
+    if not X.flags.c_contiguous:
+        X = np.ascontiguousarray(X[:, columns])
+        columns = np.arange(len(columns))
+    n = len(X)
+    out = np.empty((len(classifiers), n))
+    size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
+
+    def work(task: int) -> None:
+        start = task * size
+        sum_votes(X, start, min(start + size, n), columns, plane, cut, vote, first, out)
+
+    run_tasks(work, -(-n // size), n_threads=n_threads)
+    return out
+
+
+def _joined(parts: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+    return np.concatenate([np.zeros(0, dtype), *parts])
+
+
+def interleaved(classifiers: Sequence[StrongClassifier]) -> list[tuple[int, int]]:
+    """(classifier, round) pairs: every classifier's first round, then every second one, ..."""
+    longest = max((item.n_rounds for item in classifiers), default=0)
+    return [
+        (k, t) for t in range(longest) for k, item in enumerate(classifiers) if t < item.n_rounds
+    ]
+
+
+def distinct_in_order(
+    classifiers: Sequence[StrongClassifier], *, by_threshold: bool, limit: int | None = None
+) -> list[tuple[int, int]]:
+    """The (classifier, round) pairs that bring a new feature, in the order of choice.
+
+    With ``by_threshold`` those that bring a new (feature, threshold).
+    """
+    seen: set[tuple[int, float]] = set()
+    kept: list[tuple[int, int]] = []
+    for k, t in interleaved(classifiers):
+        if limit is not None and len(kept) >= limit:
+            break
+        item = classifiers[k]
+        key = (int(item.feature[t]), float(item.threshold[t]) if by_threshold else 0.0)
+        if key not in seen:
+            seen.add(key)
+            kept.append((k, t))
+    return kept

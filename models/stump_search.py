@@ -1,0 +1,287 @@
+"""The truly best stump of each round, and the rounds of generalized AdaBoost (paper, Fig. 2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._threads import run_tasks
+from pgm_places.errors import InputError
+from pgm_places.models.sorted_features import SortedFeatures
+from pgm_places.models.strong_classifier import StrongClassifier
+
+__all__ = ["MAX_EDGE", "boost"]
+
+MAX_EDGE = 1.0 - 1e-10  # |r| is clipped here, so that a perfect stump has a finite alpha
+
+# Weights become whole numbers of this unit: sums are exact in any order, and twice the sum of all
+# still fits 64 bits.
+_UNIT = 2.0**60
+
+# Scores that differ by less than this part of the whole mass count as equal. It is far above the
+# rounding of the weights and far below any difference that carries information.
+_TIE_SHIFT = 40
+
+_GROUP = 4
+
+
+@dataclass(frozen=True, slots=True)
+class _Stump:
+    feature: int
+    low: float  # the largest value on the left, the smallest on the right
+    high: float
+    below: int  # bins under this number are on the left
+    mixed: int  # the bin that the split cuts, or -1
+    score: int  # 2 * left - total
+
+    @property
+    def threshold(self) -> float:
+        return self.low + (self.high - self.low) / 2.0
+
+
+class _Search:
+    """One binary problem: its weights, and the buffers of its histograms."""
+
+    def __init__(
+        self,
+        prepared: SortedFeatures,
+        segments: NDArray[np.int64],
+        weights: NDArray[np.float64],
+        n_threads: int | None,
+    ) -> None:
+        n_groups = len(prepared.codes)
+        self.prepared = prepared
+        self.segments = segments
+        self.weights = weights
+        self.n_threads = n_threads
+        self.signs = np.zeros(len(weights), np.int8)
+        for start, stop, side in segments:
+            self.signs[start:stop] = 1 if side else -1
+        self.masses = np.zeros(len(weights), np.int64)
+        self.sums = np.zeros(2, np.int64)
+        self.positive = np.empty((n_groups, 256), np.int64)
+        self.negative = np.empty((n_groups, 256), np.int64)
+        self.best_edge = np.empty(n_groups, np.int64)
+        self.best_bound = np.empty(n_groups, np.int64)
+        self.promising = np.empty((n_groups, 5), np.int64)
+
+    def round_weights(self) -> None:
+        """Normalise the weights (step 3a of Fig. 2) and round them to masses."""
+        from pgm_places.models._boosting_kernels import mass_and_sum
+
+        mass_and_sum(self.weights, self.segments, _UNIT, self.masses, self.sums)
+        self.total = int(self.sums[1] - self.sums[0])
+        self.mass = int(self.sums[1] + self.sums[0])
+        self.tie = self.mass >> _TIE_SHIFT
+
+    def best_stump(self) -> _Stump | None:
+        """The stump of largest |r|; among equals the lowest feature, then the lowest threshold."""
+        self._fill_histograms()
+        refined, best = self._refine(int(self.best_edge.max(initial=-1)))
+        if best < 0:
+            return None
+        return self._first_of(refined, best - self.tie)
+
+    def _fill_histograms(self) -> None:
+        from pgm_places.models._boosting_kernels import score_bins
+
+        prepared = self.prepared
+
+        def work(task: int) -> None:
+            score_bins(
+                prepared.codes,
+                self.masses,
+                self.segments,
+                prepared.pure,
+                task * _GROUP,
+                self.total,
+                self.positive,
+                self.negative,
+                self.best_edge,
+                self.best_bound,
+            )
+
+        run_tasks(work, len(prepared.codes) // _GROUP, n_threads=self.n_threads)
+
+    def _refine(self, best: int) -> tuple[list[NDArray[np.int64]], int]:
+        """Look inside bins, the most promising first, until no bound reaches the best score."""
+        refined = []
+        found = self._promising_bins(best - self.tie)
+        for row in found[np.argsort(-found[:, 0], kind="stable")]:
+            if row[0] < best - self.tie:
+                break
+            inside, _ = self._inside(row, best)
+            best = max(best, int(inside[0]))
+            refined.append(row)
+        return refined, best
+
+    def _promising_bins(self, floor: int) -> NDArray[np.int64]:
+        from pgm_places.models._boosting_kernels import promising_bins
+
+        while True:
+            count = promising_bins(
+                self.positive,
+                self.negative,
+                self.prepared.pure,
+                self.best_bound,
+                self.total,
+                floor,
+                self.promising,
+            )
+            if count <= len(self.promising):
+                return self.promising[:count]
+            self.promising = np.empty((2 * count, 5), np.int64)
+
+    def _inside(
+        self, row: NDArray[np.int64], floor: int
+    ) -> tuple[NDArray[np.int64], tuple[float, float]]:
+        from pgm_places.models._boosting_kernels import interior_scores
+
+        _, feature, number, left, mass_left = (int(value) for value in row)
+        members, values = self.prepared.sorted_bin(feature, number)
+        out = np.empty(2, np.int64)
+        around = interior_scores(
+            members,
+            values,
+            self.masses,
+            self.signs,
+            left,
+            mass_left,
+            self.total,
+            self.mass,
+            floor,
+            out,
+        )
+        return out, around
+
+    def _first_of(self, refined: list[NDArray[np.int64]], floor: int) -> _Stump:
+        """The first split in order of feature and threshold whose score reaches ``floor``."""
+        from pgm_places.models._boosting_kernels import first_good_edge, neighbours_of_split
+
+        out = np.empty(3, np.int64)
+        first_good_edge(self.positive, self.negative, self.best_edge, self.total, floor, out)
+        feature, last_left, score = (int(value) for value in out)
+        for row in sorted(refined, key=lambda row: (row[1], row[2])):
+            if feature >= 0 and (feature, last_left) < (row[1], row[2]):
+                break
+            inside, (low, high) = self._inside(row, floor)
+            if inside[0] >= floor:
+                j, number = int(row[1]), int(row[2])
+                return _Stump(j, low, high, number, number, int(inside[1]))
+        prepared = self.prepared
+        low, high = neighbours_of_split(
+            prepared.codes[feature], self.signs, prepared.X, prepared.rows, feature, last_left
+        )
+        return _Stump(feature, low, high, last_left + 1, -1, score)
+
+    def reweigh(self, stump: _Stump, alpha: float) -> None:
+        """Step 3e of Fig. 2: D(n) exp(-alpha l h), not yet normalised."""
+        from pgm_places.models._boosting_kernels import reweigh
+
+        factor = float(np.exp(-alpha if stump.score > 0 else alpha))
+        prepared = self.prepared
+        reweigh(
+            prepared.codes[stump.feature],
+            self.segments,
+            prepared.X,
+            prepared.rows,
+            stump.feature,
+            stump.below,
+            stump.mixed,
+            stump.threshold,
+            factor,
+            1.0 / factor,
+            self.weights,
+        )
+
+
+def boost(
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    *,
+    n_rounds: int = 100,
+    tolerance: float = 1e-6,
+    sample_weight: NDArray[np.float64] | None = None,
+    n_threads: int | None = None,
+    on_round: Callable[[int, float], None] | None = None,
+) -> StrongClassifier:
+    """The strong classifier that tells the positive parts from the negative ones.
+
+    Generalized AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
+    each round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
+    neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)). Stumps whose
+    ``|r|`` differ by less than 2**-40 count as equal: the lowest column wins, then the lowest
+    threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no error.
+
+    Parameters
+    ----------
+    prepared : SortedFeatures
+        Shared by all problems on the same matrix; not changed but for its cache of sorted bins.
+    positive, negative : list of int
+        The parts that make up each class; other parts are ignored.
+    sample_weight : (rows of X,) float64, optional
+        Positive numbers that multiply the initial weights.
+    on_round : callable, optional
+        Called after each round with the number of rounds so far and r.
+
+    Raises
+    ------
+    InputError
+        One of the classes has no example.
+    """
+    segments = prepared.segments(positive, negative)
+    weights = _initial_weights(prepared, segments, sample_weight)
+    search = _Search(prepared, segments, weights, n_threads)
+    chosen: list[tuple[int, float, int, float]] = []
+    while len(chosen) < n_rounds:
+        search.round_weights()
+        stump = search.best_stump()
+        if stump is None:
+            break
+        edge = abs(stump.score) / search.mass
+        if edge < tolerance:
+            break
+        alpha = alpha_of(edge)
+        chosen.append((stump.feature, stump.threshold, 1 if stump.score > 0 else -1, alpha))
+        if on_round is not None:
+            on_round(len(chosen), edge)
+        if edge >= MAX_EDGE:
+            break
+        search.reweigh(stump, alpha)
+    return _strong_classifier(chosen)
+
+
+def alpha_of(edge: float) -> float:
+    """0.5 ln((1 + r) / (1 - r)) with r clipped to 1 - 1e-10 (step 3e of Fig. 2)."""
+    return float(np.arctanh(min(edge, MAX_EDGE)))
+
+
+def _initial_weights(
+    prepared: SortedFeatures,
+    segments: NDArray[np.int64],
+    sample_weight: NDArray[np.float64] | None,
+) -> NDArray[np.float64]:
+    """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out."""
+    weights = np.zeros(len(prepared.rows))
+    given = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
+    for side in (0, 1):
+        spans = [slice(start, stop) for start, stop, is_positive in segments if is_positive == side]
+        mass = sum(float(given[prepared.rows[span]].sum()) for span in spans)
+        if not mass > 0:
+            raise InputError(f"no {'positive' if side else 'negative'} example carries weight")
+        for span in spans:
+            weights[span] = given[prepared.rows[span]] / (2.0 * mass)
+    return weights
+
+
+def _strong_classifier(chosen: list[tuple[int, float, int, float]]) -> StrongClassifier:
+    columns: list[Any] = list(zip(*chosen, strict=True)) if chosen else [(), (), (), ()]
+    return StrongClassifier(
+        np.array(columns[0], np.int64),
+        np.array(columns[1], np.float64),
+        np.array(columns[2], np.int8),
+        np.array(columns[3], np.float64),
+    )
