@@ -1,0 +1,267 @@
+"""Maps as small paletted images: cropped, made smaller where needed, right way up."""
+
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
+from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.layout import GridLayout
+from pgm_places.report.palette import (
+    ERROR,
+    IGNORED,
+    IGNORED_STRIPE,
+    RIGHT_TINT,
+    UNKNOWN,
+    WALL,
+    label_colours,
+    levels,
+    rgb_of,
+    tinted,
+)
+
+__all__ = [
+    "Canvas",
+    "View",
+    "checked_labels",
+    "difference_canvas",
+    "label_canvas",
+    "value_canvas",
+    "view_of",
+]
+
+_UNKNOWN, _WALL, _IGNORED, _STRIPE, _FIRST = range(5)
+_GROUND = (UNKNOWN, WALL, IGNORED, IGNORED_STRIPE)
+
+N_LEVELS = 24
+"""Steps of probability and entropy: finer ones are not seen and make files larger."""
+
+_GROUND_WEIGHTS = (1, 3, 1)
+_LABEL_WEIGHT, _STRONG_WEIGHT = 2, 3
+"""What a block of cells shows when a map is made smaller: the kind with the largest weighted
+count of unknown, wall, free without a label, and labels. Walls and errors weigh most, as they are
+thin."""
+
+_BAND_CELLS = 4_000_000
+"""Cells that are looked at together when a map is made smaller: bounds the memory."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The part of a map that is shown, and how many cells along a side become one pixel."""
+
+    rows: slice
+    columns: slice
+    shrink: int = 1
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the picture in pixels."""
+        rows = self.rows.stop - self.rows.start
+        columns = self.columns.stop - self.columns.start
+        return -(-rows // self.shrink), -(-columns // self.shrink)
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A paletted image.
+
+    Parameters
+    ----------
+    indices : (h, w) uint8
+        Colour index per pixel; row 0 is the top, as in every image.
+    colours : tuple of str
+        ``#rrggbb`` per index.
+    m_per_pixel : float
+    """
+
+    indices: NDArray[np.uint8]
+    colours: tuple[str, ...]
+    m_per_pixel: float
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """(h, w, 3) the image in full colour."""
+        return np.array([rgb_of(colour) for colour in self.colours])[self.indices]
+
+    def png(self) -> bytes:
+        """The image as a PNG file, one pixel per pixel."""
+        from PIL import Image
+
+        image = Image.fromarray(self.indices)
+        image.putpalette(np.concatenate([rgb_of(colour) for colour in self.colours]).tobytes())
+        buffer = io.BytesIO()
+        image.save(buffer, "PNG", optimize=True)
+        return buffer.getvalue()
+
+
+def view_of(
+    grid: OccupancyGrid, shown: NDArray[np.bool_] | None = None, *, most_pixels: int
+) -> View:
+    """The known part of the map, or the cells ``shown`` (H, W), with a margin of half a metre.
+
+    Shrunk by a whole factor until it has at most ``most_pixels`` pixels.
+    """
+    mask = shown if shown is not None and shown.any() else grid.free | grid.occupied
+    rows, columns = (_span(np.asarray(mask.any(axis=axis)), grid) for axis in (1, 0))
+    cells = (rows.stop - rows.start) * (columns.stop - columns.start)
+    shrink = max(1, int(np.ceil(np.sqrt(cells / most_pixels))))
+    return View(rows, columns, shrink)
+
+
+def _span(used: NDArray[np.bool_], grid: OccupancyGrid) -> slice:
+    where = np.flatnonzero(used)
+    if not len(where):
+        return slice(0, len(used))
+    margin = max(2, round(0.5 / grid.resolution_m))
+    return slice(max(0, int(where[0]) - margin), min(len(used), int(where[-1]) + 1 + margin))
+
+
+def checked_labels(
+    grid: OccupancyGrid, labels: ArrayLike, n_labels: int, name: str = "labels"
+) -> NDArray[np.integer]:
+    """The raster (H, W) of labels, -1 for none, after a look at its shape and range."""
+    raster = np.asarray(labels)
+    if raster.shape != grid.shape:
+        raise InputError(f"{name} must have the map's shape {grid.shape}, got {raster.shape}")
+    if not np.issubdtype(raster.dtype, np.integer):
+        raise InputError(f"{name} must hold whole numbers, got dtype {raster.dtype}")
+    low, high = int(raster.min()), int(raster.max())
+    if low < -1 or high >= n_labels:
+        raise InputError(
+            f"{name} must be -1 (none) to {n_labels - 1}, got {low if low < -1 else high}; "
+            "does label_names name every label?"
+        )
+    return raster
+
+
+def label_canvas(
+    grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str], view: View
+) -> Canvas:
+    """Labels (H, W), -1 for none, in their colours over walls and unknown space."""
+    colours = (*_GROUND, *label_colours(label_names))
+
+    def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
+        picture = _ground(grid, cells)
+        part = labels[cells]
+        chosen = (part >= 0) & (picture == _IGNORED)
+        picture[chosen] = (part[chosen] + _FIRST).astype(np.uint8)
+        return picture
+
+    return _canvas(paint, colours, view, grid)
+
+
+def difference_canvas(
+    grid: OccupancyGrid,
+    truth: NDArray[np.integer],
+    predicted: NDArray[np.integer],
+    label_names: Sequence[str],
+    view: View,
+) -> Canvas:
+    """Where the prediction is wrong, in one strong colour over pale right answers."""
+    pale = (tinted(colour, RIGHT_TINT) for colour in label_colours(label_names))
+    colours = (*_GROUND, *pale, ERROR)
+    wrong_index = _FIRST + len(label_names)
+
+    def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
+        picture = _ground(grid, cells)
+        true, found = truth[cells], predicted[cells]
+        compared = (true >= 0) & (found >= 0) & (picture == _IGNORED)
+        picture[compared] = (true[compared] + _FIRST).astype(np.uint8)
+        picture[compared & (true != found)] = wrong_index
+        return picture
+
+    return _canvas(paint, colours, view, grid, strong=wrong_index)
+
+
+def value_canvas(
+    grid: OccupancyGrid,
+    values: ArrayLike,
+    layout: GridLayout,
+    gradient: str,
+    view: View,
+) -> Canvas:
+    """Values from 0 to 1 per node (N,), in steps of a gradient, over walls and unknown space."""
+    array = finite_array("values", values, (len(layout.cells_rc),))
+    steps = np.clip(array * N_LEVELS, 0, N_LEVELS - 1).astype(np.int16)
+    raster = layout.to_raster(steps, fill=np.int16(-1))
+    colours = (*_GROUND, *levels(gradient, N_LEVELS))
+
+    def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
+        picture = _ground(grid, cells)
+        part = raster[cells]
+        picture[part >= 0] = (part[part >= 0] + _FIRST).astype(np.uint8)
+        return picture
+
+    return _canvas(paint, colours, view, grid, averaged=True)
+
+
+def _ground(grid: OccupancyGrid, cells: tuple[slice, slice]) -> NDArray[np.uint8]:
+    """Unknown, wall or free without a label."""
+    part = grid.cells[cells]
+    picture = np.full(part.shape, _UNKNOWN, np.uint8)
+    picture[part == OCCUPIED] = _WALL
+    picture[part == FREE] = _IGNORED
+    return picture
+
+
+def _canvas(
+    paint: Callable[[tuple[slice, slice]], NDArray[np.uint8]],
+    colours: tuple[str, ...],
+    view: View,
+    grid: OccupancyGrid,
+    *,
+    strong: int | None = None,
+    averaged: bool = False,
+) -> Canvas:
+    """The view painted band by band, shrunk, striped and turned the right way up."""
+    height, width = view.shape
+    picture = np.empty((height, width), np.uint8)
+    columns = view.columns.stop - view.columns.start
+    band = max(1, _BAND_CELLS // (columns * view.shrink))
+    for first in range(0, height, band):
+        low = view.rows.start + first * view.shrink
+        rows = slice(low, min(view.rows.stop, low + band * view.shrink))
+        painted = paint((rows, view.columns))
+        if view.shrink > 1:
+            painted = _shrunk(painted, view.shrink, len(colours), strong, averaged=averaged)
+        picture[first : first + len(painted)] = painted
+    diagonal = (np.arange(height)[:, None] + np.arange(width)[None, :]) % 4 == 0
+    picture[(picture == _IGNORED) & diagonal] = _STRIPE
+    return Canvas(picture[::-1], colours, grid.resolution_m * view.shrink)
+
+
+def _shrunk(
+    painted: NDArray[np.uint8], shrink: int, n_colours: int, strong: int | None, *, averaged: bool
+) -> NDArray[np.uint8]:
+    """Each block of ``shrink`` x ``shrink`` pixels as one: its weightiest kind, then label."""
+    height, width = painted.shape
+    short, narrow = -height % shrink, -width % shrink
+    padded = np.pad(painted, ((0, short), (0, narrow)), constant_values=_UNKNOWN)
+    blocks = padded.reshape(padded.shape[0] // shrink, shrink, padded.shape[1] // shrink, shrink)
+
+    def count(index: int) -> NDArray[np.int32]:
+        return np.asarray((blocks == index).sum(axis=(1, 3), dtype=np.int32))
+
+    best = np.full((blocks.shape[0], blocks.shape[2]), -1, np.int32)
+    kind = np.zeros(best.shape, np.uint8)
+    for index, weight in enumerate(_GROUND_WEIGHTS):
+        weighted = weight * count(index)
+        kind[weighted > best] = index
+        best = np.maximum(best, weighted)
+    labelled = (blocks >= _FIRST).sum(axis=(1, 3), dtype=np.int32)
+    chosen = _LABEL_WEIGHT * labelled > best
+    if averaged:
+        total = np.where(blocks >= _FIRST, blocks, 0).sum(axis=(1, 3), dtype=np.int64)
+        label = np.round(total / np.maximum(labelled, 1)).astype(np.uint8)
+    else:
+        label, most = np.zeros(best.shape, np.uint8), np.zeros(best.shape, np.int32)
+        for index in range(_FIRST, n_colours):
+            weighted = (_STRONG_WEIGHT if index == strong else 1) * count(index)
+            label[weighted > most] = index
+            most = np.maximum(most, weighted)
+    return np.where(chosen, label, kind).astype(np.uint8)

@@ -1,0 +1,176 @@
+"""A sheet of maps: panels at whole-number scale with titles, scale bar, legend or colour bar."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgm_places.report.canvas import Canvas
+from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
+from pgm_places.report.palette import levels
+
+__all__ = ["ColourBar", "Entry", "Panel", "round_length", "sheet_png"]
+
+_LEAST_WIDTH = 420
+_WIDE = 1500
+"""From this width on everything but the maps is half as large again: it will be seen shrunk."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A map and the line above it."""
+
+    canvas: Canvas
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A colour and what it stands for; hatched where asked."""
+
+    colour: str
+    text: str
+    hatched: bool = False
+
+
+@dataclass(frozen=True)
+class ColourBar:
+    """A gradient with the text at its ends."""
+
+    gradient: str
+    caption: str
+    low: str = "0"
+    high: str = "1"
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Pixels of everything around the maps."""
+
+    edge: int
+    gap: int
+    title: int
+    text: int
+    swatch: int
+    line: int
+
+    @classmethod
+    def for_width(cls, width: int) -> "_Sizes":
+        sizes = (24, 28, 20, 15, 18, 30)
+        return cls(*(3 * size // 2 if width > _WIDE else size for size in sizes))
+
+
+def sheet_png(
+    panels: Sequence[Panel],
+    *,
+    columns: int = 1,
+    title: str | None = None,
+    legend: Sequence[Entry] = (),
+    bars: Sequence[ColourBar] = (),
+    scale_bar: bool = True,
+    long_side: int = 2400,
+) -> bytes:
+    """The sheet as a PNG file.
+
+    All panels are enlarged by the same whole number: as far as they stay within ``long_side``
+    pixels, all columns together.
+    """
+    shapes = np.array([panel.canvas.indices.shape for panel in panels])
+    columns = min(columns, len(panels))
+    most = min(long_side // columns // int(shapes[:, 1].max()), long_side // int(shapes.max()))
+    scale = max(1, most)
+    high, wide = (int(side) for side in scale * shapes.max(axis=0))
+    sizes = _Sizes.for_width(columns * wide)
+    content = max(_LEAST_WIDTH, columns * wide + (columns - 1) * sizes.gap)
+    lines = _flow(legend, content, sizes)
+    n_rows = -(-len(panels) // columns)
+    head = (2 * sizes.title) if title else 0
+    above = sizes.text + 12 if any(panel.title for panel in panels) else 0
+    below = sizes.line if scale_bar else 6
+    row_height = above + high + below + 8
+    foot = len(lines) * sizes.line + (sizes.line + 10) * bool(bars)
+    page = PixelFigure(
+        content + 2 * sizes.edge, 2 * sizes.edge + head + n_rows * row_height - 8 + foot
+    )
+    if title:
+        page.text(sizes.edge, sizes.edge + sizes.title // 2, title, size=sizes.title, weight="bold")
+    for index, panel in enumerate(panels):
+        row, column = divmod(index, columns)
+        x = sizes.edge + column * (wide + sizes.gap)
+        y = sizes.edge + head + row * row_height
+        if panel.title:
+            page.text(x, y + sizes.text // 2, panel.title, size=sizes.text, color=MUTED)
+        _draw_map(page, panel.canvas, x, y + above, scale)
+        if scale_bar and column == 0:
+            under = y + above + scale * panel.canvas.indices.shape[0] + 8
+            _draw_scale_bar(page, panel.canvas, (x, under), scale, sizes)
+    y = page.height - sizes.edge - foot + 10
+    for line in lines:
+        _draw_legend_line(page, line, y, sizes)
+        y += sizes.line
+    _draw_bars(page, bars, y + 6, sizes)
+    return page.png()
+
+
+def round_length(metres: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is no longer than so many metres."""
+    power = 10.0 ** np.floor(np.log10(metres))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= metres * (1 + 1e-9)))
+
+
+def _draw_map(page: PixelFigure, canvas: Canvas, x: int, y: int, scale: int) -> None:
+    height, width = canvas.indices.shape
+    axes = page.axes(x, y, scale * width, scale * height)
+    axes.set_axis_off()
+    axes.imshow(canvas.rgb, interpolation="nearest", aspect="auto", origin="upper")
+
+
+def _draw_scale_bar(
+    page: PixelFigure, canvas: Canvas, corner: tuple[int, int], scale: int, sizes: _Sizes
+) -> None:
+    x, y = corner
+    metres = round_length(canvas.m_per_pixel * canvas.indices.shape[1] / 5)
+    length, tick = metres / canvas.m_per_pixel * scale, sizes.text * 2 // 3
+    page.box(x, y + tick / 2 - 1.5, length, 3, facecolor=INK, edgecolor="none")
+    for end in (x, x + length - 2):
+        page.box(end, y, 2, tick, facecolor=INK, edgecolor="none")
+    page.text(x + length + 8, y + tick / 2, f"{metres:g} m", size=sizes.text - 1)
+
+
+def _flow(legend: Sequence[Entry], width: int, sizes: _Sizes) -> list[list[tuple[float, Entry]]]:
+    """The entries in lines that fit the width, each with its place in the line."""
+    lines: list[list[tuple[float, Entry]]] = []
+    x = 0.0
+    for entry in legend:
+        needed = sizes.swatch + 8 + text_width(entry.text, sizes.text)
+        if not lines or x + needed > width:
+            lines.append([])
+            x = 0.0
+        lines[-1].append((x, entry))
+        x += needed + 26
+    return lines
+
+
+def _draw_legend_line(
+    page: PixelFigure, line: list[tuple[float, Entry]], y: int, sizes: _Sizes
+) -> None:
+    for x, entry in line:
+        left, middle = sizes.edge + x, y + sizes.line / 2
+        options = {"facecolor": entry.colour, "edgecolor": MUTED, "linewidth": 0.6}
+        if entry.hatched:
+            options |= {"hatch": "////", "edgecolor": "#b5b5b5"}
+        page.box(left, middle - sizes.swatch / 2, sizes.swatch, sizes.swatch, **options)
+        page.text(left + sizes.swatch + 8, middle, entry.text, size=sizes.text)
+
+
+def _draw_bars(page: PixelFigure, bars: Sequence[ColourBar], y: int, sizes: _Sizes) -> None:
+    x, middle, step = float(sizes.edge), y + sizes.swatch / 2, sizes.swatch // 2
+    for bar in bars:
+        before = f"{bar.caption}: {bar.low}"
+        page.text(x, middle, before, size=sizes.text)
+        x += text_width(before, sizes.text) + 10
+        for colour in levels(bar.gradient, 24):
+            page.box(x, y, step, sizes.swatch, facecolor=colour, edgecolor="none")
+            x += step
+        page.text(x + 8, middle, bar.high, size=sizes.text)
+        x += 8 + text_width(bar.high, sizes.text) + 40
