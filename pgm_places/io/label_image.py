@@ -139,9 +139,7 @@ def _raster(image: RasterImage, values: LabelValues) -> NDArray[np.int16]:
 
 def _grey_palette(image: RasterImage) -> bool:
     """Whether every colour that the image uses is a grey."""
-    palette = image.palette_rgb
-    if palette is None:
-        return False
+    palette = image.palette_rgb()
     used = np.zeros(256, np.bool_)
     for strip in image.strips(indices=True):
         used[np.unique(strip.channels)] = True

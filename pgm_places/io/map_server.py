@@ -185,12 +185,13 @@ class _Pixels:
         counts = np.zeros(256, np.int64)
         for row, channels, alpha in image.strips():
             grey = grey_of(channels)
-            values = rules.occupancy(channels, alpha)
+            values, kinds = rules.read(channels, alpha)
             if unknown_value is not None:
                 values[grey == unknown_value] = UNKNOWN
+                kinds[grey == unknown_value] = UNKNOWN
             # row 0 of the image is the top, row 0 of the grid the bottom
             rows = slice(height - row - len(grey), height - row)
-            cells[rows] = rules.cells(values)[::-1]
+            cells[rows] = kinds[::-1]
             if occupancy is not None:
                 occupancy[rows] = values[::-1]
             counts += np.bincount(
@@ -213,8 +214,8 @@ class _Pixels:
         """What looks wrong: unknown read as free, nothing free, no walls."""
         found = []
         share = float(self.grey_counts[UNKNOWN_GREY]) / self.cells.size
-        table = rules.cells(rules.grey_table())
-        if share >= _MANY and table[UNKNOWN_GREY] == FREE and unknown_value != UNKNOWN_GREY:
+        _, kinds = rules.tables()
+        if share >= _MANY and kinds[UNKNOWN_GREY] == FREE and unknown_value != UNKNOWN_GREY:
             found.append(
                 f"{100 * share:.1f} % of the pixels have grey {UNKNOWN_GREY}, which map savers "
                 f"write for unknown, but free_thresh {rules.free_thresh:g} reads it as free "

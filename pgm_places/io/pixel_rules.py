@@ -50,89 +50,84 @@ class PixelRules:
     occupied_thresh: float
     compat: Compat = "nav2"
 
-    def occupancy(
+    def read(
         self, channels: NDArray[np.uint8], alpha: NDArray[np.uint8] | None
-    ) -> NDArray[np.int8]:
-        """(h, W) occupancy from 0 to 100, or -1 for unknown, of (h, W, C) channels."""
-        if self.compat == "ros1":
-            return self._ros1(channels, alpha)
-        values = self.grey_table()[grey_of(channels)]
-        if alpha is not None and self.mode != "raw":
-            values[alpha < 255] = UNKNOWN
-        return values
+    ) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+        """(h, W) occupancy, 0 to 100 or -1, and (h, W) cells of (h, W, C) channels.
 
-    def grey_table(self) -> NDArray[np.int8]:
-        """(256,) occupancy of each opaque grey value.
-
-        In Nav2 the comparison is done in single precision: ``p = 1 - grey / 255`` (``grey / 255``
-        with negate); occupied where ``p >= occupied_thresh``, free where ``p <= free_thresh``,
-        which goes first; scale rounds half away from zero. In raw mode negate is not looked at.
+        Occupancy is what map_server would publish. The cells are ``FREE``, ``OCCUPIED`` or
+        ``UNKNOWN``: in mode trinary the same; in mode scale what trinary would make of the same
+        pixels; in mode raw the file's own thresholds on ``occupancy / 100``, as a map saver turns
+        such a map into a trinary one.
         """
+        levels: NDArray[np.integer]
+        levels, n_channels = grey_of(channels), 1
         if self.compat == "ros1":
-            return self._ros1_table(1)
-        grey = np.arange(256)
-        if self.mode == "raw":
-            return np.where(grey <= OCCUPIED, grey, UNKNOWN).astype(np.int8)
-        p = grey.astype(np.float32) / np.float32(255)
+            levels, n_channels = self._ros1_levels(channels, alpha)
+        occupancy_table, cells_table = self.tables(n_channels)
+        occupancy = occupancy_table[levels]
+        cells = occupancy if self.mode == "trinary" else cells_table[levels]
+        if alpha is not None and self.compat == "nav2" and self.mode != "raw":
+            occupancy[alpha < 255] = UNKNOWN
+            cells[alpha < 255] = UNKNOWN
+        elif alpha is not None and self.mode == "scale":
+            occupancy[(alpha == 0) & (cells == UNKNOWN)] = UNKNOWN
+        return occupancy, cells
+
+    def tables(self, n_channels: int = 1) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+        """(255 C + 1,) occupancy and cells of each brightness, 0 (black) to 255 C (white)."""
+        make = self._ros1_table if self.compat == "ros1" else self._nav2_table
+        occupancy = make(self.mode, n_channels)
+        if self.mode != "raw":
+            return occupancy, make("trinary", n_channels)
+        cells = np.full(occupancy.shape, UNKNOWN, np.int8)
+        cells[occupancy >= np.rint(100 * self.occupied_thresh)] = OCCUPIED
+        low = np.rint(100 * self.free_thresh)
+        cells[(occupancy != UNKNOWN) & (occupancy <= low)] = FREE
+        return occupancy, cells
+
+    def _nav2_table(self, mode: Mode, n_channels: int) -> NDArray[np.int8]:
+        """Single precision: ``p = 1 - grey / 255`` (``grey / 255`` with negate).
+
+        Occupied where ``p >= occupied_thresh``, free where ``p <= free_thresh``, which goes first;
+        scale rounds half up. In raw mode negate is not looked at.
+        """
+        level = np.arange(255 * n_channels + 1)
+        if mode == "raw":
+            return np.where(level <= OCCUPIED, level, UNKNOWN).astype(np.int8)
+        p = level.astype(np.float32) / np.float32(255)
         if not self.negate:
             p = np.float32(1) - p
         low, high = np.float32(self.free_thresh), np.float32(self.occupied_thresh)
-        if self.mode == "scale":
+        table = np.full(p.shape, UNKNOWN, np.float32)
+        if mode == "scale":
             width = np.float32(self.occupied_thresh - self.free_thresh)
             table = np.floor((p - low) / width * np.float32(100) + np.float32(0.5))
-        else:
-            table = np.full(256, UNKNOWN, np.float32)
         table = np.where(p >= high, np.float32(OCCUPIED), table)
         return np.where(p <= low, np.float32(FREE), table).astype(np.int8)
 
-    def cells(self, occupancy: NDArray[np.int8]) -> NDArray[np.int8]:
-        """(h, W) ``FREE``, ``OCCUPIED`` or ``UNKNOWN`` of occupancy values.
-
-        trinary and scale: 0 is free, 100 is occupied, all between is unknown, so that both modes
-        give the same cells (but for greys so near a threshold that they round to 0 or 100).
-        raw: the file's own thresholds on ``occupancy / 100``, as a map saver turns such a map into
-        a trinary one.
-        """
-        if self.mode == "trinary":
-            return occupancy
-        if self.mode == "scale":
-            free, occupied = occupancy == FREE, occupancy == OCCUPIED
-        else:
-            occupied = occupancy >= np.rint(100 * self.occupied_thresh)
-            free = (occupancy != UNKNOWN) & (occupancy <= np.rint(100 * self.free_thresh))
-        cells = np.full(occupancy.shape, UNKNOWN, np.int8)
-        cells[occupied] = OCCUPIED
-        cells[free] = FREE
-        return cells
-
-    def _ros1(
+    def _ros1_levels(
         self, channels: NDArray[np.uint8], alpha: NDArray[np.uint8] | None
-    ) -> NDArray[np.int8]:
-        """Mean of the channels; in trinary mode alpha counts as one of them (SDL gives RGBA)."""
+    ) -> tuple[NDArray[np.int64], int]:
+        """(h, W) sums of channels and their number; in trinary mode alpha is one of them."""
         total = channels.sum(axis=2, dtype=np.int64)
         n_channels = channels.shape[2]
-        if alpha is not None:
-            total, n_channels = total * 3 // n_channels, 3  # grey with alpha comes as RGBA
-            if self.mode == "trinary":
-                total, n_channels = total + alpha, 4
-        values = self._ros1_table(n_channels)[total]
-        if alpha is not None and self.mode == "scale":
-            between = (values > FREE) & (values < OCCUPIED)
-            values[between & (alpha == 0)] = UNKNOWN
-        return values
+        if alpha is None:
+            return total, n_channels
+        total *= 3 // n_channels  # the image library hands grey with alpha on as red, green, blue
+        return (total + alpha, 4) if self.mode == "trinary" else (total, 3)
 
-    def _ros1_table(self, n_channels: int) -> NDArray[np.int8]:
-        """(255 n_channels + 1,) occupancy of each sum of channels; strict comparisons."""
+    def _ros1_table(self, mode: Mode, n_channels: int) -> NDArray[np.int8]:
+        """Double precision on the mean of the channels; strict comparisons; scale truncates."""
         mean = np.arange(255 * n_channels + 1) / n_channels
         if self.negate:
             mean = 255 - mean
-        if self.mode == "raw":
+        if mode == "raw":
             return np.where(mean <= OCCUPIED, np.trunc(mean), UNKNOWN).astype(np.int8)
         p = (255 - mean) / 255
-        if self.mode == "scale":
+        table = np.full(p.shape, float(UNKNOWN))
+        if mode == "scale":
             width = self.occupied_thresh - self.free_thresh
             table = np.trunc(99 * (p - self.free_thresh) / width)
-        else:
-            table = np.full(p.shape, float(UNKNOWN))
         table = np.where(p < self.free_thresh, float(FREE), table)
         return np.where(p > self.occupied_thresh, float(OCCUPIED), table).astype(np.int8)

@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
@@ -23,6 +23,7 @@ MAX_PIXELS = 200_000_000
 _STRIP_PIXELS = 1 << 20
 # zlib shrinks no input by more than this factor (its documentation: 1032 : 1).
 _DEFLATE_LIMIT = 1040
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L", "I;16N"}
 _DAMAGED = (OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError)
 
@@ -37,22 +38,19 @@ class Strip(NamedTuple):
 
 @dataclass
 class RasterImage:
-    """An open image whose size is known and allowed; ``strips`` decodes it from top to bottom.
-
-    ``is_indexed`` tells a palette image; ``palette_rgb`` then holds its colours (n, 3).
-    """
+    """An open image whose size is known and allowed; ``strips`` decodes it from top to bottom."""
 
     path: Path
     shape: tuple[int, int]
     _error: type[InputError]
     _picture: "Image | None" = None
     _graymap: Graymap | None = None
-    palette_rgb: NDArray[np.uint8] | None = field(default=None)
+    _png_bits: int = 0
 
     @property
     def is_indexed(self) -> bool:
         """Whether pixels are indices into a palette."""
-        return self.palette_rgb is not None
+        return self._picture is not None and self._picture.mode == "P"
 
     @property
     def is_deep(self) -> bool:
@@ -61,6 +59,12 @@ class RasterImage:
             return self._graymap.maximum > 255
         return self._picture is not None and self._picture.mode.startswith("I")
 
+    def palette_rgb(self) -> NDArray[np.uint8]:
+        """(n, 3) colours of an indexed image; none for others."""
+        with self._reported():
+            colours = self._picture.getpalette("RGB") if self._picture is not None else None
+        return np.array(colours or [], np.uint8).reshape(-1, 3)
+
     def strips(self, *, indices: bool = False) -> Iterator[Strip]:
         """Strips of whole rows, about a million pixels each.
 
@@ -68,26 +72,30 @@ class RasterImage:
         """
         height, width = self.shape
         rows = max(1, _STRIP_PIXELS // width)
+        for top in range(0, height, rows):
+            with self._reported():
+                strip = self._decoded(top, min(top + rows, height), indices)
+            yield strip
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Whatever a decoder raises, as the one error that this image reports."""
         try:
-            for top in range(0, height, rows):
-                bottom = min(top + rows, height)
-                if self._graymap is not None:
-                    yield Strip(top, self._graymap.rows(top, bottom)[:, :, None], None)
-                else:
-                    yield self._decoded(top, bottom, indices)
+            yield
         except MemoryError:
+            height, width = self.shape
             raise self._error(
                 f"{self.path}: not enough memory to decode {width} x {height} pixels; "
                 "crop the map or coarsen it"
             ) from None
         except _DAMAGED as problem:
-            if isinstance(problem, InputError):
-                raise
             raise self._error(
                 f"{self.path}: the image is damaged or truncated ({problem}); save it again"
             ) from None
 
     def _decoded(self, top: int, bottom: int, indices: bool) -> Strip:
+        if self._graymap is not None:
+            return Strip(top, self._graymap.rows(top, bottom)[:, :, None], None)
         picture = self._picture
         if picture is None:
             raise ValueError("it was closed")
@@ -142,7 +150,7 @@ def open_image(
 
 
 def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage:
-    head = file.read(16)
+    head = file.read(32)
     file.seek(0)
     if head[:2] in MAGIC:
         graymap = read_header(path, file, error)
@@ -155,11 +163,10 @@ def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage
             "RGB or indexed, with at most 16 bits a channel"
         )
     width, height = picture.size
-    palette = None
-    if picture.mode == "P":
-        colours = picture.getpalette("RGB") or []
-        palette = np.array(colours, np.uint8).reshape(-1, 3)
-    return RasterImage(path, (height, width), error, _picture=picture, palette_rgb=palette)
+    image = RasterImage(path, (height, width), error, _picture=picture)
+    if picture.format == "PNG":  # bit depth and colour type of the IHDR chunk
+        image._png_bits = head[24] * _PNG_CHANNELS.get(head[25], 1)
+    return image
 
 
 def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) -> "Image":
@@ -196,11 +203,11 @@ def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> 
     picture = image._picture
     if picture is None:
         return  # checked with the header
-    bits = {"1": 1, "P": 1, "L": 1, "RGB": 24, "RGBA": 32, "LA": 16}.get(picture.mode, 8)
-    if picture.format == "PPM":
+    if picture.format == "PPM":  # plain ones (P1 to P3) take at least a character for each number
+        bits = {"1": 1, "RGB": 24}.get(picture.mode, 8)
         least = height * ((width * bits + 7) // 8)
     elif picture.format == "PNG":
-        least = height * ((width * bits + 7) // 8) // _DEFLATE_LIMIT
+        least = height * ((width * image._png_bits + 7) // 8) // _DEFLATE_LIMIT
     else:
         return
     if n_bytes < least:

@@ -162,6 +162,8 @@ def _plain(node: object, file: YamlFile, *, depth: int, seen: set[int]) -> YamlV
 
     if depth > MAX_DEPTH:
         raise file.fail(f"nested deeper than {MAX_DEPTH} levels")
+    if node is None:  # an empty file
+        return ""
     if isinstance(node, yaml.ScalarNode):
         return str(node.value)
     if isinstance(node, yaml.SequenceNode | yaml.MappingNode):

@@ -1,0 +1,156 @@
+"""Output that is complete or absent."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from pgm_places.errors import OutputError
+from pgm_places.io.atomic import (
+    atomic_file,
+    atomic_folder,
+    check_folder_target,
+    check_writable_folder,
+    write_bytes,
+    write_text,
+)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(item.name for item in folder.iterdir())
+
+
+def test_files_are_written_with_their_folders(tmp_path: Path) -> None:
+    path = write_text(tmp_path / "a" / "b" / "x.txt", "grün\n")
+    assert path.read_bytes() == "grün\n".encode()
+    write_bytes(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert names(path.parent) == ["x.txt"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_interrupted_file_leaves_what_was_there(
+    tmp_path: Path, error: type[BaseException]
+) -> None:
+    path = write_text(tmp_path / "x.txt", "old")
+    with pytest.raises(error), atomic_file(path) as temporary:
+        temporary.write_text("half")
+        raise error
+    assert path.read_text() == "old"
+    assert names(tmp_path) == ["x.txt"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_an_interrupted_folder_leaves_what_was_there(
+    tmp_path: Path, error: type[BaseException]
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "old").write_text("old")
+    with (
+        pytest.raises(error),
+        atomic_folder(folder, replaces=lambda _: True) as temporary,
+    ):
+        (temporary / "new").write_text("half")
+        raise error
+    assert names(tmp_path) == ["out"]
+    assert names(folder) == ["old"]
+
+
+def test_a_folder_is_replaced_only_where_allowed(tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "out"
+    with atomic_folder(folder) as temporary:
+        (temporary / "one").write_text("1")
+    with atomic_folder(folder, replaces=lambda path: (path / "one").exists()) as temporary:
+        (temporary / "two").write_text("2")
+    assert names(folder) == ["two"]
+    assert names(folder.parent) == ["out"]
+    with pytest.raises(OutputError) as caught, atomic_folder(folder):
+        pass
+    assert str(caught.value) == (
+        f"cannot write the folder {folder}: it exists and holds other files; choose another path "
+        "or empty it"
+    )
+    check_folder_target(tmp_path / "absent")
+
+
+def test_an_empty_folder_may_be_filled(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with atomic_folder(tmp_path / "out") as temporary:
+        (temporary / "x").write_text("x")
+    assert names(tmp_path / "out") == ["x"]
+
+
+def test_a_failed_swap_puts_the_old_folder_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "old").write_text("old")
+    rename = Path.rename
+
+    def failing(self: Path, target: Path) -> Path:
+        if self.suffix == ".tmp":
+            raise OSError(28, "No space left on device")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with (
+        pytest.raises(OutputError, match="No space left on device; check the permissions"),
+        atomic_folder(folder, replaces=lambda _: True) as temporary,
+    ):
+        (temporary / "new").write_text("new")
+    assert names(tmp_path) == ["out"]
+    assert names(folder) == ["old"]
+
+
+def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "folder")
+    with pytest.raises(OutputError, match="a folder of that name is in the way"):
+        write_text(tmp_path / "folder", "")
+    with pytest.raises(OutputError, match="file is a file, not a folder; choose another path"):
+        write_text(tmp_path / "file" / "x.txt", "")
+    for name in ("file", "link"):
+        with pytest.raises(OutputError, match=f"{name}: a file of that name is in the way"):
+            check_folder_target(tmp_path / name)
+
+
+def test_a_writable_folder_is_made_and_left_empty(tmp_path: Path) -> None:
+    folder = check_writable_folder(tmp_path / "a" / "b")
+    assert names(folder) == []
+    check_writable_folder(folder)
+    with pytest.raises(OutputError, match="is a file, not a folder"):
+        (tmp_path / "file").write_text("")
+        check_writable_folder(tmp_path / "file")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_is_named(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="Permission denied"):
+        check_writable_folder(tmp_path)
+
+
+def test_a_refused_write_names_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: Path, data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(OutputError) as caught:
+        write_text(tmp_path / "x.txt", "text")
+    assert str(caught.value) == (
+        f"cannot write {tmp_path / 'x.txt'}: No space left on device; check the permissions and "
+        "the free space, or choose another path"
+    )
+    assert names(tmp_path) == []
+
+
+def test_the_folder_one_stands_in_can_be_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    check_writable_folder(".")
+    write_text("x.txt", "x")
+    assert names(tmp_path) == ["x.txt"]

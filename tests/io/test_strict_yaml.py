@@ -1,0 +1,117 @@
+"""YAML scalars as yaml-cpp reads them, and the refusals."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from pgm_places.errors import MapError
+from pgm_places.io.strict_yaml import YamlFile, read_yaml
+
+
+def read(folder: Path, text: str) -> YamlFile:
+    path = folder / "x.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_yaml(path, MapError, "map description")
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("5e-2", 0.05),
+        ("0.050000", 0.05),
+        ("'0.05'", 0.05),
+        (".5", 0.5),
+        ("1.", 1.0),
+        ("010", 10.0),
+        ("+1E1", 10.0),
+        ("-46.575", -46.575),
+        ("1   # metres", 1.0),
+    ],
+)
+def test_numbers(tmp_path: Path, text: str, number: float) -> None:
+    assert read(tmp_path, f"key: {text}\n").number("key") == number
+
+
+@pytest.mark.parametrize(
+    "text", ["no", "0x10", "1_000", "1:30", "nan", ".nan", ".inf", "1e999", "1,5", "", "[1]", "5 m"]
+)
+def test_what_is_no_number_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(MapError, match=r"key 'key' must be a finite decimal number such as 0.05"):
+        read(tmp_path, f"key: {text}\n").number("key")
+
+
+@pytest.mark.parametrize("text", ["nan", "-nan", ".nan", ".NaN", "+NAN"])
+def test_nan_is_read_where_it_is_allowed(tmp_path: Path, text: str) -> None:
+    file = read(tmp_path, f"key: {text}\n")
+    assert math.isnan(file.as_number(file.value("key"), "key", allow_nan=True))
+
+
+@pytest.mark.parametrize(
+    ("text", "flag"),
+    [
+        *(("0", False), ("1", True), ("2", True), ("00", False), ("0x0", False), ("010", True)),
+        *(("true", True), ("False", False), ("yes", True), ("no", False), ("on", True)),
+    ],
+)
+def test_flags(tmp_path: Path, text: str, flag: bool) -> None:
+    assert read(tmp_path, f"key: {text}\n").flag("key") is flag
+
+
+@pytest.mark.parametrize("text", ["0.0", "maybe", "[0]", ""])
+def test_what_is_no_flag_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(MapError, match="key 'key' must be 0, 1, true or false"):
+        read(tmp_path, f"key: {text}\n").flag("key")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: [1\n", "not a YAML file: while parsing"),
+        ("- a\n- b\n", "the map description must be a mapping of keys to values"),
+        ("", "the map description must be a mapping"),
+        ("a: 1\nb: 2\na: 3\n", "key 'a' appears twice (line 3); keep one"),
+        ("a: &x [1]\nb: *x\n", "anchors and aliases (& and *) are not supported"),
+        ("a: " + "[" * 20 + "]" * 20, "nested deeper than 16 levels"),
+        ("a: " + "[" * 5000 + "]" * 5000, "nested deeper than 16 levels"),
+        ("? [a]\n: 1\n", "a key must be a text, got ['a']"),
+        ("a: 1\n--- \nb: 1\n", "not a YAML file: expected a single document"),
+        ("a: " + "x" * 300_000, "longer than 262144 bytes; is this the map description (YAML)?"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(MapError) as caught:
+        read(tmp_path, text)
+    assert str(caught.value).startswith(f"{tmp_path / 'x.yaml'}: ")
+    assert message in str(caught.value)
+
+
+def test_tags_are_not_obeyed(tmp_path: Path) -> None:
+    file = read(tmp_path, "a: !!python/object/apply:os.system ['exit 1']\nb: !!int '7'\n")
+    assert file.values == {"a": ["exit 1"], "b": "7"}
+
+
+def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"\x89PNG\r\n")
+    with pytest.raises(MapError, match="not a text file in UTF-8"):
+        read_yaml(tmp_path / "x", MapError, "map description")
+    with pytest.raises(MapError, match="is a folder, the map description must be a YAML file"):
+        read_yaml(tmp_path, MapError, "map description")
+    with pytest.raises(MapError, match=r"no such file; the map description \(YAML\) was expected"):
+        read_yaml(tmp_path / "absent", MapError, "map description")
+
+
+def test_a_missing_key_offers_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(
+        MapError, match=r"key 'resolution' is missing; did you mean 'resolutions'\?"
+    ):
+        read(tmp_path, "resolutions: 1\n").number("resolution")
+    with pytest.raises(MapError, match="key 'image' must be a text that is not empty"):
+        read(tmp_path, "image:\n").text("image")
+
+
+@pytest.mark.parametrize("text", ["3.0", "256", "-1", "0x1", "[1]", "1" * 40])
+def test_whole_numbers_have_limits(tmp_path: Path, text: str) -> None:
+    file = read(tmp_path, f"key: {text}\n")
+    with pytest.raises(MapError, match="key must be a whole number from 0 to 255, got"):
+        file.as_integer(file.value("key"), "key", low=0, high=255)
