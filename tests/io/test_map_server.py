@@ -205,7 +205,9 @@ def test_a_damaged_image_is_refused(tmp_path: Path) -> None:
 poses = st.tuples(*[st.floats(-1e4, 1e4)] * 2, st.floats(-np.pi, np.pi))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
+)
 @given(
     height=st.integers(1, 5),
     width=st.integers(1, 5),

@@ -1,0 +1,154 @@
+"""Coarser maps: the stated rule, walls that stay, doorways that stay open, labels by majority."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgm_places import OccupancyGrid
+from pgm_places import coarsening as module
+from pgm_places.coarsening import coarsen, coarsen_labels, coarsening_factor
+from pgm_places.errors import LabelError, MapError
+from tests.reference.coarse_blocks import coarse_cells, coarse_labels, passable_doors
+
+shapes = st.tuples(st.integers(1, 13), st.integers(1, 13))
+
+
+def random_grid(shape: tuple[int, int], seed: int) -> OccupancyGrid:
+    rng = np.random.default_rng(seed)
+    cells = rng.choice(np.array([0, 0, 0, 100, -1], np.int8), shape)
+    return OccupancyGrid(cells, 0.05, (1.0, -2.0), 0.5)
+
+
+@given(
+    shape=shapes,
+    factor=st.integers(2, 5),
+    shares=st.tuples(
+        st.sampled_from([None, 0.1, 0.25, 0.5, 1.0]), st.sampled_from([0.2, 0.5, 1.0])
+    ),
+    seed=st.integers(0, 1000),
+    chunk=st.sampled_from([1, 40, 1 << 22]),
+)
+def test_cells_and_labels_are_those_of_the_reference(
+    shape: tuple[int, int],
+    factor: int,
+    shares: tuple[float | None, float],
+    seed: int,
+    chunk: int,
+) -> None:
+    grid = random_grid(shape, seed)
+    labels = np.random.default_rng(seed + 1).integers(-1, 3, shape).astype(np.int16)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_CHUNK_CELLS", chunk)
+        coarse = coarsen(grid, factor * 0.05, occupied_share=shares[0], free_share=shares[1])
+        found = coarsen_labels(labels, grid, coarse)
+    expected = coarse_cells(grid.cells, factor, shares[0] or 1 / factor, shares[1])
+    assert (coarse.cells == expected).all()
+    assert (found == coarse_labels(labels, grid.free, coarse.free, factor)).all()
+    assert found.dtype == np.int16
+
+
+def test_the_frame_is_kept() -> None:
+    grid = random_grid((7, 9), 0)
+    coarse = coarsen(grid, 0.1)
+    assert coarse.shape == (4, 5)
+    assert (coarse.origin_xy_m, coarse.yaw_rad) == (grid.origin_xy_m, grid.yaw_rad)
+    corner = np.array([[-0.5, -0.5]])
+    np.testing.assert_allclose(
+        coarse.cell_centres_m(corner), grid.cell_centres_m(corner), rtol=0, atol=1e-12
+    )
+    assert coarsen(grid, 0.05) is grid
+
+
+@given(
+    factor=st.integers(2, 10),
+    offset=st.integers(0, 9),
+    thickness=st.integers(1, 3),
+    upright=st.booleans(),
+)
+def test_a_straight_wall_of_one_cell_never_vanishes(
+    factor: int, offset: int, thickness: int, upright: bool
+) -> None:
+    cells = np.zeros((4 * factor, 40), np.int8)
+    cells[factor + offset % factor :][:thickness] = 100
+    grid = OccupancyGrid(cells.T if upright else cells, 0.02)
+    coarse = coarsen(grid, factor * 0.02)
+    whole = 40 // factor  # blocks that lie inside the map along the wall
+    along = np.any(coarse.occupied, axis=1 if upright else 0)
+    assert along[:whole].all()
+
+
+@given(factor=st.integers(2, 8), offset=st.integers(0, 7), extra=st.integers(0, 3))
+def test_an_opening_of_two_coarse_cells_never_closes(factor: int, offset: int, extra: int) -> None:
+    cells = np.zeros((6 * factor, 8 * factor), np.int8)
+    cells[3 * factor - 1] = 100
+    start = 2 * factor + offset % factor
+    cells[3 * factor - 1, start : start + 2 * factor - 1 + extra] = 0
+    coarse = coarsen(OccupancyGrid(cells, 0.05), factor * 0.05)
+    assert coarse.free[2].any()
+    assert not coarse.free[2].all()
+
+
+def test_doorways_of_a_generated_corridor_stay_open_at_every_alignment() -> None:
+    for offset in range(4):
+        cells = np.full((60, 120), 0, np.int8)
+        cells[28 + offset % 2 : 30 + offset % 2] = 100
+        labels = np.where(cells == 0, 0, -1).astype(np.int16)
+        labels[:28] = 1
+        for door in (10, 45, 80):
+            opening = np.s_[26:32, door + offset : door + offset + 16]  # 0.8 m
+            cells[opening], labels[opening] = 0, 2
+        grid = OccupancyGrid(cells, 0.05)
+        free = np.kron(coarsen(grid, 0.2).free, np.ones((4, 4), np.bool_))
+        doors = passable_doors(grid.free, free, labels, doorway=2, reach=6)
+        assert doors == [True, True, True]
+
+
+def test_labels_need_a_majority_and_ties_go_to_labels_then_to_the_first() -> None:
+    grid = OccupancyGrid(np.zeros((2, 8), np.int8), 0.05)
+    labels = [[2, 2, 1, 1, -1, -1, -1, -1], [2, 0, 2, 2, 1, 1, -1, 0]]
+    coarse = coarsen(grid, 0.1)
+    assert coarsen_labels(labels, grid, coarse).tolist() == [[2, 1, 1, -1]]
+
+
+@pytest.mark.parametrize(
+    ("resolution_m", "message"),
+    [
+        (
+            0.12,
+            "cells of 0.05 m cannot be brought to 0.12 m: cells are joined in square blocks of a",
+        ),
+        (0.12, "take e.g. 0.1 or 0.15 m"),
+        (0.02, "take e.g. 0.05 or 0.1 m"),
+        (0.0, "cannot be brought to 0 m"),
+        (-0.1, "cannot be brought to -0.1 m"),
+        (float("nan"), "cannot be brought to nan m"),
+        (float("inf"), "cannot be brought to inf m"),
+    ],
+)
+def test_other_factors_than_whole_ones_are_refused(resolution_m: float, message: str) -> None:
+    with pytest.raises(MapError) as caught:
+        coarsen(random_grid((4, 4), 0), resolution_m)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("fine", "coarse"), [(0.05, 0.2), (0.025, 0.2), (0.0500001, 0.2), (0.1, 0.3)]
+)
+def test_rounded_resolutions_are_whole_factors(fine: float, coarse: float) -> None:
+    grid = OccupancyGrid(np.zeros((1, 1), np.int8), fine)
+    assert coarsening_factor(grid, coarse) == round(coarse / fine)
+
+
+def test_bad_shares_and_shapes_are_refused() -> None:
+    grid = random_grid((4, 4), 0)
+    with pytest.raises(MapError, match="occupied_share must be above 0 and at most 1, got 0"):
+        coarsen(grid, 0.1, occupied_share=0.0)
+    with pytest.raises(MapError, match=r"free_share must be above 0 and at most 1, got 1\.5"):
+        coarsen(grid, 0.1, free_share=1.5)
+    with pytest.raises(LabelError, match=r"labels must have shape \(4, 4\), got \(2, 2\)"):
+        coarsen_labels(np.zeros((2, 2), np.int16), grid, coarsen(grid, 0.1))
+    with pytest.raises(LabelError, match=r"coarsened by 2 does not have \(1, 1\) cells"):
+        coarsen_labels(
+            np.zeros((4, 4), np.int16), grid, OccupancyGrid(np.zeros((1, 1), np.int8), 0.1)
+        )
