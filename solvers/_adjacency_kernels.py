@@ -7,33 +7,37 @@ from numpy.typing import NDArray
 
 from pgm_places._jit import njit
 
-__all__ = ["Arcs", "fill_slots"]
+__all__ = ["FORTH", "REVERSE", "Arcs", "fill_slots"]
+
+FORTH = np.uint32(0)
+REVERSE = np.uint32(1)
+"""``arc ^ REVERSE`` is the same edge in the other direction, ``arc ^ FORTH`` the arc itself."""
 
 
 class Arcs(NamedTuple):
     """Arcs in compressed rows: node ``i`` owns the slots ``start[i]`` to ``start[i + 1]``.
 
-    Edge ``e`` = (i, j) makes arc ``2 e`` from i to j and arc ``2 e + 1`` back, so ``arc ^ 1`` is
-    the arc in the other direction, ``arc >> 1`` the edge and ``arc & 1`` whether the slot's owner
-    is the edge's second node. Values kept per arc lie side by side for both directions.
+    Edge ``e`` = (i, j) makes arc ``2 e`` from i to j and arc ``2 e + 1`` back: ``arc ^ REVERSE`` is
+    the other direction, ``arc >> 1`` the edge, and ``arc & 1`` tells whether the slot's owner is
+    the edge's second node. Values kept per arc lie side by side for both directions.
     """
 
-    start: NDArray[np.int32]
+    start: NDArray[np.uint32]
     """(N + 1,) first slot of each node."""
-    head: NDArray[np.int32]
+    head: NDArray[np.uint32]
     """(2 E,) the neighbour at a slot; with sorted edges increasing within a node."""
-    arc: NDArray[np.int32]
+    arc: NDArray[np.uint32]
     """(2 E,) the arc from the slot's owner to that neighbour."""
-    ends: NDArray[np.int32]
-    """(2 E,) the owner of each arc; its head is ``ends[arc ^ 1]``."""
+    ends: NDArray[np.uint32]
+    """(2 E,) the owner of each arc; its head is ``ends[arc ^ REVERSE]``."""
 
 
 @njit
 def fill_slots(
-    edges: NDArray[np.int32],
-    next_slot: NDArray[np.int32],
-    head: NDArray[np.int32],
-    arc: NDArray[np.int32],
+    edges: NDArray[np.uint32],
+    next_slot: NDArray[np.uint32],
+    head: NDArray[np.uint32],
+    arc: NDArray[np.uint32],
 ) -> None:
     """Write both arcs of every edge into the rows that begin at ``next_slot`` (used up)."""
     for e in range(edges.shape[0]):

@@ -7,52 +7,34 @@ A node with ``high <= 0`` keeps and one with ``low > 0`` switches whatever the o
 rest is left to the minimum cut.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._jit import njit
 from pgm_places.solvers._adjacency_kernels import Arcs
-from pgm_places.solvers._cut_kernels import FREE, OUTSIDE, SINK, CutSpace, minimum_cut_kernel
 
 __all__ = [
     "agreement_gain",
     "agreement_move",
     "agreement_reach",
-    "settle_move",
+    "extract_cut",
+    "peel_move",
     "table_gain",
     "table_move",
 ]
 
+_ONE = np.uint32(1)
 _ROUNDING = 1e-12
 """A gain below this share of the terms it is summed from is rounding."""
 
 
-class MoveSpace(NamedTuple):
-    """Working arrays of one move, to be reused for the next."""
-
-    low: NDArray[np.float64]
-    """(N,) what a node earns at least by switching."""
-    high: NDArray[np.float64]
-    """(N,) what it earns at most."""
-    capacity: NDArray[np.float64]
-    """(2 E,) half of ``w`` on either arc of an edge between two members."""
-    members: NDArray[np.int32]
-    """(N,) the nodes for which switching may pay."""
-    switched: NDArray[np.int32]
-    """(N,) the nodes that switch."""
-    cut: CutSpace
-    """For the minimum cut; its ``side`` is OUTSIDE for all but the undecided members."""
-
-
 @njit
 def agreement_reach(
-    edges: NDArray[np.int32], agreement: NDArray[np.float64], reach: NDArray[np.float64]
+    ends: NDArray[np.uint32], agreement: NDArray[np.float64], reach: NDArray[np.float64]
 ) -> None:
     """Add up in ``reach`` (N, K) what each node could earn from its edges by each label."""
-    for e in range(edges.shape[0]):
-        i, j = edges[e, 0], edges[e, 1]
+    for e in range(agreement.shape[0]):
+        i, j = ends[2 * e], ends[2 * e + 1]
         for k in range(agreement.shape[1]):
             reach[i, k] += agreement[e, k]
             reach[j, k] += agreement[e, k]
@@ -66,41 +48,42 @@ def agreement_move(
     agreement: NDArray[np.float64],
     reach: NDArray[np.float64],
     arcs: Arcs,
-    space: MoveSpace,
+    members: NDArray[np.uint32],
+    undecided: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    weight: NDArray[np.float64],
 ) -> int:
-    """Set up the move; the number of ``members``, the nodes for which switching may pay."""
+    """Set up the move; how many ``members`` there are, the nodes for which switching may pay.
+
+    ``undecided`` (N,) marks them, ``low`` and ``high`` (N,) are what switching earns them at least
+    and at most, ``weight`` (E,) is ``w`` of the edges between two of them.
+    """
     start, head, arc = arcs.start, arcs.head, arcs.arc
-    members, side = space.members, space.cut.side
     n_members = 0
     for i in range(labels.shape[0]):
-        side[i] = OUTSIDE
-        if labels[i] == label or unary[i, label] == -np.inf:
-            continue
-        if unary[i, label] - unary[i, labels[i]] + reach[i, label] > 0.0:
-            side[i] = FREE
-            members[n_members] = i
-            n_members += 1
+        switching = unary[i, label] - unary[i, labels[i]] + reach[i, label]
+        undecided[i] = labels[i] != label and switching > 0.0
+        members[n_members] = i
+        n_members += undecided[i]
     for m in range(n_members):
         i = members[m]
         mine = labels[i]
         least = unary[i, label] - unary[i, mine]
         most = least
-        for slot in range(start[i], start[i + 1]):
+        for slot in range(start[i], start[i + _ONE]):
+            # No branches: which case a neighbour is cannot be foreseen by the processor.
             j = head[slot]
-            edge = arc[slot] >> 1
-            kept = agreement[edge, mine] if labels[j] == mine else 0.0
-            if labels[j] == label:
-                least += agreement[edge, label]
-                most += agreement[edge, label]
-            elif side[j] == OUTSIDE:
-                least -= kept
-                most -= kept
-            else:
-                least -= kept
-                most += agreement[edge, label]
-                space.capacity[arc[slot]] = 0.5 * (kept + agreement[edge, label])
-        space.low[i] = least
-        space.high[i] = most
+            edge = arc[slot] >> _ONE
+            theirs = labels[j]
+            earned = agreement[edge, label]
+            kept = agreement[edge, mine] if theirs == mine else 0.0
+            settled = earned if theirs == label else -kept
+            least += settled
+            most += earned if undecided[j] else settled
+            weight[edge] = kept + earned
+        low[i] = least
+        high[i] = most
     return n_members
 
 
@@ -112,98 +95,153 @@ def table_move(
     tables: NDArray[np.float64],
     table_step: int,
     arcs: Arcs,
-    space: MoveSpace,
+    members: NDArray[np.uint32],
+    undecided: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    weight: NDArray[np.float64],
 ) -> int:
     """The same for pairwise tables (1 or E, K, K)."""
     start, head, arc = arcs.start, arcs.head, arcs.arc
-    members, side = space.members, space.cut.side
     n_members = 0
     for i in range(labels.shape[0]):
-        side[i] = OUTSIDE
-        if labels[i] != label and unary[i, label] > -np.inf:
-            side[i] = FREE
-            members[n_members] = i
-            n_members += 1
+        undecided[i] = labels[i] != label and unary[i, label] > -np.inf
+        members[n_members] = i
+        n_members += undecided[i]
     for m in range(n_members):
         i = members[m]
         mine = labels[i]
         least = unary[i, label] - unary[i, mine]
         most = least
-        for slot in range(start[i], start[i + 1]):
-            table = tables[(arc[slot] >> 1) * table_step]
+        for slot in range(start[i], start[i + _ONE]):
+            edge = arc[slot] >> _ONE
+            table = tables[np.int64(edge) * table_step]
             theirs = labels[head[slot]]
-            if arc[slot] & 1 == 0:
-                both_keep, both_switch = table[mine, theirs], table[label, label]
-                only_i, only_j = table[label, theirs], table[mine, label]
+            if arc[slot] & _ONE == 0:
+                both_keep, only_i, only_j = (
+                    table[mine, theirs],
+                    table[label, theirs],
+                    table[mine, label],
+                )
             else:
-                both_keep, both_switch = table[theirs, mine], table[label, label]
-                only_i, only_j = table[theirs, label], table[label, mine]
+                both_keep, only_i, only_j = (
+                    table[theirs, mine],
+                    table[theirs, label],
+                    table[label, mine],
+                )
             least += only_i - both_keep
             most += only_i - both_keep
-            if side[head[slot]] != OUTSIDE:
-                gain = max((both_keep + both_switch) - (only_i + only_j), 0.0)
+            if undecided[head[slot]]:
+                gain = max((both_keep + table[label, label]) - (only_i + only_j), 0.0)
                 most += gain
-                space.capacity[arc[slot]] = 0.5 * gain
-        space.low[i] = least
-        space.high[i] = most
+                weight[edge] = gain
+        low[i] = least
+        high[i] = most
     return n_members
 
 
 @njit
-def settle_move(n_members: int, arcs: Arcs, space: MoveSpace) -> int:
-    """Decide the move exactly; the number of nodes in ``space.switched``, which should switch."""
+def peel_move(
+    members: NDArray[np.uint32],
+    arcs: Arcs,
+    weight: NDArray[np.float64],
+    undecided: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    stack: NDArray[np.uint32],
+    switched: NDArray[np.uint32],
+) -> int:
+    """Decide members whose choice no neighbour can change, and what follows from them.
+
+    Those that switch are written to ``switched``; how many they are is returned.
+    """
     start, head, arc = arcs.start, arcs.head, arcs.arc
-    low, high, capacity = space.low, space.high, space.capacity
-    members, switched, side = space.members, space.switched, space.cut.side
-    settled = space.cut.active  # a stack here: the cut has not begun
-    n_settled = 0
+    n_stack = 0
     n_switched = 0
-    for m in range(n_members):
+    for m in range(members.shape[0]):
         i = members[m]
         if high[i] <= 0.0 or low[i] > 0.0:
-            side[i] = OUTSIDE
-            settled[n_settled] = i
-            n_settled += 1
-    while n_settled > 0:
-        n_settled -= 1
-        i = settled[n_settled]
+            undecided[i] = False
+            stack[n_stack] = i
+            n_stack += 1
+    while n_stack > 0:
+        n_stack -= 1
+        i = stack[n_stack]
         switches = low[i] > 0.0
         if switches:
             switched[n_switched] = i
             n_switched += 1
-        for slot in range(start[i], start[i + 1]):
+        for slot in range(start[i], start[i + _ONE]):
             j = head[slot]
-            if side[j] == OUTSIDE:
-                continue  # settled already, even if it still waits in the stack
-            gain = 2.0 * capacity[arc[slot]]
+            if not undecided[j]:
+                continue  # decided already, even if it still waits in the stack
             if switches:
-                low[j] += gain
+                low[j] += weight[arc[slot] >> _ONE]
             else:
-                high[j] -= gain
+                high[j] -= weight[arc[slot] >> _ONE]
             if high[j] <= 0.0 or low[j] > 0.0:
-                side[j] = OUTSIDE
-                settled[n_settled] = j
-                n_settled += 1
+                undecided[j] = False
+                stack[n_stack] = j
+                n_stack += 1
+    return n_switched
+
+
+@njit
+def extract_cut(
+    members: NDArray[np.uint32],
+    arcs: Arcs,
+    weight: NDArray[np.float64],
+    undecided: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    number: NDArray[np.uint32],
+    edge_number: NDArray[np.uint32],
+    cut_arcs: Arcs,
+    excess: NDArray[np.float64],
+    capacity: NDArray[np.float64],
+) -> int:
+    """Lay out the cut's graph of the members still undecided; how many they are.
+
+    They are moved to the front of ``members``. ``number`` (N,) and ``edge_number`` (E,) hold the
+    place of a node and of an edge in that graph.
+    """
+    start, head, arc = arcs.start, arcs.head, arcs.arc
     n_left = 0
-    for m in range(n_members):
+    for m in range(members.shape[0]):
         i = members[m]
-        if side[i] != OUTSIDE:
-            members[n_left] = i
-            n_left += 1
-            low[i] = -0.5 * (low[i] + high[i])
-    minimum_cut_kernel(members[:n_left], arcs, low, capacity, space.cut)
+        members[n_left] = i
+        number[i] = n_left
+        excess[n_left] = -0.5 * (low[i] + high[i])
+        n_left += undecided[i]
+    n_slots = 0
+    n_edges = 0
     for m in range(n_left):
         i = members[m]
-        if side[i] == SINK:
-            switched[n_switched] = i
-            n_switched += 1
-    return n_switched
+        cut_arcs.start[m] = n_slots
+        for slot in range(start[i], start[i + _ONE]):
+            j = head[slot]
+            if not undecided[j]:
+                continue
+            edge = arc[slot] >> _ONE
+            way = np.int64(arc[slot] & _ONE)
+            if j > i:
+                edge_number[edge] = n_edges
+                cut_arcs.ends[2 * n_edges + way] = m
+                cut_arcs.ends[2 * n_edges + 1 - way] = number[j]
+                capacity[2 * n_edges] = 0.5 * weight[edge]
+                capacity[2 * n_edges + 1] = 0.5 * weight[edge]
+                n_edges += 1
+            cut_arcs.head[n_slots] = number[j]
+            cut_arcs.arc[n_slots] = 2 * edge_number[edge] + way
+            n_slots += 1
+    cut_arcs.start[n_left] = n_slots
+    return n_left
 
 
 @njit
 def agreement_gain(
     label: int,
-    switched: NDArray[np.int32],
+    switched: NDArray[np.uint32],
     labels: NDArray[np.int32],
     unary: NDArray[np.float64],
     agreement: NDArray[np.float64],
@@ -220,11 +258,11 @@ def agreement_gain(
         i = switched[m]
         gain += unary[i, label] - unary[i, labels[i]]
         size += abs(unary[i, label]) + abs(unary[i, labels[i]])
-        for slot in range(start[i], start[i + 1]):
+        for slot in range(start[i], start[i + _ONE]):
             j = head[slot]
             if fresh[j] != labels[j] and j < i:
                 continue  # the edge is counted at its other end
-            edge = arc[slot] >> 1
+            edge = arc[slot] >> _ONE
             if fresh[j] == label:
                 gain += agreement[edge, label]
                 size += agreement[edge, label]
@@ -237,7 +275,7 @@ def agreement_gain(
 @njit
 def table_gain(
     label: int,
-    switched: NDArray[np.int32],
+    switched: NDArray[np.uint32],
     labels: NDArray[np.int32],
     unary: NDArray[np.float64],
     tables: NDArray[np.float64],
@@ -255,12 +293,12 @@ def table_gain(
         i = switched[m]
         gain += unary[i, label] - unary[i, labels[i]]
         size += abs(unary[i, label]) + abs(unary[i, labels[i]])
-        for slot in range(start[i], start[i + 1]):
+        for slot in range(start[i], start[i + _ONE]):
             j = head[slot]
             if fresh[j] != labels[j] and j < i:
                 continue
-            table = tables[(arc[slot] >> 1) * table_step]
-            if arc[slot] & 1 == 0:
+            table = tables[np.int64(arc[slot] >> _ONE) * table_step]
+            if arc[slot] & _ONE == 0:
                 before, after = table[labels[i], labels[j]], table[label, fresh[j]]
             else:
                 before, after = table[labels[j], labels[i]], table[fresh[j], label]

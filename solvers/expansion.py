@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
+from pgm_places.solvers._adjacency_kernels import Arcs
+from pgm_places.solvers._cut_kernels import SINK, minimum_cut_kernel
 from pgm_places.solvers._expansion_kernels import (
-    MoveSpace,
     agreement_gain,
     agreement_move,
     agreement_reach,
-    settle_move,
+    extract_cut,
+    peel_move,
     table_gain,
     table_move,
 )
@@ -75,14 +77,7 @@ class ExpansionGraph:
 
     def __init__(self, n_nodes: int, edges: ArrayLike | Adjacency) -> None:
         self.around = edges if isinstance(edges, Adjacency) else adjacency(n_nodes, edges)
-        self._space = MoveSpace(
-            low=np.empty(n_nodes),
-            high=np.empty(n_nodes),
-            capacity=np.empty(2 * self.around.n_edges),
-            members=np.empty(n_nodes, np.int32),
-            switched=np.empty(n_nodes, np.int32),
-            cut=cut_space(n_nodes),
-        )
+        self._space = _MoveSpace(n_nodes, self.around.n_edges)
 
     def expand(
         self,
@@ -227,17 +222,40 @@ def _not_regular(
     )
 
 
+class _MoveSpace:
+    """Working arrays of the moves on one graph; the kernels' arguments say what they hold."""
+
+    def __init__(self, n_nodes: int, n_edges: int) -> None:
+        self.members = np.empty(n_nodes, np.uint32)
+        self.undecided = np.empty(n_nodes, np.bool_)
+        self.switched = np.empty(n_nodes, np.uint32)
+        self.low = np.empty(n_nodes)
+        self.high = np.empty(n_nodes)
+        self.weight = np.empty(n_edges)
+        self.number = np.empty(n_nodes, np.uint32)
+        self.edge_number = np.empty(n_edges, np.uint32)
+        self.excess = np.empty(n_nodes)
+        self.capacity = np.empty(2 * n_edges)
+        self.cut = cut_space(n_nodes)
+        self.arcs = Arcs(
+            start=np.empty(n_nodes + 1, np.uint32),
+            head=np.empty(2 * n_edges, np.uint32),
+            arc=np.empty(2 * n_edges, np.uint32),
+            ends=np.empty(2 * n_edges, np.uint32),
+        )
+
+
 class _Moves:
     """The labelling of one problem while it is being improved."""
 
-    def __init__(self, model: PairwiseModel, labels: NDArray[np.int32], space: MoveSpace) -> None:
+    def __init__(self, model: PairwiseModel, labels: NDArray[np.int32], space: _MoveSpace) -> None:
         self.model, self.labels, self.space = model, labels, space
         self.fresh = labels.copy()
         self.n_moves = 0
         self.reach = np.zeros((0, model.n_labels))
         if model.agreement is not None:
             self.reach = np.zeros((model.n_nodes, model.n_labels))
-            agreement_reach(model.around.edges, model.agreement, self.reach)
+            agreement_reach(model.around.arcs.ends, model.agreement, self.reach)
 
     def solve_two_labels(self, on_iteration: Callable[[int, float], None] | None) -> Expansion:
         """One cut decides everything: expand label 1 from label 0 wherever that is allowed."""
@@ -268,17 +286,19 @@ class _Moves:
 
     def expand(self, label: int) -> float:
         """Make the best move on ``label`` and say what it earned."""
-        model, labels, space, arcs = self.model, self.labels, self.space, self.model.around.arcs
+        model, labels, arcs = self.model, self.labels, self.model.around.arcs
+        space = self.space
+        members = (space.members, space.undecided, space.low, space.high, space.weight)
         self.n_moves += 1
         if model.agreement is not None:
             n_members = agreement_move(
-                label, labels, model.unary, model.agreement, self.reach, arcs, space
+                label, labels, model.unary, model.agreement, self.reach, arcs, *members
             )
         else:
             n_members = table_move(
-                label, labels, model.unary, model.tables, model.table_step, arcs, space
+                label, labels, model.unary, model.tables, model.table_step, arcs, *members
             )
-        switched = space.switched[: settle_move(n_members, arcs, space)]
+        switched = self._settle(n_members)
         if model.agreement is not None:
             gain = agreement_gain(
                 label, switched, labels, model.unary, model.agreement, arcs, self.fresh
@@ -299,6 +319,28 @@ class _Moves:
         else:
             self.fresh[switched] = labels[switched]
         return gain
+
+    def _settle(self, n_members: int) -> NDArray[np.uint32]:
+        """The nodes that switch in the best move, a part of ``space.switched``."""
+        space, arcs = self.space, self.model.around.arcs
+        members = space.members[:n_members]
+        state = (space.weight, space.undecided, space.low, space.high)
+        n_peeled = peel_move(members, arcs, *state, space.cut.active, space.switched)
+        n_left = extract_cut(
+            members,
+            arcs,
+            *state,
+            space.number,
+            space.edge_number,
+            space.arcs,
+            space.excess,
+            space.capacity,
+        )
+        minimum_cut_kernel(n_left, space.arcs, space.excess, space.capacity, space.cut)
+        cut_off = members[:n_left][space.cut.side[:n_left] == SINK]
+        n_switched = n_peeled + len(cut_off)
+        space.switched[n_peeled:n_switched] = cut_off
+        return space.switched[:n_switched]
 
     def result(self, n_sweeps: int, *, converged: bool) -> Expansion:
         return Expansion(

@@ -76,7 +76,7 @@ def minimum_cut(
     back = _capacities("backward", backward, around.n_edges)
     space = cut_space(len(source))
     minimum_cut_kernel(
-        np.arange(len(source), dtype=np.int32),
+        len(source),
         around.arcs,
         source - sink,
         np.stack([ahead, back], axis=1).ravel(),
@@ -94,15 +94,15 @@ def minimum_cut(
 
 
 def cut_space(n_nodes: int) -> CutSpace:
-    """Working arrays for cuts of a graph of that many nodes, all of them outside at first."""
+    """Working arrays for cuts of a graph of that many nodes."""
     return CutSpace(
-        side=np.full(n_nodes, 3, np.int8),
-        parent=np.empty(n_nodes, np.int32),
+        side=np.empty(n_nodes, np.int8),
+        parent=np.empty(n_nodes, np.uint32),
         stamp=np.empty(n_nodes, np.int32),
         depth=np.empty(n_nodes, np.int32),
-        active=np.empty(n_nodes, np.int32),
+        active=np.empty(n_nodes, np.uint32),
         waiting=np.empty(n_nodes, np.bool_),
-        orphans=np.empty(n_nodes, np.int32),
+        orphans=np.empty(n_nodes, np.uint32),
     )
 
 
