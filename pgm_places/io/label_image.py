@@ -209,7 +209,7 @@ def _colour(k: int) -> tuple[int, int, int]:
     """The k-th colour; after the first seven, the same ones darkened step by step, never grey."""
     red, green, blue = LABEL_COLOURS[k % len(LABEL_COLOURS)]
     shade = 1 / (1 + 0.5 * (k // len(LABEL_COLOURS)))
-    return max(1, round(red * shade)), round(green * shade), round(blue * shade)
+    return round(red * shade), round(green * shade), round(blue * shade)
 
 
 def _quoted(name: str) -> str:

@@ -62,6 +62,12 @@ def test_both_compats_differ_exactly_at_the_thresholds() -> None:
     assert (nav2[51], ros1[51]) == (100, -1)
 
 
+def test_nav2s_thresholds_include_their_own_value_and_ros1s_do_not() -> None:
+    nav2 = PixelRules("trinary", False, 0.0, 1.0, "nav2").tables()[0]
+    assert (nav2[255], nav2[254], nav2[1], nav2[0]) == (0, -1, -1, 100)
+    assert (PixelRules("trinary", False, 0.0, 1.0, "ros1").tables()[0] == -1).all()
+
+
 def test_scale_is_linear_between_the_thresholds() -> None:
     nav2 = PixelRules("scale", False, 0.0, 1.0).tables()[0]
     assert nav2[[255, 204, 128, 51, 0]].tolist() == [0, 20, 50, 80, 100]

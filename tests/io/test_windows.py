@@ -23,8 +23,8 @@ def test_no_window_is_the_whole_map() -> None:
 
 def test_columns_and_rows_are_those_of_the_image() -> None:
     image = np.zeros((4, 5), np.bool_)
-    image[1:3, 2:] = True
-    mask = window_mask(grid(), columns=(2, None), rows=(1, 3))
+    image[:3, 2:] = True
+    mask = window_mask(grid(), columns=(2, None), rows=(None, 3))
     assert (mask[::-1] == image).all()
 
 
