@@ -20,6 +20,7 @@ __all__ = [
     "FeatureSpec",
     "distinct_features",
     "feature_set_hash",
+    "first_column",
     "laser_feature_names",
 ]
 
@@ -35,6 +36,9 @@ GAP_RATIOS = tuple(k / 10 for k in range(1, 11))
 PROMINENCES_M = tuple(k / 10 for k in range(1, 11))
 FOURIER_ORDERS = (*range(-100, 0), *range(2, 101))
 HU_INVARIANTS = (1, 2, 3, 4, 5, 6, 7)
+
+FOURIER_FIRST_CENTRE, FOURIER_BETWEEN_CENTRES = 10.5, 20
+"""Orders 1..20 lie around 10.5, 21..40 around 30.5, and so on; see the Fourier kernel."""
 
 _CODE = "Mozos' published code and its parameter list"
 _CODE_ONLY = "Mozos' published code (not in its parameter list)"
@@ -219,3 +223,8 @@ def _cut_never_reached(spec: FeatureSpec, max_range_m: float | None) -> bool:
     if spec.id != "f3" or max_range_m is None or spec.parameter is None:
         return False
     return spec.parameter >= max_range_m
+
+
+def first_column(id: str) -> int:
+    """The first column of the family of that name."""
+    return next(column for column, spec in enumerate(LASER_FEATURES) if spec.id == id)
