@@ -1,0 +1,235 @@
+"""Kernels of sequential tree-reweighted message passing.
+
+Nodes are visited in index order and back. An edge keeps one message, the one towards the node that
+is visited next: on the way up it is written by the lower node and read by the upper one, on the
+way back the other way round. What the normalisation takes out on the way back adds up to the bound.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+from pgm_places.solvers._adjacency_kernels import Arcs
+
+__all__ = ["agreement_pass", "decode_agreement", "decode_tables", "share_of_nodes", "table_pass"]
+
+_ONE = np.uint32(1)
+
+
+@njit
+def share_of_nodes(arcs: Arcs, share: NDArray[np.float64]) -> None:
+    """Write 1 / max(lower neighbours, upper neighbours): how a node splits among its chains."""
+    for i in range(share.shape[0]):
+        below = 0
+        above = 0
+        for slot in range(arcs.start[i], arcs.start[i + 1]):
+            if arcs.head[slot] < i:
+                below += 1
+            else:
+                above += 1
+        share[i] = 1.0 / max(below, above, 1)
+
+
+@njit
+def agreement_pass(
+    upwards: bool,
+    unary: NDArray[np.float64],
+    agreement: NDArray[np.float64],
+    arcs: Arcs,
+    share: NDArray[np.float64],
+    message: NDArray[np.float64],
+) -> float:
+    """One pass over all nodes; the sum of what was taken out of beliefs and messages.
+
+    With the reward only for agreeing, the message of a label is the larger of its own value plus
+    the reward and the best of the other labels: O(K).
+    """
+    start, head, arc = arcs.start, arcs.head, arcs.arc
+    n_nodes, n_labels = unary.shape
+    belief = np.empty(n_labels)
+    total = 0.0
+    lost = 0.0  # what rounding has cut off the total so far (Kahan)
+    for step in range(n_nodes):
+        i = np.uint32(step if upwards else n_nodes - 1 - step)
+        for k in range(n_labels):
+            belief[k] = unary[i, k]
+        for slot in range(start[i], start[i + _ONE]):
+            edge = arc[slot] >> _ONE
+            for k in range(n_labels):
+                belief[k] += message[edge, k]
+        top = belief[0]
+        for k in range(1, n_labels):
+            if belief[k] > top:
+                top = belief[k]
+        taken = top
+        for k in range(n_labels):
+            belief[k] = (belief[k] - top) * share[i]
+        for slot in range(start[i], start[i + _ONE]):
+            if (head[slot] > i) != upwards:
+                continue
+            edge = arc[slot] >> _ONE
+            first = -np.inf
+            second = -np.inf
+            for k in range(n_labels):
+                value = belief[k] - message[edge, k]
+                message[edge, k] = value
+                if value > first:
+                    second = first
+                    first = value
+                elif value > second:
+                    second = value
+            top = -np.inf
+            for k in range(n_labels):
+                value = message[edge, k]
+                other = first if value < first else second
+                value += agreement[edge, k]
+                value = value if value > other else other
+                message[edge, k] = value
+                if value > top:
+                    top = value
+            for k in range(n_labels):
+                message[edge, k] -= top
+            taken += top
+        kept = taken - lost
+        grown = total + kept
+        lost = (grown - total) - kept
+        total = grown
+    return total
+
+
+@njit
+def table_pass(
+    upwards: bool,
+    unary: NDArray[np.float64],
+    tables: NDArray[np.float64],
+    table_step: int,
+    arcs: Arcs,
+    share: NDArray[np.float64],
+    message: NDArray[np.float64],
+) -> float:
+    """The same for pairwise tables (1 or E, K, K): O(K^2) a message."""
+    start, head, arc = arcs.start, arcs.head, arcs.arc
+    n_nodes, n_labels = unary.shape
+    belief = np.empty(n_labels)
+    sent = np.empty(n_labels)
+    total = 0.0
+    lost = 0.0
+    for step in range(n_nodes):
+        i = np.uint32(step if upwards else n_nodes - 1 - step)
+        for k in range(n_labels):
+            belief[k] = unary[i, k]
+        for slot in range(start[i], start[i + _ONE]):
+            edge = arc[slot] >> _ONE
+            for k in range(n_labels):
+                belief[k] += message[edge, k]
+        taken = belief.max()
+        if taken == -np.inf:
+            return -np.inf  # no label is possible here: no labelling is
+        for k in range(n_labels):
+            belief[k] = (belief[k] - taken) * share[i]
+        for slot in range(start[i], start[i + _ONE]):
+            if (head[slot] > i) != upwards:
+                continue
+            edge = arc[slot] >> _ONE
+            table = tables[np.int64(edge) * table_step]
+            for k in range(n_labels):
+                # A label that is impossible stays so whatever came back for it.
+                sent[k] = belief[k] - message[edge, k] if belief[k] > -np.inf else -np.inf
+            top = -np.inf
+            for other in range(n_labels):
+                value = -np.inf
+                for k in range(n_labels):
+                    pair = table[k, other] if arc[slot] & _ONE == 0 else table[other, k]
+                    if sent[k] + pair > value:
+                        value = sent[k] + pair
+                message[edge, other] = value
+                if value > top:
+                    top = value
+            if top == -np.inf:
+                return -np.inf
+            for k in range(n_labels):
+                message[edge, k] -= top
+            taken += top
+        kept = taken - lost
+        grown = total + kept
+        lost = (grown - total) - kept
+        total = grown
+    return total
+
+
+@njit
+def decode_agreement(
+    unary: NDArray[np.float64],
+    agreement: NDArray[np.float64],
+    arcs: Arcs,
+    message: NDArray[np.float64],
+    labels: NDArray[np.int32],
+) -> float:
+    """Label the nodes one after the other by what came back from above; the labelling's score."""
+    start, head, arc = arcs.start, arcs.head, arcs.arc
+    n_nodes, n_labels = unary.shape
+    known = np.empty(n_labels)
+    score = 0.0
+    for step in range(n_nodes):
+        i = np.uint32(step)
+        for k in range(n_labels):
+            known[k] = unary[i, k]
+        for slot in range(start[i], start[i + _ONE]):
+            if head[slot] < i:
+                label = labels[head[slot]]
+                known[label] += agreement[arc[slot] >> _ONE, label]
+        score += _take_best(i, known, start, head, arc, message, labels)
+    return score
+
+
+@njit
+def decode_tables(
+    unary: NDArray[np.float64],
+    tables: NDArray[np.float64],
+    table_step: int,
+    arcs: Arcs,
+    message: NDArray[np.float64],
+    labels: NDArray[np.int32],
+) -> float:
+    """The same for pairwise tables (1 or E, K, K)."""
+    start, head, arc = arcs.start, arcs.head, arcs.arc
+    n_nodes, n_labels = unary.shape
+    known = np.empty(n_labels)
+    score = 0.0
+    for step in range(n_nodes):
+        i = np.uint32(step)
+        for k in range(n_labels):
+            known[k] = unary[i, k]
+        for slot in range(start[i], start[i + _ONE]):
+            if head[slot] < i:
+                table = tables[np.int64(arc[slot] >> _ONE) * table_step]
+                label = labels[head[slot]]
+                for k in range(n_labels):
+                    known[k] += table[k, label] if arc[slot] & _ONE == 0 else table[label, k]
+        score += _take_best(i, known, start, head, arc, message, labels)
+    return score
+
+
+@njit
+def _take_best(
+    i: np.uint32,
+    known: NDArray[np.float64],
+    start: NDArray[np.uint32],
+    head: NDArray[np.uint32],
+    arc: NDArray[np.uint32],
+    message: NDArray[np.float64],
+    labels: NDArray[np.int32],
+) -> float:
+    """Set the label that ``known`` and the messages from above favour; its part of ``known``."""
+    best = 0
+    best_value = -np.inf
+    for k in range(known.shape[0]):
+        value = known[k]
+        for slot in range(start[i], start[i + _ONE]):
+            if head[slot] > i:
+                value += message[arc[slot] >> _ONE, k]
+        if value > best_value:
+            best_value = value
+            best = k
+    labels[i] = best
+    return known[best]

@@ -1,0 +1,199 @@
+"""Sequential tree-reweighted message passing: a labelling and an upper bound of every score."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import InputError
+from pgm_places.solvers._trws_kernels import (
+    agreement_pass,
+    decode_agreement,
+    decode_tables,
+    share_of_nodes,
+    table_pass,
+)
+from pgm_places.solvers.elimination import reduce_model
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+
+__all__ = ["DualDecoding", "trws"]
+
+_DECODE_EVERY = 5
+"""Passes between two labellings: one costs a quarter of an iteration."""
+_STALL_WINDOW = 10
+"""Iterations over which the bound must have moved, or the method has converged."""
+
+
+@dataclass(frozen=True, eq=False)
+class DualDecoding:
+    """A labelling with a bound that tells how far from the best it may be.
+
+    Parameters
+    ----------
+    labels : (N,) int
+        The best labelling that was seen.
+    score : float
+        Its log-potential.
+    bound : float
+        No labelling scores more.
+    n_iterations : int
+        Passes up and down.
+    converged : bool
+        Whether the gap closed to the tolerance or the bound came to rest.
+    history : (n_iterations, 2) float
+        After each iteration the best score so far and the bound.
+    """
+
+    labels: NDArray[np.int64]
+    score: float
+    bound: float
+    n_iterations: int
+    converged: bool
+    history: NDArray[np.float64]
+
+
+def trws(
+    unary: ArrayLike,
+    edges: ArrayLike,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+    *,
+    max_iterations: int = 200,
+    tolerance: float = 1e-6,
+    eliminate: bool = True,
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> DualDecoding:
+    """A labelling and an upper bound of the largest score, by message passing on chains.
+
+    The bound never rises from one iteration to the next. It is the value of the linear relaxation
+    or close to it, and equals the best score on forests and, with two labels, for associative
+    potentials. It holds up to rounding of 1e-12 times the sum of the potentials' magnitudes, and
+    is never below ``score``.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-potentials of the nodes; -inf forbids a label.
+    edges : (E, 2) int
+        Node pairs. Nodes are visited in index order, for a grid row by row.
+    agreement : (E, K) float, optional
+        Log-potential of an edge whose ends agree on each label; of any sign. O(K) a message.
+    pairwise : (K, K) or (E, K, K) float, optional
+        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message.
+    max_iterations : int
+        Passes up and down after which to stop.
+    tolerance : float
+        Stop when the gap between bound and score is below ``tolerance * max(1, |score|)``, or when
+        the bound fell by less than a tenth of that in the last ten iterations.
+    eliminate : bool
+        Rule out labels that cannot be best first (:func:`~pgm_places.solvers.elimination.\
+reduce_model`), which changes neither the best score nor the bound's validity.
+    on_iteration : callable, optional
+        Called after each iteration with its number and the bound.
+
+    Raises
+    ------
+    InputError
+        A shape or value does not fit, or no labelling is allowed.
+
+    Notes
+    -----
+    V. Kolmogorov, "Convergent tree-reweighted message passing for energy minimization" (PAMI 2006).
+
+    Examples
+    --------
+    >>> found = trws([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> found.labels.tolist(), found.score, found.bound
+    ([0, 0], 1.5, 1.5)
+    """
+    if max_iterations < 1:
+        raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
+    if not tolerance >= 0:
+        raise InputError(f"tolerance must be at least 0, got {tolerance}")
+    model = pairwise_model(unary, edges, agreement, pairwise)
+    if not eliminate or model.agreement is None:
+        passing = _Passing(model)
+        passing.run(max_iterations, tolerance, on_iteration)
+        labels = passing.labels
+    else:
+        reduced = reduce_model(model)
+        passing = _Passing(reduced.model)
+        passing.run(max_iterations, tolerance, on_iteration)
+        labels = reduced.lift(passing.labels)
+    score = total_score(model, labels)
+    history = np.array(passing.history).reshape(-1, 2)
+    return DualDecoding(
+        labels=frozen(labels.astype(np.int64)),
+        score=score,
+        bound=max(passing.bound, score),
+        n_iterations=len(history),
+        converged=passing.converged,
+        history=frozen(history),
+    )
+
+
+class _Passing:
+    """The messages of one problem and the best labelling they have led to."""
+
+    def __init__(self, model: PairwiseModel) -> None:
+        self.model = model
+        self.message = np.zeros((model.around.n_edges, model.n_labels))
+        self.share = np.empty(model.n_nodes)
+        share_of_nodes(model.around.arcs, self.share)
+        self.trial = np.zeros(model.n_nodes, np.int32)
+        self.labels = self.trial.copy()
+        self.score, self.bound = -np.inf, np.inf
+        self.history: list[tuple[float, float]] = []
+        self.converged = False
+
+    def run(
+        self,
+        max_iterations: int,
+        tolerance: float,
+        on_iteration: Callable[[int, float], None] | None,
+    ) -> None:
+        """Pass up and down until the gap is closed, the bound rests or the limit is reached."""
+        for iteration in range(1, max_iterations + 1):
+            self._pass(upwards=True)
+            self.bound = min(self.bound, self._pass(upwards=False) + self.model.offset)
+            if self.bound == -np.inf:
+                raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+            rests = self._rests(tolerance)
+            if rests or iteration == max_iterations or iteration % _DECODE_EVERY == 1:
+                self._decode()
+            self.history.append((self.score, self.bound))
+            if on_iteration is not None:
+                on_iteration(iteration, self.bound)
+            if rests or self.bound - self.score <= tolerance * max(1.0, abs(self.score)):
+                self.converged = True
+                return
+
+    def _rests(self, tolerance: float) -> bool:
+        if len(self.history) < _STALL_WINDOW:
+            return False
+        before = self.history[-_STALL_WINDOW][1]
+        return before - self.bound <= 0.1 * tolerance * max(1.0, abs(self.bound))
+
+    def _pass(self, *, upwards: bool) -> float:
+        model, arcs = self.model, self.model.around.arcs
+        if model.agreement is not None:
+            return agreement_pass(
+                upwards, model.unary, model.agreement, arcs, self.share, self.message
+            )
+        return table_pass(
+            upwards, model.unary, model.tables, model.table_step, arcs, self.share, self.message
+        )
+
+    def _decode(self) -> None:
+        model, arcs = self.model, self.model.around.arcs
+        if model.agreement is not None:
+            score = decode_agreement(model.unary, model.agreement, arcs, self.message, self.trial)
+        else:
+            score = decode_tables(
+                model.unary, model.tables, model.table_step, arcs, self.message, self.trial
+            )
+        if score + model.offset > self.score:
+            self.score = score + model.offset
+            self.labels[:] = self.trial
