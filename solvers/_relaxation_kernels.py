@@ -1,0 +1,330 @@
+"""Kernels of relaxation labelling: a compact store of grid beliefs, and one update of everything.
+
+Only the parts of a raster that hold nodes are kept: blocks of ``BLOCK`` cells in a row, with the
+blocks around them so that every neighbour has a place. Cells that are no nodes hold belief 0, which
+the multiplicative update keeps, so that no mask is needed and whole blocks are updated.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+
+BLOCK = 16  # cells: one cache line of float32, two or more vectors
+CHUNK = 512  # cells updated at once: the scratch rows of a chunk stay in the innermost cache
+MIN_MASS = (
+    1e-12  # a node whose labels together keep less than this cannot be normalised: kept as is
+)
+SMALLEST = 1e-30  # beliefs below become 0: they cannot return, and subnormal numbers are slow
+SUMS = 3  # per task: largest change, sum of changes, sum of p (1 + q)
+
+
+@njit
+def place(
+    beliefs: NDArray[np.float64],
+    cells: NDArray[np.int32],
+    index: NDArray[np.int32],
+    out: NDArray[np.float32],
+) -> None:
+    """Write node beliefs (n, K) into the store ``out`` (K, M)."""
+    for i in range(cells.shape[0]):
+        row, column = cells[i, 0], cells[i, 1]
+        at = BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
+        for k in range(beliefs.shape[1]):
+            out[k, at] = beliefs[i, k]
+
+
+@njit
+def collect(
+    store: NDArray[np.float32],
+    cells: NDArray[np.int32],
+    index: NDArray[np.int32],
+    out: NDArray[np.float64],
+) -> None:
+    """Read node beliefs (n, K) from the store (K, M), each row normalised once more."""
+    for i in range(cells.shape[0]):
+        row, column = cells[i, 0], cells[i, 1]
+        at = BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
+        total = 0.0
+        for k in range(out.shape[1]):
+            total += np.float64(store[k, at])
+        for k in range(out.shape[1]):
+            out[i, k] = np.float64(store[k, at]) / total
+
+
+@njit
+def code_walls(
+    walls: NDArray[np.bool_],
+    cells: NDArray[np.int32],
+    index: NDArray[np.int32],
+    by_direction: bool,
+    out: NDArray[np.uint8],
+) -> None:
+    """Write which neighbours of each node are walls: a bit per direction, or two counts.
+
+    The counts are of walls that share a side (low four bits) and a corner (high four bits).
+    """
+    height, width = walls.shape
+    for i in range(cells.shape[0]):
+        row, column = cells[i, 0], cells[i, 1]
+        code = 0
+        direction = 0
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                if dr == 0 and dc == 0:
+                    continue
+                r, c = row + dr, column + dc
+                if 0 <= r < height and 0 <= c < width and walls[r, c]:
+                    if by_direction:
+                        code += 1 << direction
+                    else:
+                        code += 1 if dr == 0 or dc == 0 else 16
+                direction += 1
+        at = BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
+        out[at] = code
+
+
+@njit
+def _sum_support(
+    above: NDArray[np.float32],
+    here: NDArray[np.float32],
+    below: NDArray[np.float32],
+    a: int,
+    h: int,
+    b: int,
+    code: NDArray[np.uint8],
+    table: NDArray[np.float32],
+    ratio: np.float32,
+    work: NDArray[np.float32],
+) -> None:
+    """``1 + q`` of a span (paper eq. 5) into rows P.. of ``work``, one table for all directions.
+
+    ``table`` is (K, P): c r for the sides, ``ratio`` times that for the corners, wall last. Rows
+    0..K of ``work`` are filled with the weighted sums over the neighbours; loops are kept apart so
+    that each has few enough arrays for the compiler to vectorise.
+    """
+    n_labels, width = table.shape
+    n = BLOCK * (len(code) // BLOCK)
+    for k in range(n_labels):
+        up, middle = above[k, a - 1 : a + n + 1], here[k, h - 1 : h + n + 1]
+        down, source = below[k, b - 1 : b + n + 1], work[k]
+        for i in range(n):
+            sides = up[i + 1] + down[i + 1] + middle[i] + middle[i + 2]
+            source[i] = sides + ratio * (up[i] + up[i + 2] + down[i] + down[i + 2])
+    low, shift = np.uint8(15), np.uint8(4)
+    source = work[n_labels]
+    for i in range(n):
+        source[i] = np.float32(code[i] & low) + ratio * np.float32(code[i] >> shift)
+    for k in range(n_labels):
+        grown, one = work[width + k], np.float32(1)
+        s0, s1, s2, s3 = work[0], work[1], work[2], work[3]
+        t0, t1, t2, t3 = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
+        for i in range(n):
+            grown[i] = one + ((t0 * s0[i] + t1 * s1[i]) + (t2 * s2[i] + t3 * s3[i]))
+        for g in range(4, width, 4):
+            s0, s1, s2, s3 = work[g], work[g + 1], work[g + 2], work[g + 3]
+            t0, t1, t2, t3 = table[k, g], table[k, g + 1], table[k, g + 2], table[k, g + 3]
+            for i in range(n):
+                grown[i] += (t0 * s0[i] + t1 * s1[i]) + (t2 * s2[i] + t3 * s3[i])
+
+
+@njit
+def _sum_support_by_direction(
+    above: NDArray[np.float32],
+    here: NDArray[np.float32],
+    below: NDArray[np.float32],
+    a: int,
+    h: int,
+    b: int,
+    code: NDArray[np.uint8],
+    tables: NDArray[np.float32],
+    work: NDArray[np.float32],
+) -> None:
+    """``1 + q`` of a span (paper eq. 5) into rows P.. of ``work``; ``tables`` (8, K, P)."""
+    _, n_labels, width = tables.shape
+    n = len(code)
+    for k in range(n_labels):
+        work[width + k, :n] = np.float32(1)
+    for d in range(8):
+        for k in range(n_labels):
+            if d < 3:
+                line = above[k, a - 1 + d : a - 1 + d + n]
+            elif d < 5:
+                line = here[k, h - 1 + 2 * (d - 3) : h - 1 + 2 * (d - 3) + n]
+            else:
+                line = below[k, b - 6 + d : b - 6 + d + n]
+            for j in range(n_labels):
+                grown, weight = work[width + j], tables[d, j, k]
+                for i in range(n):
+                    grown[i] += weight * line[i]
+        wall, bit = work[n_labels], np.uint8(d)
+        for i in range(n):
+            wall[i] = np.float32((code[i] >> bit) & np.uint8(1))
+        for j in range(n_labels):
+            grown, weight = work[width + j], tables[d, j, n_labels]
+            for i in range(n):
+                grown[i] += weight * wall[i]
+
+
+@njit
+def _settle(
+    here: NDArray[np.float32],
+    h: int,
+    at: int,
+    n: int,
+    damping: np.float32,
+    width: int,
+    work: NDArray[np.float32],
+    mass: NDArray[np.float64],
+    store: NDArray[np.float32],
+) -> None:
+    """Normalise ``p (1 + q)`` (paper eq. 4), damp, write to the store and account for the change.
+
+    Old beliefs are ``here[:, h:]``, ``1 + q`` rows P.. of ``work``, the target ``store[:, at:]``.
+    """
+    n_labels = store.shape[0]
+    n = BLOCK * (n // BLOCK)
+    one, zero = np.float32(1), np.float32(0)
+    total, kept = work[width + n_labels], work[width + n_labels + 1]
+    largest, moved = work[width + n_labels + 2], work[width + n_labels + 3]
+    for i in range(n):
+        total[i] = zero
+    for k in range(n_labels):
+        old, new = here[k, h : h + n], work[width + k]
+        for i in range(n):
+            part = old[i] * (new[i] if new[i] > zero else zero)
+            new[i] = part
+            total[i] += part
+    for i in range(n):
+        mass[i] += total[i]
+    for i in range(n):
+        usable = total[i] > np.float32(MIN_MASS)
+        kept[i] = damping if usable else one
+        total[i] = (one - damping) / total[i] if usable else zero
+    for k in range(n_labels):
+        old, new, target = here[k, h : h + n], work[width + k], store[k, at : at + n]
+        for i in range(n):
+            belief = new[i] * total[i] + kept[i] * old[i]
+            target[i] = belief if belief > np.float32(SMALLEST) else zero
+        for i in range(n):
+            change = abs(target[i] - old[i])
+            largest[i] = change if change > largest[i] else largest[i]
+            moved[i] += change
+
+
+@njit
+def update_rows(
+    store: NDArray[np.float32],
+    codes: NDArray[np.uint8],
+    tables: NDArray[np.float32],
+    ratio: np.float32,
+    damping: np.float32,
+    first: int,
+    last: int,
+    row_start: NDArray[np.int64],
+    span_start: NDArray[np.int64],
+    spans: NDArray[np.int64],
+    halo: NDArray[np.float32],
+    rows: NDArray[np.float32],
+    work: NDArray[np.float32],
+    mass: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Update the rows ``first..last - 1`` of the store in place (paper eq. 4 and 5).
+
+    ``tables`` is (1, K, P), c r for the cells that share a side (``ratio`` times that for a
+    corner), or (8, K, P), one per direction; column K is the wall. ``halo`` (2, K, L) holds the old
+    rows above and below. A row of ``spans`` is (cells, start in the row above, here, below).
+    Scratch: ``rows`` (2, K, L), ``work`` (P + K + 4, CHUNK) of zeros, ``mass`` (CHUNK,).
+    """
+    n_labels = store.shape[0]
+    width = tables.shape[2]
+    work[width + n_labels + 2 :] = np.float32(0)
+    mass[:] = 0.0
+    above = halo[0]
+    below, shift = store, np.int64(0)
+    for y in range(first, last):
+        here = rows[(y - first) % 2]
+        begin, end = row_start[y], row_start[y + 1]
+        if y == last - 1:
+            below, shift = halo[1], end
+        for k in range(n_labels):
+            old, copy = store[k, begin:end], here[k]
+            for i in range(len(old)):
+                copy[i] = old[i]
+        for s in range(span_start[y], span_start[y + 1]):
+            n = spans[s, 0]
+            a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - shift
+            code = codes[begin + h : begin + h + n]
+            if len(tables) == 1:
+                _sum_support(above, here, below, a, h, b, code, tables[0], ratio, work)
+            else:
+                _sum_support_by_direction(above, here, below, a, h, b, code, tables, work)
+            _settle(here, h, begin + h, n, damping, width, work, mass, store)
+        above = here
+    out[0] = work[width + n_labels + 2].max()
+    out[1] = work[width + n_labels + 3].astype(np.float64).sum()
+    out[2] = mass.sum()
+
+
+@njit
+def update_nodes(
+    old: NDArray[np.float64],
+    start: NDArray[np.int64],
+    node: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    table: NDArray[np.int8],
+    tables: NDArray[np.float64],
+    damping: float,
+    first: int,
+    last: int,
+    out: NDArray[np.float64],
+    sums: NDArray[np.float64],
+) -> None:
+    """Update the nodes ``first..last - 1`` from ``old`` (N, K) into ``out`` (paper eq. 4 and 5)."""
+    n_labels = old.shape[1]
+    seen = np.empty((tables.shape[0], n_labels))
+    grown = np.empty(n_labels)
+    sums[:] = 0.0
+    for i in range(first, last):
+        seen[:] = 0.0
+        for e in range(start[i], start[i + 1]):
+            for k in range(n_labels):
+                seen[table[e], k] += weight[e] * old[node[e], k]
+        total = 0.0
+        for k in range(n_labels):
+            support = 1.0
+            for d in range(tables.shape[0]):
+                for m in range(n_labels):
+                    support += tables[d, k, m] * seen[d, m]
+            grown[k] = old[i, k] * max(support, 0.0)
+            total += grown[k]
+        sums[2] += total
+        for k in range(n_labels):
+            new = old[i, k]
+            if total > MIN_MASS:
+                new = (1.0 - damping) * grown[k] / total + damping * old[i, k]
+            change = abs(new - old[i, k])
+            sums[0] = max(sums[0], change)
+            sums[1] += change
+            out[i, k] = new
+
+
+@njit
+def count_pairs(labels: NDArray[np.int16], out: NDArray[np.int64]) -> None:
+    """Count (label here, label there) in the four directions with the larger index, (4, L, L).
+
+    The directions are right, then the row above from left to right; negative labels are skipped.
+    """
+    height, width = labels.shape
+    for r in range(height):
+        for c in range(width):
+            here = labels[r, c]
+            if here < 0:
+                continue
+            if c + 1 < width and labels[r, c + 1] >= 0:
+                out[0, here, labels[r, c + 1]] += 1
+            if r + 1 < height:
+                for dc in range(-1, 2):
+                    if 0 <= c + dc < width and labels[r + 1, c + dc] >= 0:
+                        out[2 + dc, here, labels[r + 1, c + dc]] += 1

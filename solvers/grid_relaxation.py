@@ -1,0 +1,266 @@
+"""Relaxation labelling on a raster: compact rows of single-precision beliefs, updated in place."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import integer_array
+from pgm_places._threads import run_tasks
+from pgm_places.errors import InputError
+from pgm_places.solvers.compatibility import DIRECTIONS
+from pgm_places.solvers.relaxation import (
+    OnIteration,
+    Relaxed,
+    check_options,
+    check_tables,
+    repeat,
+    starting_beliefs,
+    useful_threads,
+)
+
+__all__ = ["neighbour_weights", "relax_grid"]
+
+CELLS_PER_TASK = 65_536
+MAX_TASKS = 64  # bounds the scratch rows that tasks keep
+NODES_AT_ONCE = 262_144  # while filling the store: bounds the temporary arrays
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Where each part of the raster lies in the store; row y of the raster is row y + 1 here.
+
+    ``index`` is (H + 2, B) int32, the number of each block in the store or -1; ``row_start``
+    (H + 3,) the first cell of each row; spans as in the kernel, those of row y from
+    ``span_start[y]``.
+    """
+
+    index: NDArray[np.int32]
+    row_start: NDArray[np.int64]
+    span_start: NDArray[np.int64]
+    spans: NDArray[np.int64]
+
+    @property
+    def n_cells(self) -> int:
+        return int(self.row_start[-1])
+
+    @property
+    def longest(self) -> int:
+        return int(np.diff(self.row_start).max())
+
+
+def neighbour_weights(diagonal_weight: float) -> tuple[float, float]:
+    """Weight c_ij of a neighbour that shares a side, and of one that shares a corner.
+
+    The four of each sum to 1; 1 gives every neighbour 1/8 as in the paper, 0 drops the corners.
+    """
+    if not (np.isfinite(diagonal_weight) and diagonal_weight >= 0):
+        raise InputError(f"diagonal_weight must be at least 0, got {diagonal_weight}")
+    side = 0.25 / (1.0 + diagonal_weight)
+    return side, diagonal_weight * side
+
+
+def relax_grid(
+    unary: ArrayLike,
+    cells_rc: ArrayLike,
+    shape: tuple[int, int],
+    compatibility: ArrayLike,
+    *,
+    walls: NDArray[np.bool_] | None = None,
+    diagonal_weight: float = 1.0,
+    floor: float = 0.0,
+    damping: float = 0.0,
+    iterations: int = 50,
+    tolerance: float = 1e-4,
+    n_threads: int | None = None,
+    on_iteration: OnIteration | None = None,
+) -> Relaxed:
+    """Relaxed beliefs of the cells of a raster; the same bits for any thread count.
+
+    Neighbours outside the raster, and cells that are neither nodes nor walls, contribute nothing.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-probabilities at the start.
+    cells_rc : (N, 2) int
+        Row and column of each node, no cell twice.
+    shape : (int, int)
+        Rows and columns of the raster.
+    compatibility : (1, K + 1, K + 1) or (8, K + 1, K + 1) float
+        ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour in direction ``d`` of
+        :data:`pgm_places.solvers.compatibility.DIRECTIONS`; one table serves all. Label K is wall.
+    walls : (H, W) bool, optional
+        Cells that surely are walls.
+    diagonal_weight : float
+        Weight of neighbours that share a corner, relative to a side; see
+        :func:`neighbour_weights`.
+    floor, damping, iterations, tolerance, n_threads, on_iteration
+        As in :func:`pgm_places.solvers.relaxation.relax_graph`.
+
+    Notes
+    -----
+    Beside input and result about ``4 K + 1`` bytes for each cell in blocks of 16 x 1 that hold a
+    node or neighbour one, so that empty parts of a huge raster cost next to nothing.
+    """
+    from pgm_places.solvers._relaxation_kernels import CHUNK, SUMS, collect, update_rows
+
+    check_options(damping, iterations, tolerance)
+    table = np.asarray(unary)
+    if table.ndim != 2:
+        raise InputError(f"unary must have shape (N, K), got {table.shape}")
+    n_nodes, n_labels = table.shape
+    cells = _check_cells(cells_rc, n_nodes, shape)
+    r = check_tables(compatibility, n_labels + 1)
+    if len(r) not in (1, len(DIRECTIONS)):
+        raise InputError(f"compatibility must hold 1 or {len(DIRECTIONS)} tables, got {len(r)}")
+    tables, ratio = _weighted(r, diagonal_weight)
+    rows = _lay_out(cells, shape)
+    store = _fill(table, cells, rows, floor)
+    codes = _codes(walls, cells, shape, rows, by_direction=len(r) > 1)
+    tasks = _split(rows)
+    halo = np.zeros((len(tasks), 2, n_labels, rows.longest), np.float32)
+    scratch = np.zeros_like(halo)
+    work = np.zeros((len(tasks), tables.shape[2] + n_labels + 4, CHUNK), np.float32)
+    mass = np.zeros((len(tasks), CHUNK))
+    results = np.zeros((len(tasks), SUMS))
+    threads = useful_threads(n_threads, len(tasks))
+    weight = np.float32(damping)
+
+    def update(task: int) -> None:
+        first, last = tasks[task]
+        update_rows(
+            store,
+            codes,
+            tables,
+            ratio,
+            weight,
+            first,
+            last,
+            rows.row_start,
+            rows.span_start,
+            rows.spans,
+            halo[task],
+            scratch[task],
+            work[task],
+            mass[task],
+            results[task],
+        )
+
+    def step() -> NDArray[np.float64]:
+        for task, (first, last) in enumerate(tasks):
+            for side, row in enumerate((first - 1, last)):
+                begin, end = rows.row_start[row], rows.row_start[row + 1]
+                halo[task, side, :, : end - begin] = store[:, begin:end]
+        run_tasks(update, len(tasks), n_threads=threads)
+        return results
+
+    def current() -> NDArray[np.float64]:
+        beliefs = np.empty((n_nodes, n_labels))
+        collect(store, cells, rows.index, beliefs)
+        return beliefs
+
+    return repeat(
+        step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+    )
+
+
+def _check_cells(cells_rc: ArrayLike, n_nodes: int, shape: tuple[int, int]) -> NDArray[np.int32]:
+    cells = np.asarray(cells_rc)
+    for axis, size in enumerate(shape):
+        values = cells[:, axis] if cells.shape == (n_nodes, 2) else cells
+        integer_array(f"cells_rc[:, {axis}]", values, (n_nodes,), low=0, high=max(size, 1))
+    return np.ascontiguousarray(cells, np.int32)
+
+
+def _weighted(
+    r: NDArray[np.float64], diagonal_weight: float
+) -> tuple[NDArray[np.float32], np.float32]:
+    """The tables c r without the wall's own row, labels padded to whole groups of four."""
+    side, corner = neighbour_weights(diagonal_weight)
+    n_labels = r.shape[1] - 1
+    tables = np.zeros((len(r), n_labels, -(-(n_labels + 1) // 4) * 4), np.float32)
+    weights = [side] if len(r) == 1 else [side if 0 in step else corner for step in DIRECTIONS]
+    for d, weight in enumerate(weights):
+        tables[d, :, : n_labels + 1] = weight * r[d, :n_labels]
+    return tables, np.float32(diagonal_weight)
+
+
+def _lay_out(cells: NDArray[np.int32], shape: tuple[int, int]) -> _Rows:
+    from pgm_places.solvers._relaxation_kernels import BLOCK, CHUNK
+
+    height, width = shape
+    used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
+    used[cells[:, 0] + 1, cells[:, 1] // BLOCK + 1] = True
+    tall = used.copy()
+    tall[1:] |= used[:-1]
+    tall[:-1] |= used[1:]
+    kept = tall.copy()
+    kept[:, 1:] |= tall[:, :-1]
+    kept[:, :-1] |= tall[:, 1:]
+    number = np.cumsum(kept, dtype=np.int64).reshape(kept.shape) - 1
+    index = np.where(kept, number, -1).astype(np.int32)
+    row_start = np.concatenate([[0], np.cumsum(kept.sum(axis=1, dtype=np.int64))]) * BLOCK
+    row, first, last = _runs(used, CHUNK // BLOCK)
+    at = [BLOCK * index[row + dr, first].astype(np.int64) for dr in (-1, 0, 1)]
+    spans = np.stack([BLOCK * (last - first), *at], axis=1)
+    span_start = np.searchsorted(row, np.arange(height + 3))
+    return _Rows(index, row_start, span_start.astype(np.int64), np.ascontiguousarray(spans))
+
+
+def _runs(
+    used: NDArray[np.bool_], longest: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Row, first and end of the maximal runs of true in each row, long ones cut to ``longest``."""
+    change = np.diff(used.view(np.int8), axis=1)
+    row, first = np.nonzero(change == 1)
+    _, last = np.nonzero(change == -1)
+    first, last = first + 1, last + 1
+    pieces = -(-(last - first) // longest)
+    owner = np.repeat(np.arange(len(row)), pieces)
+    piece = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    begin = first[owner] + piece * longest
+    return row[owner], begin, np.minimum(begin + longest, last[owner])
+
+
+def _fill(
+    unary: NDArray[np.float64], cells: NDArray[np.int32], rows: _Rows, floor: float
+) -> NDArray[np.float32]:
+    from pgm_places.solvers._relaxation_kernels import place
+
+    store = np.zeros((unary.shape[1], rows.n_cells), np.float32)
+    for begin in range(0, len(cells), NODES_AT_ONCE):
+        part = slice(begin, begin + NODES_AT_ONCE)
+        place(starting_beliefs(unary[part], floor=floor), cells[part], rows.index, store)
+    return store
+
+
+def _codes(
+    walls: NDArray[np.bool_] | None,
+    cells: NDArray[np.int32],
+    shape: tuple[int, int],
+    rows: _Rows,
+    *,
+    by_direction: bool,
+) -> NDArray[np.uint8]:
+    from pgm_places.solvers._relaxation_kernels import code_walls
+
+    codes = np.zeros(rows.n_cells, np.uint8)
+    if walls is not None:
+        if walls.shape != shape or walls.dtype != np.bool_:
+            raise InputError(
+                f"walls must be a boolean raster of shape {shape}, got {walls.shape} {walls.dtype}"
+            )
+        code_walls(np.ascontiguousarray(walls), cells, rows.index, by_direction, codes)
+    return codes
+
+
+def _split(rows: _Rows) -> list[tuple[int, int]]:
+    """Consecutive rows of about the same work; depends on the raster only, not on threads."""
+    height = len(rows.row_start) - 3
+    n_tasks = int(np.clip(rows.n_cells // CELLS_PER_TASK, 1, MAX_TASKS))
+    wanted = np.linspace(0, rows.n_cells, n_tasks + 1)[1:-1]
+    cuts = np.searchsorted(rows.row_start[1 : height + 1], wanted) + 1
+    ends = np.unique(np.concatenate([[1], cuts, [height + 1]]))
+    return [(int(a), int(b)) for a, b in pairwise(ends)]

@@ -1,0 +1,229 @@
+"""Relaxation labelling: beliefs that neighbours make each other revise, in parallel, step by step.
+
+The update of every node (paper eq. 4 and 5)::
+
+    q_i(l) = sum_j c_ij sum_m r_ij(l, m) p_j(m)
+    p_i(l) <- p_i(l) (1 + q_i(l)) / sum_m p_i(m) (1 + q_i(m))
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places._threads import resolve_threads, run_tasks
+from pgm_places.errors import InputError
+
+__all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
+
+NODES_PER_TASK = 4096
+TASKS_PER_THREAD = 8  # fewer tasks than this a thread and starting threads costs more than it saves
+
+OnIteration = Callable[[int, float, Callable[[], NDArray[np.float64]]], None]
+"""Called after each iteration with its number from 1, the largest change of a belief, and a
+function that returns the beliefs (N, K) of the moment."""
+
+Step = Callable[[], NDArray[np.float64]]
+"""One iteration; returns the largest change, the sum of changes, and the sum of p (1 + q)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """Where a relaxation came to rest, or was stopped.
+
+    Parameters
+    ----------
+    beliefs : (N, K) float
+        Rows sum to one.
+    converged : bool
+        Whether no belief changed by more than the tolerance in the last iteration.
+    max_change, mean_change : list of float
+        Largest and mean absolute change of a belief, per iteration.
+    support : list of float
+        Mean over nodes of ``sum_l p(l) q(l)`` before each iteration: how well the beliefs agree
+        with those of their neighbours (average local consistency).
+    """
+
+    beliefs: NDArray[np.float64]
+    converged: bool
+    max_change: list[float] = field(default_factory=list)
+    mean_change: list[float] = field(default_factory=list)
+    support: list[float] = field(default_factory=list)
+
+    @property
+    def iterations(self) -> int:
+        """How many iterations were made."""
+        return len(self.max_change)
+
+
+def starting_beliefs(unary: ArrayLike, *, floor: float = 0.0) -> NDArray[np.float64]:
+    """(N, K) probabilities from log-probabilities up to a constant per row.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        ``-inf`` is probability 0 and stays so.
+    floor : float
+        Other probabilities below are raised to it before rows are normalised again: a product
+        update cannot bring back a label that starts at 0.
+
+    Examples
+    --------
+    >>> starting_beliefs(np.log([[3.0, 1.0]])).round(3).tolist()
+    [[0.75, 0.25]]
+    """
+    array = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
+    best = array.max(axis=1, keepdims=True, initial=-np.inf)
+    forbidden = np.flatnonzero(~np.isfinite(best[:, 0]))
+    if len(forbidden):
+        raise InputError(f"unary forbids every label at node {forbidden[0]}")
+    weights = np.exp(array - best)
+    weights /= weights.sum(axis=1, keepdims=True)
+    if floor > 0:
+        np.maximum(weights, floor, out=weights, where=np.isfinite(array))
+        weights /= weights.sum(axis=1, keepdims=True)
+    return weights
+
+
+def relax_graph(
+    unary: ArrayLike,
+    start: ArrayLike,
+    node: ArrayLike,
+    compatibility: ArrayLike,
+    *,
+    weight: ArrayLike | None = None,
+    table: ArrayLike | None = None,
+    floor: float = 0.0,
+    damping: float = 0.0,
+    iterations: int = 50,
+    tolerance: float = 1e-4,
+    n_threads: int | None = None,
+    on_iteration: OnIteration | None = None,
+) -> Relaxed:
+    """Relaxed beliefs on any graph, in double precision; the same bits for any thread count.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-probabilities at the start.
+    start, node : (N + 1,) and (A,) int
+        Adjacency in compressed rows: the neighbours of ``i`` are ``node[start[i]:start[i + 1]]``.
+    compatibility : (D, K, K) float
+        ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour.
+    weight : (A,) float, optional
+        ``c_ij`` of each entry of ``node``, summing to at most 1 at each node; default 1 / degree.
+    table : (A,) int, optional
+        Which of the D tables an entry uses; default the first.
+    floor, damping, iterations, tolerance
+        See :class:`pgm_places.models.relaxation.Relaxation`.
+    n_threads : int, optional
+        Threads; default as :func:`pgm_places._threads.resolve_threads`.
+    on_iteration : callable, optional
+        See :data:`OnIteration`.
+    """
+    from pgm_places.solvers._relaxation_kernels import SUMS, update_nodes
+
+    check_options(damping, iterations, tolerance)
+    beliefs = starting_beliefs(unary, floor=floor)
+    n_nodes, n_labels = beliefs.shape
+    rows = integer_array("start", start, (n_nodes + 1,), low=0, high=2**62)
+    neighbour = integer_array("node", node, ("A",), low=0, high=max(n_nodes, 1)).astype(np.int32)
+    tables = check_tables(compatibility, n_labels)
+    if rows[0] != 0 or rows[-1] != len(neighbour) or (np.diff(rows) < 0).any():
+        raise InputError(f"start must rise from 0 to the {len(neighbour)} entries of node")
+    share = _check_weights(weight, rows, len(neighbour))
+    which = np.zeros(len(neighbour), np.int8)
+    if table is not None:
+        which[:] = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
+    n_tasks = -(-n_nodes // NODES_PER_TASK)
+    threads = useful_threads(n_threads, n_tasks)
+    sums = np.zeros((n_tasks, SUMS))
+    buffers = [beliefs, beliefs.copy()]
+
+    def update(task: int) -> None:
+        first = task * NODES_PER_TASK
+        last = min(first + NODES_PER_TASK, n_nodes)
+        old, new = buffers
+        update_nodes(
+            old, rows, neighbour, share, which, tables, damping, first, last, new, sums[task]
+        )
+
+    def step() -> NDArray[np.float64]:
+        run_tasks(update, n_tasks, n_threads=threads)
+        buffers.reverse()
+        return sums
+
+    def current() -> NDArray[np.float64]:
+        return buffers[0] / buffers[0].sum(axis=1, keepdims=True)
+
+    return repeat(
+        step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+    )
+
+
+def repeat(
+    step: Step,
+    current: Callable[[], NDArray[np.float64]],
+    shape: tuple[int, int],
+    iterations: int,
+    tolerance: float,
+    *,
+    on_iteration: OnIteration | None,
+) -> Relaxed:
+    """Iterate until nothing changes by more than the tolerance, keeping the history."""
+    n_nodes, n_labels = shape
+    max_change: list[float] = []
+    mean_change: list[float] = []
+    support: list[float] = []
+    converged = n_nodes == 0
+    while not converged and len(max_change) < iterations:
+        sums = step()
+        max_change.append(float(sums[:, 0].max()))
+        mean_change.append(math.fsum(sums[:, 1]) / (n_nodes * n_labels))
+        support.append(math.fsum(sums[:, 2]) / n_nodes - 1.0)
+        converged = max_change[-1] <= tolerance
+        if on_iteration is not None:
+            on_iteration(len(max_change), max_change[-1], current)
+    return Relaxed(current(), converged, max_change, mean_change, support)
+
+
+def useful_threads(n_threads: int | None, n_tasks: int) -> int:
+    """As many threads as asked for, fewer where the work would not pay for starting them."""
+    return max(1, min(resolve_threads(n_threads), n_tasks // TASKS_PER_THREAD))
+
+
+def check_options(damping: float, iterations: int, tolerance: float) -> None:
+    """Raise InputError unless the options make sense."""
+    if not 0 <= damping < 1:
+        raise InputError(f"damping must be at least 0 and below 1, got {damping}")
+    if iterations < 1:
+        raise InputError(f"iterations must be at least 1, got {iterations}")
+    if not tolerance >= 0:
+        raise InputError(f"tolerance must be at least 0, got {tolerance}")
+
+
+def check_tables(compatibility: ArrayLike, n_labels: int) -> NDArray[np.float64]:
+    """The compatibility tables (D, n_labels, n_labels), contiguous and in [-1, 1]."""
+    tables = finite_array("compatibility", compatibility, ("D", n_labels, n_labels))
+    if not len(tables) or np.abs(tables).max(initial=0.0) > 1:
+        raise InputError("compatibility must hold at least one table of numbers from -1 to 1")
+    return np.ascontiguousarray(tables)
+
+
+def _check_weights(
+    weight: ArrayLike | None, rows: NDArray[np.int64], n_entries: int
+) -> NDArray[np.float64]:
+    degree = np.diff(rows)
+    if weight is None:
+        return np.repeat(1.0 / np.maximum(degree, 1), degree)
+    share = finite_array("weight", weight, (n_entries,))
+    owner = np.repeat(np.arange(len(degree)), degree)
+    most = np.bincount(owner, weights=share, minlength=1).max(initial=0.0)
+    if (share < 0).any() or most > 1 + 1e-9:
+        raise InputError(
+            f"weight must be at least 0 and sum to at most 1 at each node, got a sum of {most:g}"
+        )
+    return np.ascontiguousarray(share)

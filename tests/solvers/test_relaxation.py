@@ -1,0 +1,288 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.solvers import _relaxation_kernels, grid_relaxation
+from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
+from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
+from tests.reference.relaxation import STEPS, relaxed_grid
+
+Raster = NDArray[np.float64]
+
+
+def a_raster(
+    seed: int, shape: tuple[int, int], n_labels: int, *, tables: int = 1
+) -> tuple[Raster, NDArray[np.int32], NDArray[np.bool_], NDArray[np.float64], Raster]:
+    """Unary, cells, walls, tables and the reference's starting raster."""
+    rng = np.random.default_rng(seed)
+    kind = rng.choice(3, shape, p=[0.6, 0.2, 0.2])
+    if not (kind == 0).any():
+        kind[0, 0] = 0
+    cells = np.argwhere(kind == 0).astype(np.int32)
+    p = rng.dirichlet(np.ones(n_labels), len(cells))
+    r = rng.uniform(-1, 1, (tables, n_labels + 1, n_labels + 1))
+    start = np.full((*shape, n_labels), np.nan)
+    start[kind == 0] = p
+    return np.log(p), cells, kind == 1, r, start
+
+
+def at(raster: Raster, cells: NDArray[np.int32]) -> Raster:
+    values: Raster = raster[cells[:, 0], cells[:, 1]]
+    return values
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.tuples(st.integers(1, 6), st.integers(1, 36)),
+    st.integers(1, 6),
+    st.sampled_from([1, 8]),
+    st.sampled_from([1.0, 0.0, 0.7]),
+    st.sampled_from([0.0, 0.3]),
+)
+def test_grid_kernel_is_the_reference(
+    seed: int, shape: tuple[int, int], k: int, tables: int, diagonal: float, damping: float
+) -> None:
+    unary, cells, walls, r, start = a_raster(seed, shape, k, tables=tables)
+    got = relax_grid(
+        unary,
+        cells,
+        shape,
+        r,
+        walls=walls,
+        diagonal_weight=diagonal,
+        damping=damping,
+        iterations=3,
+        tolerance=0,
+    )
+    want = relaxed_grid(start, walls, r, diagonal_weight=diagonal, damping=damping, iterations=3)
+    np.testing.assert_allclose(got.beliefs, at(want, cells), rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("tables", [1, 8])
+def test_long_rows_and_many_tasks_are_the_reference(
+    tables: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grid_relaxation, "CELLS_PER_TASK", 256)
+    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 100)
+    shape = (7, _relaxation_kernels.CHUNK + 70)
+    unary, cells, walls, r, start = a_raster(3, shape, 2, tables=tables)
+    got = relax_grid(unary, cells, shape, r, walls=walls, iterations=2, tolerance=0)
+    want = relaxed_grid(start, walls, r, iterations=2)
+    np.testing.assert_allclose(got.beliefs, at(want, cells), rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("tables", [1, 8])
+def test_any_number_of_threads_gives_the_same_bits(
+    tables: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grid_relaxation, "CELLS_PER_TASK", 512)
+    monkeypatch.setattr("pgm_places.solvers.relaxation.TASKS_PER_THREAD", 1)
+    shape = (60, 90)
+    unary, cells, walls, r, _ = a_raster(5, shape, 3, tables=tables)
+    first, *others = (
+        relax_grid(unary, cells, shape, r, walls=walls, iterations=8, tolerance=0, n_threads=n)
+        for n in (1, 2, 5)
+    )
+    for other in others:
+        np.testing.assert_array_equal(other.beliefs, first.beliefs)
+        assert other.max_change == first.max_change
+        assert other.support == first.support
+
+
+def adjacency(
+    cells: NDArray[np.int32], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    index = {(int(y), int(x)): i for i, (y, x) in enumerate(cells)}
+    start, node, direction = [0], [], []
+    for y, x in index:
+        for d, (dy, dx) in enumerate(STEPS):
+            if (y + dy, x + dx) in index:
+                node.append(index[y + dy, x + dx])
+                direction.append(d)
+        start.append(len(node))
+    return np.array(start), np.array(node, np.int64), np.array(direction, np.int64)
+
+
+@pytest.mark.parametrize("tables", [1, 8])
+def test_grid_kernel_is_the_graph_kernel_where_there_are_no_walls(tables: int) -> None:
+    shape = (12, 20)
+    unary, cells, _, r, _ = a_raster(7, shape, 3, tables=tables)
+    start, node, direction = adjacency(cells, shape)
+    on_graph = relax_graph(
+        unary,
+        start,
+        node,
+        r[:, :3, :3],
+        weight=np.full(len(node), 1 / 8),
+        table=direction if tables == 8 else None,
+        iterations=6,
+        tolerance=0,
+    )
+    on_grid = relax_grid(unary, cells, shape, r, iterations=6, tolerance=0)
+    np.testing.assert_allclose(on_grid.beliefs, on_graph.beliefs, rtol=0, atol=5e-6)
+    for ours, theirs in (
+        (on_grid.max_change, on_graph.max_change),
+        (on_grid.mean_change, on_graph.mean_change),
+        (on_grid.support, on_graph.support),
+    ):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=5e-6)
+
+
+def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pgm_places.solvers.relaxation.NODES_PER_TASK", 7)
+    monkeypatch.setattr("pgm_places.solvers.relaxation.TASKS_PER_THREAD", 1)
+    unary, cells, _, r, _ = a_raster(7, (9, 9), 3)
+    start, node, _ = adjacency(cells, (9, 9))
+    first, second = (
+        relax_graph(unary, start, node, r[:, :3, :3], iterations=4, tolerance=0, n_threads=n)
+        for n in (1, 3)
+    )
+    np.testing.assert_array_equal(first.beliefs, second.beliefs)
+
+
+def test_walls_are_fixed_evidence() -> None:
+    """A door cell likes walls at its sides; only 'door' is compatible with wall."""
+    r = np.zeros((1, 3, 3))
+    r[0, 0, 2], r[0, 1, 2] = -0.5, 0.9
+    walls = np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1]], np.bool_)
+    cells = np.argwhere(~walls)
+    result = relax_grid(np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, walls=walls, iterations=10)
+    assert (result.beliefs[:, 1] > 0.99).all()
+    alone = relax_grid(np.log(np.full((3, 2), 0.5)), cells, (3, 3), r, iterations=10)
+    np.testing.assert_allclose(alone.beliefs, 0.5, rtol=1e-6)
+    assert alone.converged
+    assert alone.iterations == 1
+
+
+def test_first_step_by_hand() -> None:
+    """Two cells: q = r/8 of the other's belief; p (1 + q) normalised."""
+    r = np.array([[[0.8, -0.4, 0.0], [-0.4, 0.8, 0.0], [0.0, 0.0, 0.0]]])
+    result = relax_grid(np.log([[0.6, 0.4], [0.9, 0.1]]), [[0, 0], [0, 1]], (1, 2), r, iterations=1)
+    q = np.array([0.8 * 0.9 - 0.4 * 0.1, -0.4 * 0.9 + 0.8 * 0.1]) / 8
+    grown = np.array([0.6, 0.4]) * (1 + q)
+    np.testing.assert_allclose(result.beliefs[0], grown / grown.sum(), rtol=1e-6)
+
+
+def test_forbidden_labels_stay_forbidden_and_the_floor_lifts_the_others() -> None:
+    unary = np.array([[0.0, -50.0, -np.inf], [0.0, -1.0, -2.0]])
+    p = starting_beliefs(unary, floor=1e-6)
+    assert p[0, 2] == 0
+    np.testing.assert_allclose(p[0, 1], 1e-6, rtol=1e-5)
+    np.testing.assert_allclose(p.sum(axis=1), 1, rtol=1e-12)
+    r = np.zeros((1, 4, 4))
+    r[0, 2, :] = 1
+    result = relax_grid(unary, [[0, 0], [0, 1]], (1, 2), r, floor=1e-6, iterations=30)
+    assert result.beliefs[0, 2] == 0
+    with pytest.raises(InputError, match="forbids every label at node 1"):
+        starting_beliefs([[0.0, 0.0], [-np.inf, -np.inf]])
+
+
+def test_a_cell_that_would_lose_all_mass_keeps_its_beliefs() -> None:
+    r = np.zeros((1, 3, 3))
+    r[0, :2, 2] = -1
+    walls = np.ones((3, 3), np.bool_)
+    walls[1, 1] = False
+    result = relax_grid(np.log([[0.7, 0.3]]), [[1, 1]], (3, 3), r, walls=walls, iterations=5)
+    np.testing.assert_allclose(result.beliefs, [[0.7, 0.3]], rtol=1e-6)
+    graph = relax_graph(
+        np.log([[0.7, 0.3], [0.3, 0.7]]), [0, 1, 2], [1, 0], -np.ones((1, 2, 2)), iterations=5
+    )
+    np.testing.assert_allclose(graph.beliefs, [[0.7, 0.3], [0.3, 0.7]], rtol=1e-12)
+
+
+def test_a_single_label_and_no_nodes() -> None:
+    one = relax_grid(np.zeros((2, 1)), [[0, 0], [1, 1]], (2, 2), np.zeros((1, 2, 2)))
+    np.testing.assert_array_equal(one.beliefs, 1)
+    none = relax_grid(np.zeros((0, 2)), np.zeros((0, 2), int), (3, 3), np.zeros((1, 3, 3)))
+    assert none.beliefs.shape == (0, 2)
+    assert none.converged
+    empty = relax_graph(np.zeros((0, 2)), [0], np.zeros(0, int), np.zeros((1, 2, 2)))
+    assert empty.beliefs.shape == (0, 2)
+
+
+def test_it_stops_when_nothing_changes_any_more_and_tells_each_iteration() -> None:
+    r = np.zeros((1, 3, 3))
+    r[0, 0, 0] = r[0, 1, 1] = 0.9
+    unary = np.log(np.random.default_rng(0).dirichlet([4, 1], 64))
+    cells = np.argwhere(np.ones((8, 8), np.bool_))
+    seen = []
+    result = relax_grid(
+        unary,
+        cells,
+        (8, 8),
+        r,
+        iterations=2000,
+        tolerance=1e-4,
+        on_iteration=lambda n, change, beliefs: seen.append((n, change, beliefs())),
+    )
+    assert result.converged
+    assert result.max_change[-1] <= 1e-4 < result.max_change[-2]
+    assert [n for n, _, _ in seen] == list(range(1, result.iterations + 1))
+    assert [change for _, change, _ in seen] == result.max_change
+    np.testing.assert_array_equal(seen[-1][2], result.beliefs)
+    assert result.support[-1] > result.support[0]
+    stopped = relax_grid(unary, cells, (8, 8), r, iterations=3, tolerance=1e-4)
+    assert not stopped.converged
+    assert stopped.iterations == 3
+
+
+def test_damping_slows_the_change() -> None:
+    unary, cells, walls, r, _ = a_raster(2, (6, 6), 3)
+    free = relax_grid(unary, cells, (6, 6), r, walls=walls, iterations=1)
+    slow = relax_grid(unary, cells, (6, 6), r, walls=walls, iterations=1, damping=0.75)
+    np.testing.assert_allclose(slow.max_change[0], 0.25 * free.max_change[0], rtol=1e-4)
+
+
+def test_far_apart_parts_cost_only_their_own_store() -> None:
+    cells = np.array([[0, 0], [9_999, 9_999]])
+    rows = grid_relaxation._lay_out(cells.astype(np.int32), (10_000, 10_000))
+    assert rows.n_cells <= 2 * 9 * _relaxation_kernels.BLOCK
+
+
+def test_weights_sum_to_one() -> None:
+    assert neighbour_weights(1.0) == (0.125, 0.125)
+    assert neighbour_weights(0.0) == (0.25, 0.0)
+    side, corner = neighbour_weights(0.4)
+    assert 4 * side + 4 * corner == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"damping": 1.0}, "damping"),
+        ({"iterations": 0}, "iterations"),
+        ({"tolerance": -1.0}, "tolerance"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"diagonal_weight": -1.0}, "diagonal_weight"),
+        ({"compatibility": np.full((1, 3, 3), 2.0)}, "from -1 to 1"),
+        ({"compatibility": np.zeros((2, 3, 3))}, "1 or 8 tables"),
+        ({"compatibility": np.zeros((1, 2, 2))}, "compatibility must have shape"),
+        ({"cells_rc": [[0, 3]]}, "cells_rc"),
+        ({"cells_rc": [[0, 0], [0, 1]]}, "cells_rc"),
+        ({"walls": np.zeros((2, 2), np.bool_)}, "walls"),
+        ({"unary": [[np.nan, 0.0]]}, "unary"),
+    ],
+)
+def test_bad_options(change: dict[str, object], message: str) -> None:
+    arguments: dict[str, object] = {
+        "unary": [[0.0, 0.0]],
+        "cells_rc": [[0, 0]],
+        "shape": (1, 3),
+        "compatibility": np.zeros((1, 3, 3)),
+    }
+    with pytest.raises(InputError, match=message):
+        relax_grid(**{**arguments, **change})  # type: ignore[arg-type]
+
+
+def test_bad_graphs() -> None:
+    unary, table = np.zeros((2, 2)), np.zeros((1, 2, 2))
+    with pytest.raises(InputError, match="start must rise"):
+        relax_graph(unary, [0, 2, 1], [1, 0], table)
+    with pytest.raises(InputError, match="sum to at most 1"):
+        relax_graph(unary, [0, 1, 2], [1, 0], table, weight=[1.5, 0.5])
+    with pytest.raises(InputError, match="table must hold integers"):
+        relax_graph(unary, [0, 1, 2], [1, 0], table, table=[0, 1])
