@@ -1,7 +1,7 @@
 """Maps as small paletted images: cropped, made smaller where needed, right way up."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.grid import UNKNOWN as UNKNOWN_CELL
 from pgm_places.layout import GridLayout
 from pgm_places.report.palette import (
     ERROR,
@@ -30,6 +31,7 @@ __all__ = [
     "checked_labels",
     "difference_canvas",
     "label_canvas",
+    "row_bands",
     "value_canvas",
     "view_of",
 ]
@@ -41,7 +43,7 @@ N_LEVELS = 24
 """Steps of probability and entropy: finer ones are not seen and make files larger."""
 
 _GROUND_WEIGHTS = (1, 3, 1)
-_LABEL_WEIGHT, _STRONG_WEIGHT = 2, 3
+_LABEL_WEIGHT, _STRONG_WEIGHT = 2, 4
 """What a block of cells shows when a map is made smaller: the kind with the largest weighted
 count of unknown, wall, free without a label, and labels. Walls and errors weigh most, as they are
 thin."""
@@ -106,11 +108,26 @@ def view_of(
 
     Shrunk by a whole factor until it has at most ``most_pixels`` pixels.
     """
-    mask = shown if shown is not None and shown.any() else grid.free | grid.occupied
-    rows, columns = (_span(np.asarray(mask.any(axis=axis)), grid) for axis in (1, 0))
+    raster = grid.cells if shown is None or not shown.any() else shown
+    nothing = UNKNOWN_CELL if raster is grid.cells else False
+    in_row = np.zeros(grid.shape[0], np.bool_)
+    in_column = np.zeros(grid.shape[1], np.bool_)
+    for band in row_bands(grid.shape):
+        used = raster[band] != nothing
+        in_row[band] = used.any(axis=1)
+        in_column |= used.any(axis=0)
+    rows, columns = _span(in_row, grid), _span(in_column, grid)
     cells = (rows.stop - rows.start) * (columns.stop - columns.start)
     shrink = max(1, int(np.ceil(np.sqrt(cells / most_pixels))))
     return View(rows, columns, shrink)
+
+
+def row_bands(shape: tuple[int, int]) -> Iterator[slice]:
+    """Bands of rows that are small enough to be worked on one at a time."""
+    rows, columns = shape
+    high = max(1, _BAND_CELLS // max(columns, 1))
+    for first in range(0, rows, high):
+        yield slice(first, min(first + high, rows))
 
 
 def _span(used: NDArray[np.bool_], grid: OccupancyGrid) -> slice:

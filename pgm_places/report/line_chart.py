@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from pgm_places.report.markup import Markup, element
 
-__all__ = ["Series", "line_chart"]
+__all__ = ["Series", "line_chart", "spans_decades"]
 
 _WIDTH, _HEIGHT = 420, 270
 _LEFT, _RIGHT, _TOP, _BOTTOM = 88, 12, 12, 44
 _MOST_POINTS = 200
 _LOG_SPAN = 100.0
+"""Positive values that span more than this factor are drawn on a logarithmic axis."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,11 @@ def line_chart(
     return element("figure", drawing, _legend([item for item, _, _ in lines]), class_="chart")
 
 
+def spans_decades(values: NDArray[np.float64]) -> bool:
+    """Whether values are positive and spread so far that a logarithmic axis shows more."""
+    return len(values) > 0 and bool(0 < values.min() < values.max() / _LOG_SPAN)
+
+
 def _finite(item: Series) -> tuple[Series, NDArray[np.float64], NDArray[np.float64]]:
     x, y = np.asarray(item.x, np.float64), np.asarray(item.y, np.float64)
     good = np.isfinite(x) & np.isfinite(y)
@@ -128,7 +134,7 @@ def _axes(
         return _Axis(*limits, *across), _Axis(*limits, *up)
     x = np.concatenate([line[1] for line in lines])
     y = np.concatenate([line[2] for line in lines])
-    log = bool(y.min() > 0 and y.max() > _LOG_SPAN * y.min())
+    log = spans_decades(y)
     low, high = float(y.min()), float(y.max())
     if log:
         low, high = 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))

@@ -7,13 +7,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.grid import FREE, OccupancyGrid
 from pgm_places.layout import GridLayout
 from pgm_places.report.canvas import (
     View,
     checked_labels,
     difference_canvas,
     label_canvas,
+    row_bands,
     value_canvas,
     view_of,
 )
@@ -99,8 +100,11 @@ def difference_map(
     found = checked_labels(grid, predicted, len(label_names), "predicted")
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     canvas = difference_canvas(grid, true, found, label_names, view)
-    compared = (true >= 0) & (found >= 0) & grid.free
-    n_wrong, n_compared = int((compared & (true != found)).sum()), int(compared.sum())
+    n_wrong = n_compared = 0
+    for rows in row_bands(grid.shape):
+        compared = (true[rows] >= 0) & (found[rows] >= 0) & (grid.cells[rows] == FREE)
+        n_compared += int(compared.sum())
+        n_wrong += int((compared & (true[rows] != found[rows])).sum())
     share = f" ({100 * n_wrong / n_compared:.1f} %)" if n_compared else ""
     entries = [Entry(ERROR, f"wrong: {n_wrong} of {n_compared} cells{share}")]
     entries += [
@@ -220,7 +224,10 @@ def _label_entries(label_names: Sequence[str]) -> list[Entry]:
 def _area_entries(
     grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str]
 ) -> list[Entry]:
-    counts = np.bincount(labels[labels >= 0], minlength=len(label_names))
+    counts = np.zeros(len(label_names), np.int64)
+    for rows in row_bands(grid.shape):
+        band = labels[rows]
+        counts += np.bincount(band[band >= 0], minlength=len(label_names))
     total = max(int(counts.sum()), 1)
     areas = counts * grid.resolution_m**2
     return [

@@ -37,7 +37,7 @@ RESERVED = {"corridor": 0, "room": 1, "doorway": 2, "door": 2}
 LABEL_COLOURS = (
     "#f4c150",
     "#5b93c5",
-    "#a8215f",
+    "#a6336c",
     "#6d6108",
     "#2b4bb8",
     "#700967",
@@ -50,7 +50,7 @@ LABEL_COLOURS = (
 )
 """Twelve colours, pairwise and against walls, white and unknown at least 21 apart in CIE 1976 Lab,
 for normal sight and for simulated protanopia, deuteranopia and tritanopia alike. The lightness of
-the first three is 81, 59 and 38, so corridors, rooms and doorways differ on a grey printer too."""
+the first three is 81, 59 and 41, so corridors, rooms and doorways differ on a grey printer too."""
 
 METHOD_COLOURS = ("#2b6cb0", "#c05621", "#2f855a", "#805ad5", "#b83280", "#718096")
 """Lines of methods in plots; the dash pattern repeats what the colour says."""

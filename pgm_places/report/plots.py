@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.report.figure import INK, MUTED, PixelFigure
+from pgm_places.report.line_chart import spans_decades
 from pgm_places.report.palette import METHOD_COLOURS
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ __all__ = ["confusion_picture", "history_plot", "reliability_plot"]
 
 _DASHES = ("-", "--", "-.", ":")
 _TEXT = 10.0
-_LOG_SPAN = 100.0
-"""Positive values that span more than this factor are drawn on a logarithmic axis."""
 
 
 def confusion_picture(
@@ -98,12 +97,6 @@ def history_plot(
             axes.set_yscale("log")
         _legend(axes)
     return page.png()
-
-
-def spans_decades(values: ArrayLike) -> bool:
-    """Whether values are positive and spread so far that a logarithmic axis shows more."""
-    array = np.asarray(values, np.float64)
-    return bool(len(array)) and bool(array.min() > 0 and array.max() > _LOG_SPAN * array.min())
 
 
 def reliability_plot(tables: "Mapping[str, Reliability]", *, title: str | None = None) -> bytes:

@@ -12,6 +12,9 @@ from pgm_places.report.palette import levels
 __all__ = ["ColourBar", "Entry", "Panel", "round_length", "sheet_png"]
 
 _LEAST_WIDTH = 420
+_LARGEST_CELL = 12
+"""Pixels of a cell's side: small maps need not fill a screen."""
+
 _WIDE = 1500
 """From this width on everything but the maps is half as large again: it will be seen shrunk."""
 
@@ -78,7 +81,7 @@ def sheet_png(
     shapes = np.array([panel.canvas.indices.shape for panel in panels])
     columns = min(columns, len(panels))
     most = min(long_side // columns // int(shapes[:, 1].max()), long_side // int(shapes.max()))
-    scale = max(1, most)
+    scale = min(max(1, most), _LARGEST_CELL)
     high, wide = (int(side) for side in scale * shapes.max(axis=0))
     sizes = _Sizes.for_width(columns * wide)
     content = max(_LEAST_WIDTH, columns * wide + (columns - 1) * sizes.gap)

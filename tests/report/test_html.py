@@ -1,0 +1,203 @@
+import base64
+import hashlib
+import io
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pgm_places.errors import OutputError
+from pgm_places.report.html import report_page, write_report
+from pgm_places.report.palette import LABEL_COLOURS, rgb_of
+from tests.report.comparisons import small_comparison
+
+HISTORY = {
+    "history": {"change": [0.5, 0.1, 0.001], "energy": [-10.0, -12.0], "accuracy": [0.9, 0.95]}
+}
+EMPTY = {"meta", "img", "br", "link", "input"}
+
+
+class Reader(HTMLParser):
+    """The elements of a page, with a check that they are closed in order."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self._open: list[str] = []
+        self.feed(page)
+        assert not self._open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in EMPTY:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "script" not in self._open and "style" not in self._open:
+            self.words.append(data)
+
+    def all(self, tag: str) -> list[dict[str, Any]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.words)
+
+
+def picture_of(source: str) -> Any:
+    data = base64.b64decode(source.removeprefix("data:image/png;base64,"), validate=True)
+    with Image.open(io.BytesIO(data)) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def test_a_report_says_what_was_found(tmp_path: Path) -> None:
+    path = write_report(small_comparison(info=HISTORY), tmp_path / "report.html")
+    page = Reader(path.read_text("utf-8"))
+    for words in ("A comparison", "relaxation", "96.3", "converged", "2.500", "ab" * 32, "1.2.3"):
+        assert words in page.text
+    headings = [tag for tag, _ in page.elements if re.fullmatch("h[1-6]", tag)]
+    assert headings.count("h1") == 1
+    assert {"h2", "h3"} <= set(headings)
+
+
+def test_the_same_comparison_gives_the_same_text() -> None:
+    assert report_page(small_comparison(info=HISTORY)) == report_page(
+        small_comparison(info=HISTORY)
+    )
+
+
+def test_nothing_is_loaded_from_elsewhere() -> None:
+    text = report_page(small_comparison(info=HISTORY))
+    assert not re.search(r"https?:|//[a-z0-9.-]+\.[a-z]{2,}|@import|url\(", text)
+    page = Reader(text)
+    assert not page.all("link") and not page.all("iframe")
+    assert all("src" not in script for script in page.all("script"))
+    assert all(image["src"].startswith("data:") for image in page.all("img"))
+    assert all(link["href"].startswith("#") for link in page.all("a"))
+
+
+def test_the_policy_lets_only_the_reports_own_script_run() -> None:
+    text = report_page(small_comparison())
+    policy = next(m for m in Reader(text).all("meta") if "http-equiv" in m)["content"]
+    (script,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert policy.startswith("default-src 'none'")
+    assert f"script-src 'sha256-{digest}'" in policy
+
+
+EVIL = "\"><script>alert('x')</script><img src=x onerror=alert(1)>&amp;{{"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"title": EVIL},
+        {"label_names": ("corridor", EVIL, "doorway")},
+        {"map_names": (EVIL, "other")},
+        {"method_id": EVIL, "info": HISTORY},
+        {"info": {"history": {EVIL: [1.0, 2.0]}, "iterations": EVIL}},
+        {"warnings": (EVIL,)},
+        {"config": {EVIL: [EVIL]}},
+        {"versions": {EVIL: EVIL}},
+        {"inputs": {EVIL: EVIL}},
+        {"stage_seconds": {EVIL: 1.0}},
+    ],
+    ids=lambda arguments: next(iter(arguments)),
+)
+def test_every_text_from_outside_is_escaped(arguments: dict[str, Any]) -> None:
+    page = Reader(report_page(small_comparison(**arguments)))
+    assert len(page.all("script")) == 1
+    assert not any("onerror" in attributes for _, attributes in page.elements)
+    assert "alert('x')" in page.text or any(
+        EVIL in str(value) for _, attributes in page.elements for value in attributes.values()
+    )
+
+
+def test_odd_characters_do_not_break_the_file(tmp_path: Path) -> None:
+    path = write_report(small_comparison(title="\ud800 部屋 \x00"), tmp_path / "report.html")
+    assert "部屋" in path.read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"beliefs": False},
+        {"info": {}},
+        {"info": {"history": None}},
+        {"info": {"history": {"change": [], "labels": ["a"], "grid": [[1.0], [2.0]]}}},
+        {"info": {"history": {"energy": [float("nan"), 1.0, float("inf")]}}},
+        {"info": {"history": {"energy": [3.0]}}},
+        {"info": {"history": {"energy": [7.0, 7.0, 7.0]}}},
+        {"info": {"history": {"change": np.geomspace(1, 1e-12, 5000)}}},
+        {"label_names": ("room", "corridor")},
+        {"label_names": tuple(f"label {k}" for k in range(12))},
+        {"stage_seconds": {}, "config": {}, "versions": {}, "inputs": {}},
+    ],
+)
+def test_optional_parts_may_be_missing(arguments: dict[str, Any]) -> None:
+    assert Reader(report_page(small_comparison(**arguments))).all("h2")
+
+
+def test_a_label_that_never_occurs_has_dashes() -> None:
+    comparison = small_comparison(label_names=("corridor", "room", "doorway", "lift"))
+    # Seven columns hold all four labels, so take the last one out of the truth.
+    for item in comparison.maps:
+        assert {0, 1, 2, 3} <= set(np.unique(item.truth).tolist())
+    from dataclasses import replace
+
+    from pgm_places.evaluation import Evaluation
+
+    counts = np.diag([5, 5, 5, 0])
+    methods = tuple(
+        replace(method, evaluation=Evaluation(comparison.label_names, counts))
+        for method in comparison.methods
+    )
+    page = Reader(report_page(replace(comparison, methods=methods)))
+    assert "–" in page.text
+
+
+def test_maps_are_the_right_way_up_and_described() -> None:
+    comparison = small_comparison()
+    page = Reader(report_page(comparison))
+    truth = next(image for image in page.all("img") if "ground truth" in image["alt"])
+    picture = picture_of(truth["src"])
+    # Labels run from left to right: the first free column is corridor, the next one room.
+    scale = picture.shape[1] // comparison.maps[0].grid.shape[1]
+    rows, columns = (scale * np.array(part) + scale // 2 for part in ([1, 2], [1, 2]))
+    assert picture[rows[1], columns[0]].tolist() == rgb_of(LABEL_COLOURS[0]).tolist()
+    assert picture[rows[1], columns[1]].tolist() == rgb_of(LABEL_COLOURS[1]).tolist()
+    # The unknown cell (0, 0) is at the lower left; the cell without truth just inside of it.
+    assert picture[-1, 0].tolist() == [220, 220, 220]
+    assert picture[0, 0].tolist() == rgb_of("#2d2d2d").tolist()
+    assert picture[-1 - scale - scale // 2, columns[0]].min() > 230
+    assert all(image["alt"] for image in page.all("img") if image["src"] != "data:,")
+
+
+def test_figures_of_several_maps_stand_apart() -> None:
+    page = Reader(report_page(small_comparison(map_names=("one", "two"))))
+    layers = {button["data-map"] for button in page.all("button") if "data-map" in button}
+    assert layers == {"0", "1"}
+    assert "Accuracy / balanced accuracy by map" in page.text
+
+
+def test_every_table_has_a_caption_and_headed_rows() -> None:
+    text = report_page(small_comparison(info=HISTORY))
+    tables = re.findall(r"<table.*?</table>", text, re.DOTALL)
+    assert len(tables) > 5
+    for table in tables:
+        assert 'scope="row"' in table
+
+
+def test_an_unwritable_path_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match="cannot write"):
+        write_report(small_comparison(), tmp_path / "file" / "report.html")
+    assert [part.name for part in tmp_path.iterdir()] == ["file"]
