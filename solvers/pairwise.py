@@ -7,9 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
+from pgm_places.solvers._pairwise_kernels import Terms
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 
-__all__ = ["PairwiseModel", "pairwise_model", "total_score"]
+__all__ = ["PairwiseModel", "checked_labels", "pairwise_model", "total_score"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,16 @@ class PairwiseModel:
     def n_labels(self) -> int:
         """K, the number of labels."""
         return self.unary.shape[1]
+
+    @property
+    def terms(self) -> Terms:
+        """The potentials as kernels take them."""
+        agreement = _read_only(np.zeros((0, self.n_labels)))
+        if self.agreement is not None:
+            agreement = self.agreement
+        return Terms(
+            self.unary, agreement, self.tables, self.table_step, self.agreement is not None
+        )
 
     @property
     def table_step(self) -> int:

@@ -1,0 +1,184 @@
+"""Kernels of belief propagation: sweeps on any graph, two exact passes on a forest."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+from pgm_places.solvers._adjacency_kernels import REVERSE, Arcs
+from pgm_places.solvers._pairwise_kernels import Terms, pass_max, pass_sum
+
+__all__ = ["decode_forest", "forest_order", "gather_beliefs", "message_sweep", "pass_forest"]
+
+_ONE = np.uint32(1)
+NO_ARC = np.uint32(2**32 - 1)
+"""The parent arc of a root."""
+
+
+@njit
+def gather_beliefs(
+    terms: Terms, arcs: Arcs, message: NDArray[np.float64], i: int, out: NDArray[np.float64]
+) -> None:
+    """``out`` (K,) becomes the node's unary plus what all its neighbours say."""
+    for k in range(out.shape[0]):
+        out[k] = terms.unary[i, k]
+    for slot in range(arcs.start[i], arcs.start[i + 1]):
+        incoming = arcs.arc[slot] ^ REVERSE
+        for k in range(out.shape[0]):
+            out[k] += message[incoming, k]
+
+
+@njit
+def send(
+    maximise: bool,
+    along: np.uint32,
+    belief: NDArray[np.float64],
+    terms: Terms,
+    message: NDArray[np.float64],
+    sent: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> float:
+    """The message ``out`` (K,) along an arc: the owner's belief without what came from there."""
+    for k in range(sent.shape[0]):
+        # A label that is impossible stays so whatever came back for it.
+        sent[k] = belief[k] - message[along ^ REVERSE, k] if belief[k] > -np.inf else -np.inf
+    edge = np.int64(along >> _ONE)
+    backwards = along & _ONE == 1
+    if maximise:
+        pass_max(sent, edge, backwards, terms, out)
+        return 0.0
+    return pass_sum(sent, edge, backwards, terms, out)
+
+
+@njit
+def message_sweep(
+    upwards: bool,
+    maximise: bool,
+    damping: float,
+    terms: Terms,
+    arcs: Arcs,
+    message: NDArray[np.float64],
+) -> float:
+    """Renew all messages, node by node in index order or back; the largest change of one.
+
+    ``message`` (2 E, K) is per arc, each with 0 as its largest entry.
+    """
+    n_nodes, n_labels = terms.unary.shape
+    belief, sent, fresh = np.empty(n_labels), np.empty(n_labels), np.empty(n_labels)
+    largest = 0.0
+    for step in range(n_nodes):
+        i = step if upwards else n_nodes - 1 - step
+        gather_beliefs(terms, arcs, message, i, belief)
+        for slot in range(arcs.start[i], arcs.start[i + 1]):
+            along = arcs.arc[slot]
+            send(maximise, along, belief, terms, message, sent, fresh)
+            for k in range(n_labels):
+                before = message[along, k]
+                if fresh[k] == before:
+                    continue
+                if fresh[k] > -np.inf and before > -np.inf:
+                    fresh[k] = (1.0 - damping) * fresh[k] + damping * before
+                change = abs(fresh[k] - before)
+                if change > largest:
+                    largest = change
+                message[along, k] = fresh[k]
+    return largest
+
+
+@njit
+def forest_order(
+    arcs: Arcs, order: NDArray[np.uint32], parent: NDArray[np.uint32], seen: NDArray[np.bool_]
+) -> int | np.int64:
+    """Fill ``order`` (N,) with every node after its parent and ``parent`` with the arcs to it.
+
+    Returns -1, or the first edge that closes a cycle.
+    """
+    n_nodes = order.shape[0]
+    n_ordered = 0
+    for root in range(n_nodes):
+        if seen[root]:
+            continue
+        seen[root] = True
+        order[n_ordered] = root
+        parent[root] = NO_ARC
+        done = n_ordered
+        n_ordered += 1
+        while done < n_ordered:
+            i = order[done]
+            done += 1
+            for slot in range(arcs.start[i], arcs.start[i + _ONE]):
+                along = arcs.arc[slot]
+                if along == parent[i]:
+                    continue
+                j = arcs.head[slot]
+                if seen[j]:
+                    return np.int64(along >> _ONE)
+                seen[j] = True
+                parent[j] = along ^ REVERSE
+                order[n_ordered] = j
+                n_ordered += 1
+    return -1
+
+
+@njit
+def pass_forest(
+    maximise: bool,
+    terms: Terms,
+    arcs: Arcs,
+    order: NDArray[np.uint32],
+    parent: NDArray[np.uint32],
+    message: NDArray[np.float64],
+) -> float:
+    """Messages to the roots, and for sums back to the leaves; log Z for sums.
+
+    ``message`` (2 E, K) starts at 0.
+    """
+    n_nodes, n_labels = terms.unary.shape
+    belief, sent = np.empty(n_labels), np.empty(n_labels)
+    total = 0.0
+    for step in range(n_nodes):
+        i = order[n_nodes - 1 - step]
+        gather_beliefs(terms, arcs, message, i, belief)
+        if parent[i] != NO_ARC:
+            total += send(maximise, parent[i], belief, terms, message, sent, message[parent[i]])
+        elif not maximise:
+            top = belief.max()
+            if top == -np.inf:
+                return -np.inf
+            total += top + np.log(np.exp(belief - top).sum())
+    if not maximise:
+        for step in range(n_nodes):
+            i = order[step]
+            gather_beliefs(terms, arcs, message, i, belief)
+            for slot in range(arcs.start[i], arcs.start[i + _ONE]):
+                along = arcs.arc[slot]
+                if along != parent[i]:
+                    send(False, along, belief, terms, message, sent, message[along])
+    return total
+
+
+@njit
+def decode_forest(
+    terms: Terms,
+    arcs: Arcs,
+    order: NDArray[np.uint32],
+    parent: NDArray[np.uint32],
+    message: NDArray[np.float64],
+    labels: NDArray[np.int32],
+) -> None:
+    """Label every node after its parent, by what its children said and the parent's label."""
+    n_labels = terms.unary.shape[1]
+    belief = np.empty(n_labels)
+    for step in range(order.shape[0]):
+        i = order[step]
+        gather_beliefs(terms, arcs, message, i, belief)
+        up = parent[i]
+        if up != NO_ARC:
+            above = labels[arcs.ends[up ^ REVERSE]]
+            edge = up >> _ONE
+            if terms.associative:
+                belief[above] += terms.agreement[edge, above]
+            else:
+                table = terms.tables[np.int64(edge) * terms.table_step]
+                for k in range(n_labels):
+                    belief[k] += table[above, k] if up & _ONE else table[k, above]
+        labels[i] = belief.argmax()

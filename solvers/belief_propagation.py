@@ -1,0 +1,140 @@
+"""Loopy belief propagation: marginals or a labelling from messages on a graph with cycles."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import InputError
+from pgm_places.solvers._belief_kernels import message_sweep
+from pgm_places.solvers.mean_field import check_schedule, normalised
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+
+__all__ = ["BeliefPropagation", "belief_propagation"]
+
+
+@dataclass(frozen=True, eq=False)
+class BeliefPropagation:
+    """What the messages say.
+
+    Parameters
+    ----------
+    labels : (N,) int
+        The label that each node's beliefs favour.
+    score : float
+        The labels' log-potential.
+    beliefs : (N, K) float
+        For ``"sum-product"`` the approximate marginals, for ``"max-product"`` the normalised
+        max-marginals; rows sum to one.
+    n_iterations : int
+        Sweeps over all nodes.
+    converged : bool
+        Whether the last sweep changed no message by more than the tolerance; loopy messages need
+        not converge.
+    history : (n_iterations,) float
+        Largest change of a log-message in each sweep.
+    """
+
+    labels: NDArray[np.int64]
+    score: float
+    beliefs: NDArray[np.float64]
+    n_iterations: int
+    converged: bool
+    history: NDArray[np.float64]
+
+
+def belief_propagation(
+    unary: ArrayLike,
+    edges: ArrayLike,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+    *,
+    kind: Literal["sum-product", "max-product"] = "sum-product",
+    damping: float = 0.0,
+    tolerance: float = 1e-4,
+    max_iterations: int = 100,
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> BeliefPropagation:
+    """Approximate marginals or a labelling from messages between neighbours.
+
+    On a forest two sweeps from the leaves make it exact (:mod:`pgm_places.solvers.forest` does just
+    that). Elsewhere messages may circle for ever: look at ``converged``, and damp.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-potentials of the nodes; -inf forbids a label.
+    edges : (E, 2) int
+        Node pairs.
+    agreement : (E, K) float, optional
+        Log-potential of an edge whose ends agree on each label. O(K) a message.
+    pairwise : (K, K) or (E, K, K) float, optional
+        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message.
+    kind : {"sum-product", "max-product"}
+        Marginals, or the labelling.
+    damping : float
+        Share of the old log-message that is kept in an update, at least 0 and less than 1.
+    tolerance : float
+        Stop when no log-message changed by more than this in a sweep.
+    max_iterations : int
+        Sweeps after which to stop, up and down through the node order in turn.
+    on_iteration : callable, optional
+        Called after each sweep with its number and the largest change.
+
+    Raises
+    ------
+    InputError
+        A shape or value does not fit, or the messages prove that no labelling is allowed.
+
+    Examples
+    --------
+    >>> unary, edges, agreement = [[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]
+    >>> found = belief_propagation(unary, edges, agreement, kind="max-product")
+    >>> found.labels.tolist(), found.converged
+    ([0, 0], True)
+    """
+    if kind not in ("sum-product", "max-product"):
+        raise InputError(f"kind must be 'sum-product' or 'max-product', got {kind!r}")
+    check_schedule(damping, tolerance, max_iterations)
+    model = pairwise_model(unary, edges, agreement, pairwise)
+    message = np.zeros((2 * model.around.n_edges, model.n_labels))
+    history: list[float] = []
+    while len(history) < max_iterations:
+        upwards = len(history) % 2 == 0
+        change = message_sweep(
+            upwards, kind == "max-product", damping, model.terms, model.around.arcs, message
+        )
+        history.append(change)
+        if on_iteration is not None:
+            on_iteration(len(history), change)
+        if change <= tolerance:
+            break
+    beliefs = beliefs_from_messages(model, message)
+    labels = beliefs.argmax(axis=1)
+    return BeliefPropagation(
+        labels=frozen(labels),
+        score=total_score(model, labels),
+        beliefs=frozen(beliefs),
+        n_iterations=len(history),
+        converged=history[-1] <= tolerance,
+        history=frozen(np.array(history)),
+    )
+
+
+def beliefs_from_messages(
+    model: PairwiseModel, message: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, K) normalised beliefs from log-messages per arc (2 E, K)."""
+    log_beliefs = model.unary.copy()
+    heads = model.around.edges[:, ::-1].reshape(-1)  # arc 2 e leads to the second node
+    np.add.at(log_beliefs, heads, message)
+    impossible = np.flatnonzero(log_beliefs.max(axis=1, initial=-np.inf) == -np.inf)
+    if len(impossible):
+        raise InputError(
+            f"pairwise and unary together forbid every label at node {impossible[0]}; allow at "
+            "least one labelling (no -inf)"
+        )
+    return normalised(log_beliefs)

@@ -1,0 +1,249 @@
+"""The linear relaxation of the best labelling: an upper bound, and the labelling where integral."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import InputError, SolverError
+from pgm_places.solvers.elimination import reduce_model
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+
+__all__ = ["LPDecoding", "solve_marginal_lp"]
+
+_INTEGRAL = 1e-6
+"""A marginal this close to 0 or 1 counts as integral: ten times the solver's own tolerance."""
+
+
+@dataclass(frozen=True, eq=False)
+class LPDecoding:
+    """A labelling with the relaxation's bound.
+
+    Parameters
+    ----------
+    labels : (N,) int
+        The label with the largest marginal at each node.
+    score : float
+        Their log-potential.
+    bound : float
+        The relaxation's value: no labelling scores more.
+    integral : bool
+        Whether all node marginals are 0 or 1; then ``labels`` is the best labelling of all.
+    node_marginals : (N, K) float
+        The relaxation's solution; rows sum to one.
+    """
+
+    labels: NDArray[np.int64]
+    score: float
+    bound: float
+    integral: bool
+    node_marginals: NDArray[np.float64]
+
+
+def solve_marginal_lp(
+    unary: ArrayLike,
+    edges: ArrayLike,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+    *,
+    solver: Literal["highs", "highs-ds", "highs-ipm"] = "highs",
+    eliminate: bool = True,
+) -> LPDecoding:
+    """The linear relaxation solved by HiGHS, and its rounding.
+
+    For ``agreement >= 0`` one variable per edge and label, ``y_ij^k <= y_i^k`` and
+    ``y_ij^k <= y_j^k``; else the local polytope, whose edge marginals sum to their nodes'. Two
+    labels with associative potentials, and forests, always come out integral.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-potentials of the nodes; -inf forbids a label.
+    edges : (E, 2) int
+        Node pairs.
+    agreement : (E, K) float, optional
+        Log-potential of an edge whose ends agree on each label.
+    pairwise : (K, K) or (E, K, K) float, optional
+        Log-potential of each pair of labels instead; -inf forbids it.
+    solver : {"highs", "highs-ds", "highs-ipm"}
+        What :func:`scipy.optimize.linprog` calls: its choice, dual simplex, interior point.
+    eliminate : bool
+        Rule out labels that cannot be best first, which keeps the bound valid and may tighten it.
+
+    Raises
+    ------
+    InputError
+        A shape or value does not fit, or no labelling is allowed.
+    SolverError
+        HiGHS ended without an optimum.
+
+    Notes
+    -----
+    The associative form is that of Taskar, Chatalbashev and Koller (ICML 2004). For large grids
+    :func:`pgm_places.solvers.trws.trws` comes close to the same bound in a fraction of the time.
+
+    Examples
+    --------
+    >>> found = solve_marginal_lp([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]])
+    >>> found.labels.tolist(), round(found.bound, 6), found.integral
+    ([0, 0], 1.5, True)
+    """
+    if solver not in ("highs", "highs-ds", "highs-ipm"):
+        raise InputError(f"solver must be 'highs', 'highs-ds' or 'highs-ipm', got {solver!r}")
+    model = pairwise_model(unary, edges, agreement, pairwise)
+    left, nodes = model, np.arange(model.n_nodes)
+    marginals = np.zeros(model.unary.shape)
+    if eliminate:
+        reduced = reduce_model(model)
+        left, nodes = reduced.model, reduced.nodes
+        marginals[np.arange(model.n_nodes), reduced.labels] = 1.0
+    marginals[nodes], value = _solve(left, solver)
+    labels = marginals.argmax(axis=1)
+    score = total_score(model, labels)
+    integral = bool((np.minimum(marginals, 1.0 - marginals) <= _INTEGRAL).all())
+    return LPDecoding(
+        labels=frozen(labels),
+        score=score,
+        bound=max(value, score),
+        integral=integral,
+        node_marginals=frozen(marginals),
+    )
+
+
+def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], float]:
+    """Node marginals (N, K) and the relaxation's value."""
+    if model.n_nodes == 0:
+        return np.zeros(model.unary.shape), model.offset
+    if model.agreement is not None and (model.agreement >= 0).all():
+        gains, upper, equal, right = _associative_form(model, model.agreement)
+    else:
+        gains, upper, equal, right = _local_polytope(model)
+    possible = gains > -np.inf
+    # The objective's scale must not decide what the solver's absolute tolerances mean.
+    scale = max(float(np.abs(gains[possible]).max(initial=0.0)), 1e-300)
+    result = _call_highs(
+        -np.where(possible, gains, 0.0) / scale,
+        A_ub=upper,
+        b_ub=None if upper is None else np.zeros(upper.shape[0]),
+        A_eq=equal,
+        b_eq=right,
+        bounds=np.stack([np.zeros(len(gains)), np.where(possible, 1.0, 0.0)], axis=1),
+        method=solver,
+    )
+    marginals = np.clip(result.x[: model.unary.size].reshape(model.unary.shape), 0.0, 1.0)
+    marginals /= marginals.sum(axis=1, keepdims=True)
+    if upper is not None:
+        bound = _associative_bound(model, -scale * result.ineqlin.marginals)
+    else:
+        bound = _polytope_bound(model, -scale * result.eqlin.marginals[model.n_nodes :])
+    return marginals, bound + model.offset
+
+
+def _call_highs(*args: Any, **options: Any) -> Any:
+    from scipy.optimize import linprog
+
+    solve: Any = linprog
+    result = solve(*args, **options)
+    if result.status == 2:
+        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+    if result.status != 0:
+        raise SolverError(
+            f"the linear relaxation was not solved: HiGHS ended with status {result.status} "
+            f"({result.message}); try 'trw-s', which always gives a bound"
+        )
+    return result
+
+
+def _associative_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
+    """The dual's value with the edge duals mended to be feasible: holds whatever HiGHS left.
+
+    Each edge splits its reward between its ends, ``a + b >= agreement``, ``a, b >= 0``.
+    """
+    assert model.agreement is not None  # the caller chose this form for it
+    first = np.maximum(duals[: model.agreement.size].reshape(model.agreement.shape), 0.0)
+    second = np.maximum(model.agreement - first, 0.0)
+    raised = model.unary.copy()
+    np.add.at(raised, model.around.edges[:, 0], first)
+    np.add.at(raised, model.around.edges[:, 1], second)
+    return float(raised.max(axis=1).sum())
+
+
+def _polytope_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
+    """The value of the potentials after moving ``duals`` from edges to nodes: always a bound."""
+    to_first, to_second = duals.reshape(2, model.around.n_edges, model.n_labels)
+    raised = model.unary.copy()
+    np.add.at(raised, model.around.edges[:, 0], to_first)
+    np.add.at(raised, model.around.edges[:, 1], to_second)
+    left = _written_out(model) - to_first[:, :, None] - to_second[:, None, :]
+    return float(raised.max(axis=1).sum() + left.max(axis=(1, 2), initial=-np.inf).sum())
+
+
+def _written_out(model: PairwiseModel) -> NDArray[np.float64]:
+    """(E, K, K) tables of every edge."""
+    shape = (model.around.n_edges, model.n_labels, model.n_labels)
+    if model.agreement is None:
+        return np.broadcast_to(model.tables, shape)
+    tables = np.zeros(shape)
+    diagonal = np.arange(model.n_labels)
+    tables[:, diagonal, diagonal] = model.agreement
+    return tables
+
+
+_Form = tuple[NDArray[np.float64], sp.csr_array | None, sp.csr_array, NDArray[np.float64]]
+"""What each variable gains, the rows that are at most 0, the rows that are equal, to what."""
+
+
+def _associative_form(model: PairwiseModel, agreement: NDArray[np.float64]) -> _Form:
+    """``y_ij^k - y_i^k <= 0`` and ``y_ij^k - y_j^k <= 0`` for every edge and label."""
+    n_nodes, n_labels = model.unary.shape
+    n_pairs = agreement.size
+    upper = sp.vstack(
+        [
+            sp.hstack([-_picks(ends, n_labels, n_nodes), sp.eye_array(n_pairs)])
+            for ends in model.around.edges.T
+        ],
+        format="csr",
+    )
+    gains = np.concatenate([model.unary.ravel(), agreement.ravel()])
+    equal = sp.hstack(
+        [_row_sums(n_nodes, n_labels), sp.csr_array((n_nodes, n_pairs))], format="csr"
+    )
+    return gains, upper, equal, np.ones(n_nodes)
+
+
+def _local_polytope(model: PairwiseModel) -> _Form:
+    """``sum_l y_ij^kl = y_i^k`` and ``sum_k y_ij^kl = y_j^l``."""
+    n_nodes, n_labels = model.unary.shape
+    n_edges = model.around.n_edges
+    tables = _written_out(model)
+    pair = np.arange(tables.size).reshape(tables.shape)
+    first = pair.reshape(-1)
+    second = pair.transpose(0, 2, 1).reshape(-1)
+    sums = np.repeat(np.arange(n_edges * n_labels), n_labels)
+    ones = np.ones(tables.size)
+    size = (n_edges * n_labels, tables.size)
+    blocks = [[_row_sums(n_nodes, n_labels), sp.csr_array((n_nodes, tables.size))]]
+    for side, columns in ((0, first), (1, second)):
+        picks = _picks(model.around.edges[:, side], n_labels, n_nodes)
+        blocks.append([-picks, sp.csr_array((ones, (sums, columns)), shape=size)])
+    equal = sp.csr_array(sp.block_array(blocks))
+    right = np.concatenate([np.ones(n_nodes), np.zeros(2 * n_edges * n_labels)])
+    return np.concatenate([model.unary.ravel(), tables.ravel()]), None, equal, right
+
+
+def _row_sums(n_nodes: int, n_labels: int) -> sp.csr_array:
+    """Rows that sum each node's labels."""
+    rows = np.repeat(np.arange(n_nodes), n_labels)
+    size = n_nodes * n_labels
+    return sp.csr_array((np.ones(size), (rows, np.arange(size))), shape=(n_nodes, size))
+
+
+def _picks(nodes: NDArray[np.int32], n_labels: int, n_nodes: int) -> sp.csr_array:
+    """One row per edge and label that picks the label at that end of the edge."""
+    columns = (nodes.astype(np.int64)[:, None] * n_labels + np.arange(n_labels)).ravel()
+    rows = np.arange(len(columns))
+    shape = (len(columns), n_nodes * n_labels)
+    return sp.csr_array((np.ones(len(columns)), (rows, columns)), shape=shape)
