@@ -1,5 +1,6 @@
 """Connected components of equal labels (Rosenfeld and Pfaltz, paper section 6.2)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,7 @@ from pgm_places.errors import InputError
 
 __all__ = ["Components", "connected_components"]
 
-EIGHT = np.ones((3, 3), np.bool_)
-FOUR = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.bool_)
+BAND_CELLS = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,39 +54,28 @@ def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) ->
     >>> found.piece.tolist(), found.label.tolist(), found.size.tolist()
     ([[0, 0, 1], [-1, 1, 1]], [0, 1], [2, 3])
     """
-    from scipy.ndimage import label as label_pieces
-
     raster = np.asarray(labels)
     if raster.ndim != 2 or not np.issubdtype(raster.dtype, np.integer):
         raise InputError(f"labels must be a 2-D integer raster, got {raster.dtype} {raster.shape}")
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
-    structure = EIGHT if connectivity == 8 else FOUR
-    piece = np.full(raster.shape, -1, np.int32)
-    count = 0
-    for value in range(int(raster.max(initial=-1)) + 1):
-        mask = raster == value
-        found = np.empty(raster.shape, np.int32)
-        n_found = label_pieces(mask, structure, output=found)
-        piece[mask] = found[mask] + (count - 1)
-        count += int(n_found)
-    return _numbered_by_first_cell(raster, piece, count)
+    from pgm_places.topology._component_kernels import label_components
+
+    raster = np.ascontiguousarray(raster, np.int16)
+    piece = np.empty(raster.shape, np.int32)
+    scratch = np.empty(raster.size, np.int32)  # its pages are touched only as far as it is used
+    count = label_components(raster, connectivity == 8, scratch, piece)
+    label, size = np.zeros(count, np.int16), np.zeros(count, np.int64)
+    for rows in _bands(raster.shape):
+        inside = piece[rows] >= 0
+        numbers = piece[rows][inside]
+        label[numbers] = raster[rows][inside]
+        size += np.bincount(numbers, minlength=count)
+    return Components(piece, label, size)
 
 
-def _numbered_by_first_cell(
-    raster: NDArray[np.int16], piece: NDArray[np.int32], count: int
-) -> Components:
-    """Pieces renumbered by their first cell, so that numbers do not depend on the labels' order."""
-    flat = piece.ravel()
-    first = np.full(count, flat.size, np.int64)
-    inside = np.flatnonzero(flat >= 0)
-    # Written backwards, the smallest index of each piece is written last.
-    first[flat[inside[::-1]]] = inside[::-1]
-    order = np.argsort(first)
-    number = np.empty(count, np.int32)
-    number[order] = np.arange(count, dtype=np.int32)
-    renumbered = piece.copy()
-    renumbered.ravel()[inside] = number[flat[inside]]
-    size = np.bincount(renumbered.ravel()[inside], minlength=count).astype(np.int64)
-    label = raster.ravel()[first[order]].astype(np.int16)
-    return Components(renumbered, label, size)
+def _bands(shape: tuple[int, int]) -> Iterator[slice]:
+    """Bands of rows, small enough that what is made of one takes little memory."""
+    high = max(1, BAND_CELLS // max(shape[1], 1))
+    for first in range(0, shape[0], high):
+        yield slice(first, first + high)

@@ -1,6 +1,7 @@
 """The paper's heuristic corrections of regions (section 6.2), each one listed."""
 
-from collections.abc import Sequence
+import heapq
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,8 +65,9 @@ def correct_regions(
     """The corrected label raster and what was corrected.
 
     The smallest wrong region goes first and takes the label of the neighbour that it shares its
-    longest border with; then regions are formed anew, until none is wrong. A wrong region that
-    touches no other keeps its label: there is nothing to take.
+    longest border with, the first in reading order from the bottom where two are as long; it
+    becomes one region with all its neighbours of that label. This is repeated until no region is
+    wrong. A wrong region that touches no other keeps its label: there is nothing to take.
 
     Parameters
     ----------
@@ -76,81 +78,109 @@ def correct_regions(
         Side of a cell.
     rules : CorrectionRules, optional
 
-    Every correction lowers the number of regions, so there is an end.
+    Every correction merges regions, so there is an end.
     """
     rules = rules or CorrectionRules()
-    corrected = np.array(labels, np.int16)
-    log: list[Correction] = []
-    while True:
-        changed = _one_pass(corrected, label_names, resolution_m**2, rules, log)
-        if not changed:
-            return corrected, log
+    raster = np.asarray(labels, np.int16)
+    pieces = connected_components(raster)
+    merging = _Merging(pieces, label_names, resolution_m**2, rules)
+    log = [merging.entry(raster.shape[1], *step) for step in merging.run()]
+    # The last entry is that of the cells without a piece: index -1.
+    table = np.append(merging.final_labels(), np.int16(-1))
+    return table[pieces.piece].astype(np.int16, copy=False), log
 
 
-def _one_pass(
-    labels: NDArray[np.int16],
-    names: Sequence[str],
-    cell_m2: float,
-    rules: CorrectionRules,
-    log: list[Correction],
-) -> bool:
-    """Relabel wrong regions that do not touch each other, smallest first; whether any was."""
-    pieces = connected_components(labels)
-    borders = contacts(pieces.piece, pieces.count).matrix(pieces.count)
-    n_neighbours = np.diff(borders.indptr)
-    wrong = _reasons(pieces, n_neighbours, names, cell_m2, rules)
-    first_cell = _first_cells(pieces)
-    touched: set[int] = set()
-    new_label = pieces.label.copy()
-    for region in sorted(wrong, key=lambda r: (pieces.size[r], r)):
-        start, stop = borders.indptr[region], borders.indptr[region + 1]
-        around = borders.indices[start:stop]
-        # A neighbour that changes in this pass may merge with this one: decide in the next pass.
-        if not len(around) or region in touched or touched.intersection(around.tolist()):
-            continue
-        lengths = borders.data[start:stop]
-        best = int(around[np.lexsort((around, -lengths))[0]])
-        new_label[region] = pieces.label[best]
-        touched.add(region)
-        row, column = divmod(int(first_cell[region]), labels.shape[1])
-        log.append(
-            Correction(
-                (row, column),
-                float(pieces.size[region] * cell_m2),
-                names[pieces.label[region]],
-                names[pieces.label[best]],
-                wrong[region],
-            )
+class _Merging:
+    """Regions as nodes of a graph of borders; correcting one merges nodes, not rasters."""
+
+    def __init__(
+        self, pieces: Components, names: Sequence[str], cell_m2: float, rules: CorrectionRules
+    ) -> None:
+        self.names, self.cell_m2, self.rules = names, cell_m2, rules
+        self.label: list[int] = pieces.label.tolist()
+        self.size: list[int] = pieces.size.tolist()
+        self.parent = list(range(pieces.count))
+        self.first = list(range(pieces.count))  # of the pieces that have become one, the first
+        self.first_cell = _first_cells(pieces)
+        self.borders: list[dict[int, int]] = [{} for _ in range(pieces.count)]
+        found = contacts(pieces.piece, pieces.count)
+        # Lengths in whole thousandths of a side, a corner being one: sums stay exact.
+        lengths = 1000 * found.sides + found.corners
+        for (i, j), length in zip(found.pairs.tolist(), lengths.tolist(), strict=True):
+            self.borders[i][j] = self.borders[j][i] = length
+
+    def run(self) -> Iterator[tuple[int, int, int, int, str]]:
+        """Correct until nothing is wrong; region, cells, old label, new label and reason."""
+        queue = [(self.size[r], self.first[r], r) for r in range(len(self.label)) if self.reason(r)]
+        heapq.heapify(queue)
+        while queue:
+            size, _, region = heapq.heappop(queue)
+            reason = self.reason(region)
+            if self.parent[region] != region or self.size[region] != size or not reason:
+                continue  # it has been merged since it was queued
+            around = self.borders[region]
+            best = min(around, key=lambda other: (-around[other], self.first[other]))
+            was, became = self.label[region], self.label[best]
+            yield region, size, was, became, reason
+            for changed in self.relabel(region, became):
+                if self.reason(changed):
+                    heapq.heappush(queue, (self.size[changed], self.first[changed], changed))
+
+    def reason(self, region: int) -> str:
+        """Why a region is wrong; empty where it is not, or has nothing to become."""
+        if not self.borders[region]:
+            return ""
+        rules = self.rules
+        is_doorway = self.names[self.label[region]] == rules.doorway_label
+        limit = rules.min_doorway_area_m2 if is_doorway else rules.min_area_m2
+        if self.size[region] * self.cell_m2 < limit:
+            return "too small"
+        idle = is_doorway and rules.doorways_join_two and len(self.borders[region]) < 2
+        return "joins nothing" if idle else ""
+
+    def relabel(self, region: int, label: int) -> list[int]:
+        """Give a region a label and merge it with its neighbours of it; who may now be wrong."""
+        group = {region, *(o for o in self.borders[region] if self.label[o] == label)}
+        # The member with most borders absorbs the others, so that a large one is never copied.
+        root = max(group, key=lambda member: (len(self.borders[member]), -member))
+        self.label[root] = label
+        around = self.borders[root]
+        touched = {root}
+        for member in group - {root}:
+            for other, length in self.borders[member].items():
+                del self.borders[other][member]
+                if other not in group:
+                    around[other] = self.borders[other][root] = around.get(other, 0) + length
+                    touched.add(other)
+            self.borders[member] = {}
+            self.parent[member] = root
+            self.size[root] += self.size[member]
+            self.first[root] = min(self.first[root], self.first[member])
+        return sorted(touched)
+
+    def final_labels(self) -> NDArray[np.int16]:
+        """(R,) label of each of the original pieces."""
+        final = np.empty(len(self.parent), np.int16)
+        for region in range(len(self.parent)):
+            root = region
+            while self.parent[root] != root:
+                root = self.parent[root]
+            self.parent[region] = root
+            final[region] = self.label[root]
+        return final
+
+    def entry(
+        self, width: int, region: int, size: int, was: int, became: int, reason: str
+    ) -> Correction:
+        row, column = divmod(int(self.first_cell[self.first[region]]), width)
+        return Correction(
+            (row, column), size * self.cell_m2, self.names[was], self.names[became], reason
         )
-    if not touched:
-        return False
-    inside = pieces.piece >= 0
-    labels[inside] = new_label[pieces.piece[inside]]
-    return True
-
-
-def _reasons(
-    pieces: Components,
-    n_neighbours: NDArray[np.int64],
-    names: Sequence[str],
-    cell_m2: float,
-    rules: CorrectionRules,
-) -> dict[int, str]:
-    """The wrong regions that touch another, and why they are wrong."""
-    is_doorway = np.array([name == rules.doorway_label for name in names], np.bool_)[pieces.label]
-    area = pieces.size * cell_m2
-    limit = np.where(is_doorway, rules.min_doorway_area_m2, rules.min_area_m2)
-    too_small = area < limit
-    idle = is_doorway & (n_neighbours < 2) & rules.doorways_join_two
-    return {
-        int(region): "too small" if too_small[region] else "joins nothing"
-        for region in np.flatnonzero((too_small | idle) & (n_neighbours > 0))
-    }
 
 
 def _first_cells(pieces: Components) -> NDArray[np.int64]:
     flat = pieces.piece.ravel()
-    inside = np.flatnonzero(flat >= 0)[::-1]
-    first = np.zeros(pieces.count, np.int64)
-    first[flat[inside]] = inside
+    # A new largest number so far marks a first cell: pieces are numbered in that order.
+    record = np.maximum.accumulate(flat)
+    first: NDArray[np.int64] = np.flatnonzero(np.diff(record, prepend=np.int32(-1)) > 0)
     return first

@@ -2,45 +2,22 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import connected_components
+from tests.reference.topology import flood_fill
 
 rasters = arrays(
     np.int16, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.integers(-1, 2)
 )
 
 
-def flood_fill(raster: np.ndarray, connectivity: int) -> np.ndarray:
-    piece = np.full(raster.shape, -1)
-    count = 0
-    for start in np.argwhere(raster >= 0):
-        if piece[tuple(start)] >= 0:
-            continue
-        open_cells = [tuple(start)]
-        piece[tuple(start)] = count
-        while open_cells:
-            r, c = open_cells.pop()
-            for dr in (-1, 0, 1):
-                for dc in (-1, 0, 1):
-                    s, d = r + dr, c + dc
-                    corner = abs(dr) + abs(dc) == 2
-                    if (dr, dc) == (0, 0) or (corner and connectivity == 4):
-                        continue
-                    if not (0 <= s < raster.shape[0] and 0 <= d < raster.shape[1]):
-                        continue
-                    if piece[s, d] < 0 and raster[s, d] == raster[r, c]:
-                        piece[s, d] = count
-                        open_cells.append((s, d))
-        count += 1
-    return piece
-
-
 @pytest.mark.parametrize("connectivity", [4, 8])
+@settings(deadline=None)  # the first call compiles
 @given(raster=rasters)
 def test_components_are_those_of_flood_fill(connectivity: int, raster: np.ndarray) -> None:
     found = connected_components(raster, connectivity=connectivity)
@@ -51,6 +28,7 @@ def test_components_are_those_of_flood_fill(connectivity: int, raster: np.ndarra
         assert (found.piece == number).sum() == found.size[number]
 
 
+@settings(deadline=None)  # the first call compiles
 @given(raster=rasters)
 def test_borders_are_counted_side_by_side(raster: np.ndarray) -> None:
     pieces = connected_components(raster)

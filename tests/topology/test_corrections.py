@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -10,6 +10,7 @@ from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.corrections import CorrectionRules, correct_regions
+from tests.reference.topology import corrected
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -74,6 +75,7 @@ def test_an_island_keeps_its_label() -> None:
     assert log == []
 
 
+@settings(deadline=None)  # the first call compiles
 @given(
     raster=arrays(
         np.int16, st.tuples(st.integers(1, 8), st.integers(1, 8)), elements=st.integers(-1, 2)
@@ -92,6 +94,20 @@ def test_it_ends_with_nothing_wrong_left(raster: np.ndarray) -> None:
             assert pieces.size[number] * 0.01 >= (0.02 if doorway else 0.05) - 1e-12
             assert not doorway or touching[number] >= 2
     assert len(log) <= connected_components(raster).count
+
+
+@settings(deadline=None)
+@given(
+    raster=arrays(
+        np.int16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 2)
+    )
+)
+def test_it_is_the_same_as_forming_all_regions_anew_each_time(raster: np.ndarray) -> None:
+    rules = CorrectionRules(min_area_m2=0.045, min_doorway_area_m2=0.025)  # 5 and 3 cells
+    found, log = correct_regions(raster, NAMES, 0.1, rules)
+    assert (found == corrected(raster, 2, 5, 3)).all()
+    for entry in log:
+        assert entry.was != entry.became
 
 
 def test_bad_thresholds_are_refused() -> None:

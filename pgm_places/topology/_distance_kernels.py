@@ -1,0 +1,78 @@
+"""Exact Euclidean distances on a raster in two passes (Meijster, Roerdink and Hesselink, 2000)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+
+__all__ = ["mark_edges", "squared_distance"]
+
+
+@njit
+def mark_edges(piece: NDArray[np.int32], is_edge: NDArray[np.bool_]) -> None:
+    """Mark the cells that a side separates from another piece, from none, or from the outside."""
+    height, width = piece.shape
+    for r in range(height):
+        for c in range(width):
+            own = piece[r, c]
+            is_edge[r, c] = (
+                r == 0
+                or c == 0
+                or r == height - 1
+                or c == width - 1
+                or piece[r - 1, c] != own
+                or piece[r + 1, c] != own
+                or piece[r, c - 1] != own
+                or piece[r, c + 1] != own
+            )
+
+
+@njit
+def squared_distance(
+    is_target: NDArray[np.bool_],
+    squared: NDArray[np.int32],
+    site: NDArray[np.int32],
+    start: NDArray[np.int32],
+    row: NDArray[np.int64],
+) -> None:
+    """Squared distance in cells from each cell's centre to the nearest target cell's centre.
+
+    Cells outside the raster are targets too. ``site``, ``start`` and ``row`` are scratch (W,).
+    """
+    height, width = is_target.shape
+    for c in range(width):
+        squared[0, c] = 0 if is_target[0, c] else 1
+    for r in range(1, height):
+        for c in range(width):
+            squared[r, c] = 0 if is_target[r, c] else squared[r - 1, c] + 1
+    for c in range(width):
+        squared[height - 1, c] = min(squared[height - 1, c], 1)
+    for r in range(height - 2, -1, -1):
+        for c in range(width):
+            squared[r, c] = min(squared[r, c], squared[r + 1, c] + 1)
+    for r in range(height):
+        for c in range(width):
+            row[c] = np.int64(squared[r, c]) * np.int64(squared[r, c])
+        last = -1
+        for c in range(width):
+            # Parabolas that lie above the new one from their start on are never the lowest.
+            begin = 0
+            while last >= 0:
+                s = np.int64(site[last])
+                here = np.int64(start[last]) - s
+                there = np.int64(start[last]) - c
+                if here * here + row[s] <= there * there + row[c]:
+                    begin = 1 + (c * c - s * s + row[c] - row[s]) // (2 * (c - s))
+                    break
+                last -= 1
+            if begin < width:
+                last += 1
+                site[last] = c
+                start[last] = max(begin, 0)
+        for c in range(width - 1, -1, -1):
+            s = np.int64(site[last])
+            lowest = (c - s) * (c - s) + row[s]
+            outside = np.int64(min(c + 1, width - c))
+            squared[r, c] = min(lowest, outside * outside)
+            if c == start[last]:
+                last -= 1

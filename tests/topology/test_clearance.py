@@ -1,0 +1,42 @@
+"""Distances to walls and edges, against a search over all cells."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pgm_places.topology.clearance import squared_clearance, squared_depth
+
+shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
+
+
+def nearest(targets: np.ndarray) -> np.ndarray:
+    """To the nearest target of a raster with a frame of targets around it."""
+    framed = np.pad(targets, 1, constant_values=True)
+    cells = np.argwhere(framed) - 1
+    wanted = np.empty(targets.shape, np.int64)
+    for r, c in np.ndindex(targets.shape):
+        wanted[r, c] = ((cells - (r, c)) ** 2).sum(axis=1).min()
+    return wanted
+
+
+@settings(deadline=None)
+@given(blocked=arrays(np.bool_, shapes))
+def test_clearance_is_the_distance_to_the_nearest_blocked_cell(blocked: np.ndarray) -> None:
+    assert (squared_clearance(blocked) == nearest(blocked)).all()
+
+
+def test_sparse_walls_in_a_large_room() -> None:
+    blocked = np.random.default_rng(7).random((60, 90)) < 0.002
+    assert (squared_clearance(blocked) == nearest(blocked)).all()
+
+
+@settings(deadline=None)
+@given(piece=arrays(np.int32, shapes, elements=st.integers(-1, 2)))
+def test_depth_is_zero_exactly_at_edges(piece: np.ndarray) -> None:
+    framed = np.pad(piece, 1, constant_values=-9)
+    edge = np.zeros(piece.shape, np.bool_)
+    for dr, dc in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        other = framed[dr : dr + piece.shape[0], dc : dc + piece.shape[1]]
+        edge |= other != piece
+    assert ((squared_depth(piece) == 0) == edge).all()
