@@ -25,6 +25,7 @@ BACKENDS: Mapping[str, str] = {
     "independent": "pgm_places.models.independent:Independent",
     "relaxation": "pgm_places.models.relaxation:Relaxation",
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",
+    "potts": "pgm_places.models.mrf:PottsField",
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 

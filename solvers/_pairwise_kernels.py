@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places._jit import njit
 
-__all__ = ["Terms", "pass_max", "pass_sum"]
+__all__ = ["Terms", "pass_max", "pass_sum", "score_labels"]
 
 
 class Terms(NamedTuple):
@@ -23,6 +23,22 @@ class Terms(NamedTuple):
     """0 where one table serves all edges."""
     associative: bool
     """Whether edges only reward agreement."""
+
+
+@njit
+def score_labels(terms: Terms, ends: NDArray[np.uint32], labels: NDArray[np.int32]) -> float:
+    """The unaries of all nodes plus the potentials of all edges; ``ends`` (2 E,) own the arcs."""
+    total = 0.0
+    for i in range(labels.shape[0]):
+        total += terms.unary[i, labels[i]]
+    for edge in range(ends.shape[0] // 2):
+        a = labels[ends[2 * edge]]
+        b = labels[ends[2 * edge + 1]]
+        if not terms.associative:
+            total += terms.tables[edge * terms.table_step, a, b]
+        elif a == b:
+            total += terms.agreement[edge, a]
+    return total
 
 
 @njit

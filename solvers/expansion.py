@@ -273,13 +273,16 @@ class _Moves:
     ) -> Expansion:
         """Labels in turn until each was tried on the same labelling in vain."""
         idle = 0
+        score = total_score(self.model, self.labels) if on_iteration is not None else 0.0
         for sweep in range(1, max_sweeps + 1):
             for label in range(self.model.n_labels):
-                idle = 1 if self.expand(label) > 0.0 else idle + 1
+                gain = self.expand(label)
+                score += gain
+                idle = 1 if gain > 0.0 else idle + 1
                 if idle >= self.model.n_labels:
                     break
             if on_iteration is not None:
-                on_iteration(sweep, total_score(self.model, self.labels))
+                on_iteration(sweep, score)
             if idle >= self.model.n_labels:
                 return self.result(sweep, converged=True)
         return self.result(max_sweeps, converged=False)

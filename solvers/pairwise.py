@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
-from pgm_places.solvers._pairwise_kernels import Terms
+from pgm_places.solvers._pairwise_kernels import Terms, score_labels
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 
 __all__ = ["PairwiseModel", "checked_labels", "pairwise_model", "total_score"]
@@ -114,13 +114,8 @@ def pairwise_model(
 
 def total_score(model: PairwiseModel, labels: NDArray[np.integer]) -> float:
     """The log-potential of a labelling (N,): its unaries plus its edges plus the offset."""
-    total = float(model.unary[np.arange(model.n_nodes), labels].sum()) + model.offset
-    first, second = labels[model.around.edges[:, 0]], labels[model.around.edges[:, 1]]
-    if model.agreement is not None:
-        same = np.flatnonzero(first == second)
-        return total + float(model.agreement[same, first[same]].sum())
-    table = np.arange(model.around.n_edges) * model.table_step
-    return total + float(model.tables[table, first, second].sum())
+    chosen = np.ascontiguousarray(labels, np.int32)
+    return score_labels(model.terms, model.around.arcs.ends, chosen) + model.offset
 
 
 def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[np.int32]:

@@ -16,7 +16,7 @@ from pgm_places.solvers._trws_kernels import (
     table_pass,
 )
 from pgm_places.solvers.elimination import reduce_model
-from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
 __all__ = ["DualDecoding", "trws"]
 
@@ -60,6 +60,7 @@ def trws(
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
     *,
+    initial: ArrayLike | None = None,
     max_iterations: int = 200,
     tolerance: float = 1e-6,
     eliminate: bool = True,
@@ -82,6 +83,9 @@ def trws(
         Log-potential of an edge whose ends agree on each label; of any sign. O(K) a message.
     pairwise : (K, K) or (E, K, K) float, optional
         Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message.
+    initial : (N,) int, optional
+        A labelling to beat, for instance of a graph cut: where none better is found it is returned,
+        and its score counts for the gap.
     max_iterations : int
         Passes up and down after which to stop.
     tolerance : float
@@ -113,16 +117,15 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     if not tolerance >= 0:
         raise InputError(f"tolerance must be at least 0, got {tolerance}")
     model = pairwise_model(unary, edges, agreement, pairwise)
-    if not eliminate or model.agreement is None:
-        passing = _Passing(model)
-        passing.run(max_iterations, tolerance, on_iteration)
-        labels = passing.labels
-    else:
-        reduced = reduce_model(model)
-        passing = _Passing(reduced.model)
-        passing.run(max_iterations, tolerance, on_iteration)
-        labels = reduced.lift(passing.labels)
+    best = None if initial is None else checked_labels(model, initial)
+    floor = -np.inf if best is None else total_score(model, best)
+    reduced = reduce_model(model) if eliminate else None
+    passing = _Passing(model if reduced is None else reduced.model, floor)
+    passing.run(max_iterations, tolerance, on_iteration)
+    labels = passing.labels if reduced is None else reduced.lift(passing.labels)
     score = total_score(model, labels)
+    if best is not None and not passing.improved:
+        labels, score = best, floor
     history = np.array(passing.history).reshape(-1, 2)
     return DualDecoding(
         labels=frozen(labels.astype(np.int64)),
@@ -137,14 +140,15 @@ reduce_model`), which changes neither the best score nor the bound's validity.
 class _Passing:
     """The messages of one problem and the best labelling they have led to."""
 
-    def __init__(self, model: PairwiseModel) -> None:
+    def __init__(self, model: PairwiseModel, floor: float) -> None:
         self.model = model
         self.message = np.zeros((model.around.n_edges, model.n_labels))
         self.share = np.empty(model.n_nodes)
         share_of_nodes(model.around.arcs, self.share)
         self.trial = np.zeros(model.n_nodes, np.int32)
         self.labels = self.trial.copy()
-        self.score, self.bound = -np.inf, np.inf
+        self.score, self.bound = floor, np.inf
+        self.improved = False
         self.history: list[tuple[float, float]] = []
         self.converged = False
 
@@ -197,3 +201,4 @@ class _Passing:
         if score + model.offset > self.score:
             self.score = score + model.offset
             self.labels[:] = self.trial
+            self.improved = True

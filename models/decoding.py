@@ -1,0 +1,256 @@
+"""Decoding by name: from a graph with potentials to a labelling that says how good it is."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import ConfigError
+from pgm_places.graph import LabelGraph
+from pgm_places.labeling import Labeling, Status
+from pgm_places.potentials import Potentials, score
+
+__all__ = ["DECODERS", "decode", "require_decoder"]
+
+CLOSED_GAP = 1e-9
+"""A gap below this share of the score is closed: that much is rounding in sums over a map."""
+
+CERTIFY_ITERATIONS = 100
+"""Passes of TRW-S for a certificate; on maps the bound has all but come to rest by then."""
+
+
+def decode(
+    graph: LabelGraph,
+    potentials: Potentials,
+    method: str = "graph-cut",
+    *,
+    certify: bool = False,
+    max_iterations: int | None = None,
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> Labeling:
+    """A labelling of the graph by the named method, with its score, bound and status.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+        N nodes, E edges.
+    potentials : Potentials
+        Log-potentials; larger is better.
+    method : str
+        A name of :data:`DECODERS`.
+    certify : bool
+        Add an upper bound of the best score by tree-reweighted message passing where the method
+        has none of its own. The labels stay the method's. What the certificate cost is in
+        ``info["certificate"]``.
+    max_iterations : int, optional
+        Limit on sweeps, passes or iterations instead of the method's own; ``lp`` and ``exact``
+        have none.
+    on_iteration : callable, optional
+        Called after each of them with its number and the method's figure: score (``graph-cut``),
+        bound (``trw-s``), changed nodes (``icm``), largest change (the others).
+
+    Returns
+    -------
+    Labeling
+        ``EXACT`` where the labelling is proved best: by the method, or because its gap is below
+        1e-9 of its score. ``CONVERGED`` at a local optimum or fixed point, ``RELAXED`` where a
+        fractional solution was rounded, ``STOPPED`` at the limit. Beliefs come from
+        ``sum-product``, ``mean-field`` and ``exact``. ``info`` holds ``decoder``, ``iterations``,
+        ``seconds`` and ``history``, the method's figure per iteration.
+
+    Raises
+    ------
+    ConfigError
+        No such method; the message offers the nearest name.
+    InputError
+        The method cannot take these potentials or this graph, or they do not fit each other.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> potentials = Potentials.potts([[1.0, 0.0], [0.0, 0.4]], 0.5)
+    >>> labeling = decode(graph, potentials)
+    >>> labeling.labels.tolist(), labeling.score, labeling.status
+    ([0, 0], 1.5, <Status.EXACT: 'exact'>)
+    """
+    require_decoder(method)
+    potentials.check_fits(graph)
+    started = time.perf_counter()
+    history: list[float] = []
+
+    def record(iteration: int, value: float) -> None:
+        history.append(value)
+        if on_iteration is not None:
+            on_iteration(iteration, value)
+
+    limit = {} if max_iterations is None else {"limit": max_iterations}
+    answer = DECODERS[method](_Problem(graph, potentials, record, **limit))
+    total = score(graph, potentials, answer.labels)
+    info: dict[str, Any] = {"decoder": method, "iterations": len(history)}
+    info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
+    info.update(answer.info)
+    bound = answer.bound
+    if certify and bound is None:
+        bound, info["certificate"] = _certificate(graph, potentials, answer.labels)
+    if bound is not None:
+        bound = max(bound, total)
+    return Labeling(
+        labels=answer.labels,
+        status=_final_status(answer.status, total, bound),
+        beliefs=answer.beliefs,
+        score=total,
+        bound=bound,
+        info=info,
+    )
+
+
+def require_decoder(method: str) -> None:
+    """Raise ConfigError, offering the nearest name, unless there is such a decoder."""
+    if method not in DECODERS:
+        raise ConfigError(f"unknown decoder {method!r}. {nearest_name(method, list(DECODERS))}")
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What a decoder gets; it reports each iteration to ``record``."""
+
+    graph: LabelGraph
+    potentials: Potentials
+    record: Callable[[int, float], None]
+    limit: int | None = None
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        """Unary, edges, agreement and pairwise, as every solver takes them."""
+        known = self.potentials
+        return known.unary, self.graph.edges, known.agreement, known.pairwise
+
+    def limited(self, name: str = "max_iterations") -> dict[str, Any]:
+        """The limit under the solver's name for it, where there is one, and the reporter."""
+        chosen: dict[str, Any] = {"on_iteration": self.record}
+        if self.limit is not None:
+            chosen[name] = self.limit
+        return chosen
+
+
+@dataclass(frozen=True)
+class _Answer:
+    labels: NDArray[np.int64]
+    status: Status
+    bound: float | None = None
+    beliefs: NDArray[np.float64] | None = None
+    info: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _graph_cut(problem: _Problem) -> _Answer:
+    from pgm_places.solvers.expansion import alpha_expansion
+
+    found = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
+    bound = found.score if found.exact else None
+    status = Status.EXACT if found.exact else _converged(found.converged)
+    return _Answer(found.labels, status, bound, info={"moves": found.n_moves})
+
+
+def _lp(problem: _Problem) -> _Answer:
+    from pgm_places.solvers.marginal_lp import solve_marginal_lp
+
+    found = solve_marginal_lp(*problem.arrays)
+    status = Status.EXACT if found.integral else Status.RELAXED
+    info = {"integral": found.integral, "node_marginals": found.node_marginals}
+    return _Answer(found.labels, status, found.bound, info=info)
+
+
+def _trws(problem: _Problem) -> _Answer:
+    from pgm_places.solvers.trws import trws
+
+    found = trws(*problem.arrays, **problem.limited())
+    info = {"score_history": tuple(found.history[:, 0].tolist())}
+    return _Answer(found.labels, _converged(found.converged), found.bound, info=info)
+
+
+def _icm(problem: _Problem) -> _Answer:
+    from pgm_places.solvers.local_search import iterated_conditional_modes
+
+    found = iterated_conditional_modes(*problem.arrays, **problem.limited())
+    return _Answer(found.labels, _converged(found.converged))
+
+
+def _mean_field(problem: _Problem) -> _Answer:
+    from pgm_places.solvers.mean_field import mean_field
+
+    found = mean_field(*problem.arrays, **problem.limited())
+    return _Answer(found.labels, _converged(found.converged), beliefs=found.beliefs)
+
+
+def _propagation(problem: _Problem, kind: Literal["sum-product", "max-product"]) -> _Answer:
+    from pgm_places.solvers.belief_propagation import belief_propagation
+
+    found = belief_propagation(*problem.arrays, kind=kind, **problem.limited())
+    beliefs = found.beliefs if kind == "sum-product" else None
+    return _Answer(found.labels, _converged(found.converged), beliefs=beliefs)
+
+
+def _max_product(problem: _Problem) -> _Answer:
+    return _propagation(problem, "max-product")
+
+
+def _sum_product(problem: _Problem) -> _Answer:
+    return _propagation(problem, "sum-product")
+
+
+def _exact(problem: _Problem) -> _Answer:
+    from pgm_places.solvers.forest import forest_marginals, forest_maximum
+
+    best = forest_maximum(*problem.arrays)
+    whole = forest_marginals(*problem.arrays)
+    return _Answer(
+        best.labels,
+        Status.EXACT,
+        best.score,
+        whole.beliefs,
+        {"log_partition": whole.log_partition},
+    )
+
+
+DECODERS: Mapping[str, Callable[[_Problem], _Answer]] = {
+    "graph-cut": _graph_cut,
+    "lp": _lp,
+    "trw-s": _trws,
+    "icm": _icm,
+    "mean-field": _mean_field,
+    "max-product": _max_product,
+    "sum-product": _sum_product,
+    "exact": _exact,
+}
+"""Decoders by name; ``docs/inference.md`` says which to take when."""
+
+
+def _converged(converged: bool) -> Status:
+    return Status.CONVERGED if converged else Status.STOPPED
+
+
+def _certificate(
+    graph: LabelGraph, potentials: Potentials, labels: NDArray[np.int64]
+) -> tuple[float, dict[str, Any]]:
+    """An upper bound of every score, and what finding it took."""
+    from pgm_places.solvers.trws import trws
+
+    started = time.perf_counter()
+    arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
+    start = None if score(graph, potentials, labels) == -np.inf else labels
+    found = trws(*arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CLOSED_GAP)
+    return found.bound, {
+        "best_score": found.score,
+        "iterations": found.n_iterations,
+        "seconds": time.perf_counter() - started,
+    }
+
+
+def _final_status(status: Status, total: float, bound: float | None) -> Status:
+    if bound is not None and bound - total <= CLOSED_GAP * max(1.0, abs(total)):
+        return Status.EXACT
+    return status
