@@ -1,0 +1,303 @@
+"""Probabilistic relaxation: beliefs that neighbours revise by how well labels go together."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import integer_array
+from pgm_places.backends import learned
+from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.evaluation import evaluate
+from pgm_places.graph import LabelGraph
+from pgm_places.labeling import Labeling, Status
+from pgm_places.layout import GridLayout
+from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.compatibility import (
+    DIRECTIONS,
+    edge_pair_counts,
+    grid_pair_counts,
+    yamamoto_coefficients,
+)
+from pgm_places.solvers.relaxation import OnIteration, Relaxed, relax_graph
+
+__all__ = ["Relaxation", "grid_connectivity"]
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """Lets every node revise its beliefs by those of its neighbours, all at once, again and again.
+
+    A label gains where the neighbours' labels go with it (paper eq. 4-6, Rosenfeld, Hummel and
+    Zucker 1976); what goes with what is counted on labelled maps. On a grid, occupied cells are a
+    further label, ``wall``, that never changes; unknown cells say nothing.
+
+    Parameters
+    ----------
+    iterations : int
+        At most so many.
+    tolerance : float
+        The end is reached when no belief changes by more.
+    damping : float
+        Share of the old belief that is kept in each step, from 0 to below 1.
+    directional : bool
+        Whether what goes together depends on the direction: 8 on a grid; before and after (the
+        edge's first node, its second) on other graphs. The paper's is the same for all.
+    diagonal_weight : float
+        Influence of a cell that shares a corner against one that shares a side; 1 gives each of
+        the 8 neighbours 1/8 as in the paper. On other graphs every neighbour has 1/degree.
+    smoothing : float
+        Pairs of labels that are added to what was counted, so that labels that never touched in
+        training do not exclude each other for good.
+    floor : float
+        Smallest probability at the start of a label that is not forbidden: the update multiplies,
+        so that it moves no label whose classifier was absolutely sure.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_grid(np.ones((1, 6), dtype=bool))
+    >>> truth = np.array([0, 0, 0, 1, 1, 1])
+    >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])
+    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log(z))
+    >>> Relaxation().fit([problem], [truth]).infer(problem).labels.tolist()
+    [0, 0, 0, 1, 1, 1]
+    """
+
+    iterations: int = 50
+    tolerance: float = 1e-4
+    damping: float = 0.0
+    directional: bool = False
+    diagonal_weight: float = 1.0
+    smoothing: float = 1.0
+    floor: float = 1e-6
+    pair_counts: NDArray[np.int64] | None = learned()
+    """(D, L, L) pairs (label here, label at the neighbour); D is 1, or one per direction; the last
+    of the L = K + 1 labels is the wall."""
+    compatibility: NDArray[np.float64] | None = learned()
+    """(D, L, L) coefficients r of equation 6."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.iterations, bool) or not isinstance(self.iterations, int):
+            raise ConfigError(f"iterations must be a whole number, got {self.iterations!r}")
+        if self.iterations < 1:
+            raise ConfigError(f"iterations must be at least 1, got {self.iterations}")
+        if not 0 <= self.damping < 1:
+            raise ConfigError(f"damping must be at least 0 and below 1, got {self.damping}")
+        if not 0 <= self.floor < 1:
+            raise ConfigError(f"floor must be at least 0 and below 1, got {self.floor}")
+        for name in ("tolerance", "diagonal_weight", "smoothing"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ConfigError(f"{name} must be a number of at least 0, got {value}")
+
+    # ------------------------------------------------------------------ learning
+
+    def fit(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> Self:
+        """A new one with the coefficients of labelled problems, all pairs counted together.
+
+        Ordered pairs (node, neighbour) are counted where both are labelled; on a grid a wall counts
+        as labelled where it touches a labelled cell.
+
+        Raises
+        ------
+        InputError
+            No two labelled neighbours anywhere; problems with other labels than the first; or, if
+            directional, grids and other graphs mixed.
+        """
+        if not problems or len(problems) != len(labelings):
+            raise InputError(
+                "fit wants at least one problem and as many labelings, got "
+                f"{len(problems)} and {len(labelings)}"
+            )
+        names = problems[0].label_names
+        counts: list[NDArray[np.int64]] = []
+        for problem, labels in zip(problems, labelings, strict=True):
+            if problem.label_names != names:
+                raise InputError(
+                    f"problems have different labels: {list(names)} and {list(problem.label_names)}"
+                )
+            counts.append(self._counts(problem, labels))
+        if len({len(item) for item in counts}) > 1:
+            raise InputError(
+                "directional relaxation has 8 directions on grids and 2 on other graphs; learn "
+                "from one kind of graph, or set directional=False"
+            )
+        total = np.sum(counts, axis=0)
+        if not total.sum():
+            raise InputError("no two neighbours are both labelled; there is nothing to count")
+        return replace(
+            self,
+            pair_counts=total,
+            compatibility=yamamoto_coefficients(total, smoothing=self.smoothing),
+        )
+
+    def _counts(self, problem: LabelingProblem, labels: ArrayLike) -> NDArray[np.int64]:
+        """(1, L, L) pair counts of one problem, or (8, L, L) or (2, L, L) if directional."""
+        n_labels = problem.n_labels
+        graph = problem.graph
+        known = integer_array("labels", labels, (graph.n_nodes,), low=-1, high=n_labels)
+        connectivity = grid_connectivity(graph)
+        if connectivity is None:
+            counts = edge_pair_counts(known, graph.edges, n_labels + 1)
+        else:
+            counts = grid_pair_counts(_labels_and_walls(graph, known, n_labels), n_labels + 1)
+            if connectivity == 4 or self.diagonal_weight == 0:
+                counts[[d for d, step in enumerate(DIRECTIONS) if 0 not in step]] = 0
+        return counts if self.directional else counts.sum(axis=0, keepdims=True)
+
+    # ------------------------------------------------------------------ inference
+
+    def infer(
+        self,
+        problem: LabelingProblem,
+        *,
+        truth: ArrayLike | None = None,
+        on_iteration: OnIteration | None = None,
+    ) -> Labeling:
+        """The label of the largest belief at every node, with the beliefs.
+
+        ``info["history"]`` holds, per iteration, the largest ``change`` of a belief, the
+        ``mean_change``, and ``support``, the mean of ``sum_l p(l) q(l)`` before it.
+
+        Parameters
+        ----------
+        problem : LabelingProblem
+            With unary log-probabilities.
+        truth : (N,) int, optional
+            True label per node, -1 where not known: adds ``accuracy`` to the history.
+        on_iteration : callable, optional
+            See :data:`pgm_places.solvers.relaxation.OnIteration`.
+
+        Raises
+        ------
+        NotFittedError
+            Before :meth:`fit`.
+        InputError
+            No unary; a node with every label forbidden; labels or directions other than learned.
+        """
+        begin = time.perf_counter()
+        if self.compatibility is None:
+            raise NotFittedError("relaxation has learned no coefficients; call fit first")
+        if problem.unary is None:
+            raise InputError("'relaxation' needs unary log-probabilities; the problem has none")
+        if self.compatibility.shape[1] != problem.n_labels + 1:
+            raise InputError(
+                f"relaxation learned {self.compatibility.shape[1] - 1} labels (and the wall), but "
+                f"the problem has {problem.n_labels}"
+            )
+        accuracy: list[float] = []
+        follow = _follow(truth, problem.label_names, accuracy, on_iteration)
+        relaxed = self._relax(problem.graph, problem.unary, follow)
+        history = {
+            "change": relaxed.max_change,
+            "mean_change": relaxed.mean_change,
+            "support": relaxed.support,
+        }
+        if truth is not None:
+            history["accuracy"] = accuracy
+        return Labeling(
+            relaxed.beliefs.argmax(axis=1),
+            Status.CONVERGED if relaxed.converged else Status.STOPPED,
+            beliefs=relaxed.beliefs,
+            info={
+                "iterations": relaxed.iterations,
+                "history": history,
+                "seconds": time.perf_counter() - begin,
+            },
+        )
+
+    def _relax(
+        self, graph: LabelGraph, unary: NDArray[np.float64], on_iteration: OnIteration | None
+    ) -> Relaxed:
+        assert self.compatibility is not None  # infer has checked
+        tables = self.compatibility
+        n_labels = unary.shape[1]
+        options: dict[str, Any] = {
+            "floor": self.floor,
+            "damping": self.damping,
+            "iterations": self.iterations,
+            "tolerance": self.tolerance,
+            "on_iteration": on_iteration,
+        }
+        connectivity = grid_connectivity(graph)
+        self._check_directions(len(tables), 2 if connectivity is None else len(DIRECTIONS))
+        if connectivity is None:
+            near = graph.neighbours
+            nodes = np.repeat(np.arange(graph.n_nodes), np.diff(near.start))
+            after = None if len(tables) == 1 else (near.node < nodes).astype(np.int8)
+            table = tables[:, :n_labels, :n_labels]
+            return relax_graph(unary, near.start, near.node, table, table=after, **options)
+        from pgm_places.solvers.grid_relaxation import relax_grid
+
+        layout = graph.layout
+        assert isinstance(layout, GridLayout)  # what grid_connectivity says
+        return relax_grid(
+            unary,
+            layout.cells_rc,
+            layout.shape,
+            tables,
+            walls=layout.walls,
+            diagonal_weight=self.diagonal_weight if connectivity == 8 else 0.0,
+            **options,
+        )
+
+    def _check_directions(self, learned_tables: int, wanted: int) -> None:
+        if learned_tables not in (1, wanted):
+            raise InputError(
+                f"relaxation learned coefficients for {learned_tables} directions, but this graph "
+                f"has {wanted}; learn from graphs of the same kind, or set directional=False"
+            )
+
+
+def grid_connectivity(graph: LabelGraph) -> int | None:
+    """8 or 4 if the graph's edges are exactly those of its raster's cells, else None."""
+    layout = graph.layout
+    if not isinstance(layout, GridLayout):
+        return None
+    cell = np.zeros(layout.shape, np.bool_)
+    cell[layout.cells_rc[:, 0], layout.cells_rc[:, 1]] = True
+    sides = np.count_nonzero(cell[:, 1:] & cell[:, :-1]) + np.count_nonzero(cell[1:] & cell[:-1])
+    corners = np.count_nonzero(cell[1:, 1:] & cell[:-1, :-1])
+    corners += np.count_nonzero(cell[1:, :-1] & cell[:-1, 1:])
+    if graph.n_edges == sides + corners:
+        return 8
+    return 4 if graph.n_edges == sides else None
+
+
+def _labels_and_walls(
+    graph: LabelGraph, known: NDArray[np.int64], n_labels: int
+) -> NDArray[np.int16]:
+    """(H, W) labels, -1 where not known; walls that touch a labelled cell are label K."""
+    from scipy.ndimage import binary_dilation
+
+    layout = graph.layout
+    assert isinstance(layout, GridLayout)  # what grid_connectivity says
+    raster: NDArray[np.int16] = layout.to_raster(known.astype(np.int16), fill=-1)
+    if layout.walls is not None:
+        near = binary_dilation(raster >= 0, np.ones((3, 3), np.bool_))
+        raster[near & layout.walls] = n_labels
+    return raster
+
+
+def _follow(
+    truth: ArrayLike | None,
+    label_names: Sequence[str],
+    accuracy: list[float],
+    on_iteration: OnIteration | None,
+) -> OnIteration | None:
+    """What to call after each iteration: fill in the accuracy, then pass on."""
+    if truth is None:
+        return on_iteration
+    true = np.asarray(truth)
+
+    def follow(iteration: int, change: float, beliefs: Any) -> None:
+        accuracy.append(evaluate(true, beliefs().argmax(axis=1), label_names).accuracy)
+        if on_iteration is not None:
+            on_iteration(iteration, change, beliefs)
+
+    return follow

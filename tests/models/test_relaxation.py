@@ -1,0 +1,283 @@
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.backends import Backend, Learnable, build, option_fields
+from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.graph import LabelGraph
+from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.labeling import Labeling, Status
+from pgm_places.models.relaxation import Relaxation, grid_connectivity
+from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.compatibility import grid_pair_counts, yamamoto_coefficients
+from tests.reference.relaxation import pair_counts, relaxed_grid
+
+NAMES = ("corridor", "room", "doorway")
+WALL = len(NAMES)
+
+
+def a_floor() -> tuple[OccupancyGrid, NDArray[np.int64]]:
+    """A corridor with rooms on both sides, doors between, unknown beyond; and its labels."""
+    truth = np.full((40, 66), -1)
+    cells = np.full(truth.shape, UNKNOWN)
+    cells[3:37, 3:63] = OCCUPIED
+    truth[17:23, 4:62] = 0
+    for x in range(4, 62, 12):
+        truth[4:16, x : x + 10] = 1
+        truth[24:36, x : x + 10] = 1
+        truth[16, x + 4 : x + 7] = 2
+        truth[23, x + 3 : x + 6] = 2
+    cells[truth >= 0] = FREE
+    return OccupancyGrid(cells.astype(np.int8), 0.2), truth
+
+
+def a_problem(noise: float, seed: int = 0) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    grid, truth = a_floor()
+    graph = LabelGraph.from_grid(grid)
+    rng = np.random.default_rng(seed)
+    true = np.asarray(graph.layout.from_raster(truth))  # type: ignore[union-attr]
+    seen = np.where(rng.random(len(true)) < noise, rng.integers(0, 3, len(true)), true)
+    z = np.full((len(true), 3), 0.125)
+    z[np.arange(len(true)), seen] = 0.75
+    return LabelingProblem(graph, NAMES, unary=np.log(z)), true
+
+
+def beliefs(labeling: Labeling) -> NDArray[np.float64]:
+    assert labeling.beliefs is not None
+    return labeling.beliefs
+
+
+def test_it_keeps_the_contract_of_backends() -> None:
+    method = build("relaxation", {"iterations": 5})
+    assert isinstance(method, Backend)
+    assert isinstance(method, Learnable)
+    assert [item.name for item in option_fields(Relaxation)] == [
+        "iterations",
+        "tolerance",
+        "damping",
+        "directional",
+        "diagonal_weight",
+        "smoothing",
+        "floor",
+    ]
+
+
+def test_noise_is_smoothed_away_and_the_history_tells_how() -> None:
+    problem, truth = a_problem(0.3)
+    method = Relaxation(iterations=50).fit([problem], [truth])
+    result = method.infer(problem, truth=truth)
+    raw = (np.asarray(problem.unary).argmax(axis=1) == truth).mean()
+    smooth = (result.labels == truth).mean()
+    assert raw < 0.85
+    assert smooth > 0.95
+    history = result.info["history"]
+    assert set(history) == {"change", "mean_change", "support", "accuracy"}
+    assert {len(values) for values in history.values()} == {result.info["iterations"]}
+    assert history["accuracy"][-1] == pytest.approx(smooth)
+    assert history["support"][-1] > history["support"][0]
+    assert result.status is Status.STOPPED
+    assert result.score is None
+
+
+def test_beliefs_are_the_references_with_walls_from_the_map() -> None:
+    problem, truth = a_problem(0.3, seed=1)
+    method = Relaxation(iterations=3, diagonal_weight=0.6, damping=0.2).fit([problem], [truth])
+    result = method.infer(problem)
+    layout: Any = problem.graph.layout
+    start = layout.to_raster(np.exp(np.asarray(problem.unary)), fill=np.nan)
+    assert method.compatibility is not None
+    want = relaxed_grid(
+        start,
+        layout.walls,
+        method.compatibility,
+        diagonal_weight=0.6,
+        damping=0.2,
+        iterations=3,
+    )
+    np.testing.assert_allclose(beliefs(result), layout.from_raster(want), rtol=0, atol=5e-6)
+    np.testing.assert_array_equal(result.labels, beliefs(result).argmax(axis=1))
+
+
+@pytest.mark.parametrize("directional", [False, True])
+def test_counts_are_of_labelled_cells_and_the_walls_that_touch_them(directional: bool) -> None:
+    problem, truth = a_problem(0.0)
+    layout: Any = problem.graph.layout
+    partly = np.where(layout.cells_rc[:, 1] < 30, truth, -1)
+    method = Relaxation(directional=directional).fit([problem], [partly])
+    raster = layout.to_raster(partly, fill=-1)
+    for y, x in np.argwhere(layout.walls):
+        if (raster[y - 1 : y + 2, x - 1 : x + 2] % WALL != raster[y, x]).any():
+            near = raster[y - 1 : y + 2, x - 1 : x + 2]
+            if ((near >= 0) & (near < WALL)).any():
+                raster[y, x] = WALL
+    want = pair_counts(raster, 4)
+    if not directional:
+        want = want.sum(axis=0, keepdims=True)
+    assert method.pair_counts is not None
+    np.testing.assert_array_equal(method.pair_counts, want)
+    np.testing.assert_array_equal(
+        method.compatibility, yamamoto_coefficients(want, smoothing=method.smoothing)
+    )
+
+
+def test_several_maps_are_counted_together() -> None:
+    problem, truth = a_problem(0.0)
+    once = Relaxation().fit([problem], [truth])
+    twice = Relaxation().fit([problem, problem], [truth, truth])
+    assert once.pair_counts is not None
+    np.testing.assert_array_equal(twice.pair_counts, 2 * once.pair_counts)
+
+
+def test_directions_tell_what_lies_above_from_what_lies_below() -> None:
+    """Stripes 0 1 2 0 1 2 ...: isotropic neighbours of 1 are 0 and 2 alike."""
+    truth = np.tile(np.arange(3), 20)
+    graph = LabelGraph.from_grid(np.ones((1, 60), np.bool_))
+    z = np.full((60, 3), 1 / 3)
+    z[0] = 0.9, 0.05, 0.05
+    problem = LabelingProblem(graph, NAMES, unary=np.log(z))
+    known = Relaxation(directional=True, iterations=400, tolerance=0).fit([problem], [truth])
+    np.testing.assert_array_equal(known.infer(problem).labels[:24], truth[:24])
+    blind = Relaxation(iterations=400, tolerance=0).fit([problem], [truth])
+    assert (blind.infer(problem).labels[:24] != truth[:24]).any()
+
+
+@pytest.mark.parametrize("directional", [False, True])
+def test_a_chain_without_layout_is_the_same_as_a_corridor_of_cells(directional: bool) -> None:
+    rng = np.random.default_rng(3)
+    truth = np.repeat(rng.integers(0, 3, 12), 5)
+    unary = np.log(rng.dirichlet(np.ones(3), 60) + 0.5 * np.eye(3)[truth])
+    ends = [0, -1]
+    steps = np.arange(59)
+    chain = LabelGraph.from_edges(60, np.stack([steps, steps + 1], axis=1))
+    cells = LabelGraph.from_grid(np.ones((1, 60), np.bool_), connectivity=4)
+    method = Relaxation(iterations=4, directional=directional)
+    on_chain = LabelingProblem(chain, NAMES, unary=unary)
+    on_cells = LabelingProblem(cells, NAMES, unary=unary)
+    first = method.fit([on_chain], [truth])
+    second = method.fit([on_cells], [truth])
+    assert first.pair_counts is not None
+    assert second.pair_counts is not None
+    if directional:
+        np.testing.assert_array_equal(first.pair_counts, second.pair_counts[[4, 3]])
+    else:
+        np.testing.assert_array_equal(first.pair_counts, second.pair_counts)
+    # On the chain two neighbours weigh 1/2 each, on the one-row map 1/8: four times the effect.
+    weak = replace(first, compatibility=0.25 * np.asarray(first.compatibility))
+    a, b = weak.infer(on_chain), second.infer(on_cells)
+    inner = slice(6, -6)
+    np.testing.assert_allclose(beliefs(a)[inner], beliefs(b)[inner], rtol=0, atol=1e-5)
+    assert (np.abs(beliefs(a)[ends] - beliefs(b)[ends]) > 1e-5).any()
+
+
+def test_connectivity_is_read_from_the_edges() -> None:
+    mask = np.random.default_rng(0).random((9, 11)) < 0.6
+    assert grid_connectivity(LabelGraph.from_grid(mask)) == 8
+    assert grid_connectivity(LabelGraph.from_grid(mask, connectivity=4)) == 4
+    eight = LabelGraph.from_grid(mask)
+    assert grid_connectivity(eight.subgraph(np.arange(eight.n_nodes) % 3 > 0)) == 8
+    cut = LabelGraph.from_edges(eight.n_nodes, eight.edges[1:], layout=eight.layout)
+    assert grid_connectivity(cut) is None
+    assert grid_connectivity(LabelGraph.from_trajectory(np.zeros((4, 2)))) is None
+
+
+def test_four_neighbours_count_and_pass_nothing_over_corners() -> None:
+    mask = np.eye(6, dtype=np.bool_)
+    mask[0, 1] = True
+    graph = LabelGraph.from_grid(mask, connectivity=4)
+    unary = np.log(np.random.default_rng(1).dirichlet(np.ones(3), graph.n_nodes))
+    problem = LabelingProblem(graph, NAMES, unary=unary)
+    method = Relaxation(iterations=5, tolerance=0).fit([problem], [np.arange(7) % 3])
+    assert method.pair_counts is not None
+    assert method.pair_counts.sum() == 2 * graph.n_edges
+    found = beliefs(method.infer(problem))
+    np.testing.assert_allclose(found[3:], np.exp(unary[3:]), rtol=1e-5)
+
+
+def test_an_edgeless_graph_keeps_its_beliefs() -> None:
+    graph = LabelGraph.from_edges(3, [])
+    problem = LabelingProblem(graph, NAMES, unary=np.log(np.full((3, 3), 1 / 3)))
+    other, truth = a_problem(0.0)
+    result = Relaxation().fit([other], [truth]).infer(problem)
+    np.testing.assert_allclose(beliefs(result), 1 / 3, rtol=1e-12)
+    assert result.status is Status.CONVERGED
+
+
+def test_permuting_the_labels_permutes_the_answer() -> None:
+    problem, truth = a_problem(0.3, seed=5)
+    order = np.array([2, 0, 1])
+    other = LabelingProblem(
+        problem.graph, [NAMES[k] for k in order], unary=np.asarray(problem.unary)[:, order]
+    )
+    method = Relaxation(iterations=10)
+    first = method.fit([problem], [truth]).infer(problem)
+    second = method.fit([other], [np.argsort(order)[truth]]).infer(other)
+    np.testing.assert_allclose(beliefs(first)[:, order], beliefs(second), rtol=0, atol=2e-6)
+
+
+def test_constants_per_node_do_not_matter() -> None:
+    problem, truth = a_problem(0.3, seed=6)
+    shift = np.random.default_rng(0).normal(size=(problem.graph.n_nodes, 1)) * 50
+    other = LabelingProblem(problem.graph, NAMES, unary=np.asarray(problem.unary) + shift)
+    method = Relaxation(iterations=10).fit([problem], [truth])
+    np.testing.assert_allclose(
+        beliefs(method.infer(problem)), beliefs(method.infer(other)), rtol=0, atol=1e-5
+    )
+
+
+def test_fitting_leaves_the_unfitted_one_alone() -> None:
+    problem, truth = a_problem(0.0)
+    method = Relaxation()
+    method.fit([problem], [truth])
+    assert method.compatibility is None
+    with pytest.raises(NotFittedError, match="call fit first"):
+        method.infer(problem)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"iterations": 0}, "iterations must be at least 1"),
+        ({"iterations": 2.5}, "whole number"),
+        ({"damping": 1.0}, "damping"),
+        ({"tolerance": -1e-3}, "tolerance"),
+        ({"smoothing": -1}, "smoothing"),
+        ({"diagonal_weight": float("nan")}, "diagonal_weight"),
+        ({"floor": 1.0}, "floor"),
+    ],
+)
+def test_bad_options(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        build("relaxation", options)
+
+
+def test_bad_problems() -> None:
+    problem, truth = a_problem(0.0)
+    chain = LabelGraph.from_trajectory(np.zeros((5, 2)))
+    on_chain = LabelingProblem(chain, NAMES, unary=np.zeros((5, 3)))
+    with pytest.raises(InputError, match="at least one problem and as many labelings"):
+        Relaxation().fit([problem], [])
+    with pytest.raises(InputError, match="nothing to count"):
+        Relaxation().fit([problem], [np.full(len(truth), -1)])
+    with pytest.raises(InputError, match="8 directions on grids and 2"):
+        Relaxation(directional=True).fit([problem, on_chain], [truth, np.zeros(5, int)])
+    with pytest.raises(InputError, match="labels must have shape"):
+        Relaxation().fit([problem], [truth[1:]])
+    fitted = Relaxation(directional=True).fit([problem], [truth])
+    with pytest.raises(InputError, match="learned coefficients for 8 directions"):
+        fitted.infer(on_chain)
+    fewer = LabelingProblem(chain, NAMES[:2], unary=np.zeros((5, 2)))
+    with pytest.raises(InputError, match="learned 3 labels"):
+        fitted.infer(fewer)
+    with pytest.raises(InputError, match="different labels"):
+        Relaxation().fit([problem, fewer], [truth, np.zeros(5, int)])
+    bare = LabelingProblem(chain, NAMES, node_features=np.zeros((5, 1)))
+    with pytest.raises(InputError, match="needs unary"):
+        fitted.infer(bare)
+
+
+def test_grid_counts_match_the_plain_counts_of_the_same_raster() -> None:
+    _, truth = a_floor()
+    np.testing.assert_array_equal(grid_pair_counts(truth, 3), pair_counts(truth, 3))
