@@ -52,7 +52,7 @@ def cutting_plane(
     max_iterations: int = 1_000,
     time_limit_s: float | None = None,
     cuts: Sequence[Cut] = (),
-    step: float = 0.5,
+    step: float = 0.4,
     master: str = "active-set",
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution:

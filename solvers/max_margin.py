@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
+from pgm_places.solvers._max_margin_kernels import add_feature_difference
 
 __all__ = [
     "Cut",
@@ -287,7 +288,15 @@ def augmented_potentials(
 def cut_of(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> Cut:
     """The plane that a labelling gives: its loss and its joint features against the truth's."""
     wrong = float(problem.loss[labels != problem.labels].sum())
-    difference = problem.truth_features - joint_features(problem, labels)
+    difference = np.zeros(problem.n_weights)
+    add_feature_difference(
+        np.ascontiguousarray(labels, np.int64),
+        problem.labels,
+        problem.node_features,
+        problem.edges,
+        problem.edge_features,
+        *split_weights(problem, difference),
+    )
     return Cut(difference / problem.n_nodes, wrong / problem.n_nodes)
 
 

@@ -1,0 +1,399 @@
+"""Associative Markov network: nodes and edges scored by learned weights, trained by max margin."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, integer_array, nearest_name
+from pgm_places.backends import learned
+from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.labeling import Labeling
+from pgm_places.models.amn_features import (
+    Standardization,
+    edge_feature_count,
+    edge_features,
+    node_features,
+    parse_edge_features,
+    parse_node_features,
+)
+from pgm_places.models.amn_learning import (
+    CLASS_WEIGHTS,
+    LEARNERS,
+    LearnerOptions,
+    choose_penalty,
+    learn,
+    node_losses,
+)
+from pgm_places.models.amn_record import N_RECORD, LearningRecord, history_array
+from pgm_places.models.decoding import decode, require_decoder
+from pgm_places.potentials import Potentials
+from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.certificate import certify_weights
+from pgm_places.solvers.max_margin import (
+    MaxMarginProblem,
+    MaxMarginSolution,
+    OnStep,
+    joined,
+    split_weights,
+)
+from pgm_places.solvers.max_margin_qp import QP_SOLVERS
+
+__all__ = ["AssociativeMarkovNetwork"]
+
+AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0)
+"""What C="auto" tries."""
+
+
+@dataclass(frozen=True, eq=False)
+class AssociativeMarkovNetwork:
+    """Labels all nodes at once: node scores plus rewards where neighbours agree, both learned.
+
+    A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij [y_i = y_j] w_e[:, y_i] . x_ij`` with
+    ``w_e >= 0``, and the weights maximise the margin between the true labelling and every other
+    one, which must be the larger the more nodes it gets wrong (paper section 6.3; Taskar,
+    Chatalbashev and Koller, ICML 2004).
+
+    Parameters
+    ----------
+    learner : {"cutting-plane", "qp", "frank-wolfe"}
+        How weights are found: cuts from a graph cut with a small QP over them (any size); the
+        compact QP, exact for the relaxed objective (some thousand nodes); or map by map.
+    inference : str
+        Any decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``lp``, ``trw-s``, ...
+    C : float, "auto" or tuple of float
+        The price of the mean hinge against the size of the weights; it means the same for maps of
+        any size. Several values, or ``auto`` for 1, 10, 100, 1000, are compared by balanced
+        accuracy on held-out blocks of the training maps.
+    n_validation_blocks : int
+        Into how many contiguous blocks each training map is cut for that.
+    loss : {"class-weighted", "hamming"}
+        What a wrong label costs: plain Hamming counts nodes, so rare labels are given up where
+        they are in doubt; class-weighted costs more for rare labels.
+    class_weight : {"cube-root", "sqrt", "inverse", "none"}
+        A node of a label with share f of the nodes costs ``f**-p`` with p = 1/3, 1/2, 1 or 0,
+        scaled to mean 1. Ignored with Hamming loss.
+    node_features : str
+        Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
+        ``raw`` (the problem's node features). Repeated columns are dropped, the rest is
+        standardised, and a constant is added.
+    edge_features : tuple of str
+        ``constant``, ``diagonal``, ``unary-difference``, ``raw-difference``, ``given``; see
+        :func:`pgm_places.models.amn_features.edge_features`.
+    solver : {"clarabel", "piqp", "osqp"}
+        Of the compact QP; the others follow where it fails.
+    tolerance : float
+        Relative gap at which learning ends.
+    max_cuts : int
+        At most so many cuts (or passes over the maps).
+    time_limit_s : float or None
+        Learning ends after so many seconds with the best weights so far.
+    certify : bool
+        Whether ``infer`` adds an upper bound of the best score, where the decoder has none.
+    certify_learning : bool
+        Whether the learned objective is bounded by TRW-S on the loss-augmented training problem.
+
+    Examples
+    --------
+    >>> from pgm_places.graph import LabelGraph
+    >>> graph = LabelGraph.from_trajectory(np.arange(12.0).reshape(6, 2))
+    >>> truth = np.array([0, 0, 0, 1, 1, 1])
+    >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])
+    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log(z))
+    >>> network = AssociativeMarkovNetwork(node_features="logz").fit([problem], [truth])
+    >>> network.infer(problem).labels.tolist()
+    [0, 0, 0, 1, 1, 1]
+    >>> network.summary["status"]
+    'optimal'
+    """
+
+    learner: str = "cutting-plane"
+    inference: str = "graph-cut"
+    C: float | str | tuple[float, ...] = 100.0
+    n_validation_blocks: int = 4
+    loss: str = "class-weighted"
+    class_weight: str = "cube-root"
+    node_features: str = "logz+raw"
+    edge_features: tuple[str, ...] = ("constant",)
+    solver: str = "clarabel"
+    tolerance: float = 1e-3
+    max_cuts: int = 500
+    time_limit_s: float | None = None
+    certify: bool = False
+    certify_learning: bool = True
+    node_weights: NDArray[np.float64] | None = learned()
+    edge_weights: NDArray[np.float64] | None = learned()
+    feature_columns: NDArray[np.int64] | None = learned()
+    feature_mean: NDArray[np.float64] | None = learned()
+    feature_scale: NDArray[np.float64] | None = learned()
+    n_features: NDArray[np.int64] | None = learned()
+    learning: NDArray[np.float64] | None = learned()
+    learning_history: NDArray[np.float64] | None = learned()
+    penalty_search: NDArray[np.float64] | None = learned()
+
+    def __post_init__(self) -> None:
+        _check_choice("learner", self.learner, LEARNERS)
+        _check_choice("loss", self.loss, ("class-weighted", "hamming"))
+        _check_choice("class_weight", self.class_weight, tuple(CLASS_WEIGHTS))
+        _check_choice("solver", self.solver, QP_SOLVERS)
+        require_decoder(self.inference)
+        parse_node_features(self.node_features)
+        object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
+        if isinstance(self.C, list):
+            object.__setattr__(self, "C", tuple(self.C))
+        self._penalties()
+        _check_number("tolerance", self.tolerance, 0.0 < self.tolerance < 1.0, "between 0 and 1")
+        _check_number("max_cuts", self.max_cuts, self.max_cuts >= 1, "at least 1")
+        blocks = self.n_validation_blocks
+        _check_number("n_validation_blocks", blocks, blocks >= 2, "at least 2")
+        limit = self.time_limit_s
+        _check_number("time_limit_s", limit, limit is None or limit > 0, "positive or absent")
+        if self.node_weights is not None:
+            self._check_learned()
+
+    # ------------------------------------------------------------------ learning
+
+    def fit(
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        *,
+        on_iteration: OnStep | None = None,
+    ) -> Self:
+        """A new, fitted network; nodes labelled -1 are left out with their edges.
+
+        Parameters
+        ----------
+        problems : sequence of LabelingProblem
+            The training maps.
+        labelings : sequence of (N,) int
+            The true label index of every node of each map, -1 where it is not known.
+        on_iteration : callable, optional
+            Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` (cuts, gap, seconds)
+            as learning goes on; when it answers True, the best weights so far are taken.
+
+        Raises
+        ------
+        LabelError
+            A label without an example in any map.
+        InputError
+            Maps and labelings that do not belong together, or features that are missing.
+        """
+        known = _labelled_parts(problems, labelings)
+        parts = parse_node_features(self.node_features)
+        raw = [node_features(problem, parts) for problem, _ in known]
+        if len({features.shape[1] for features in raw}) > 1:
+            raise InputError(
+                "training maps must have the same number of node features, got "
+                f"{[features.shape[1] for features in raw]}"
+            )
+        scaling = Standardization.of(np.concatenate(raw))
+        tasks = self._max_margin_problems(known, [scaling.apply(features) for features in raw])
+        penalties = self._penalties()
+        search = None
+        options = self._learner_options()
+        if len(penalties) > 1:
+            graphs = [problem.graph for problem, _ in known]
+            chosen, search = choose_penalty(
+                tasks, graphs, penalties, self.n_validation_blocks, options
+            )
+            tasks = [replace(task, penalty=chosen) for task in tasks]
+        start = time.perf_counter()
+        solution = learn(tasks, options, on_iteration=on_iteration)
+        seconds = time.perf_counter() - start
+        record = self._record(joined(tasks), solution, len(tasks), seconds)
+        node_weights, edge_weights = split_weights(tasks[0], solution.weights)
+        return replace(
+            self,
+            node_weights=node_weights.copy(),
+            edge_weights=edge_weights.copy(),
+            feature_columns=scaling.columns,
+            feature_mean=scaling.mean,
+            feature_scale=scaling.scale,
+            n_features=np.array([scaling.n_columns], np.int64),
+            learning=record.to_array(),
+            learning_history=history_array(solution.history),
+            penalty_search=search,
+        )
+
+    def _max_margin_problems(
+        self,
+        known: Sequence[tuple[LabelingProblem, NDArray[np.int64]]],
+        features: Sequence[NDArray[np.float64]],
+    ) -> list[MaxMarginProblem]:
+        names = known[0][0].label_names
+        class_weight = "none" if self.loss == "hamming" else self.class_weight
+        losses = node_losses(np.concatenate([truth for _, truth in known]), names, class_weight)
+        ends = np.cumsum([len(truth) for _, truth in known])[:-1]
+        return [
+            MaxMarginProblem(
+                nodes,
+                problem.graph.edges,
+                edge_features(problem, self.edge_features),
+                truth,
+                len(names),
+                loss,
+                self._penalties()[0],
+            )
+            for (problem, truth), nodes, loss in zip(
+                known, features, np.split(losses, ends), strict=True
+            )
+        ]
+
+    def _learner_options(self) -> LearnerOptions:
+        return LearnerOptions(
+            self.learner, self.solver, self.tolerance, self.max_cuts, self.time_limit_s
+        )
+
+    def _record(
+        self, task: MaxMarginProblem, solution: MaxMarginSolution, n_maps: int, seconds: float
+    ) -> LearningRecord:
+        start = time.perf_counter()
+        certified = None
+        if self.certify_learning:
+            certified = certify_weights(task, solution.weights).objective
+        return LearningRecord(
+            status=solution.status,
+            penalty=task.penalty,
+            objective=solution.objective,
+            lower_bound=solution.lower_bound,
+            certified_objective=certified,
+            iterations=solution.iterations,
+            seconds=seconds,
+            certificate_seconds=time.perf_counter() - start,
+            n_nodes=task.n_nodes,
+            n_edges=len(task.edges),
+            n_maps=n_maps,
+        )
+
+    # ------------------------------------------------------------------ use
+
+    def potentials(self, problem: LabelingProblem) -> Potentials:
+        """The log-potentials that the learned weights give a problem's nodes and edges.
+
+        Raises
+        ------
+        NotFittedError
+            The network has not learned.
+        InputError
+            Other labels or features than in training.
+        """
+        node_weights, edge_weights, scaling = self._fitted()
+        if problem.n_labels != node_weights.shape[1]:
+            raise InputError(
+                f"the network was trained on {node_weights.shape[1]} labels, this problem has "
+                f"{problem.n_labels}"
+            )
+        nodes = scaling.apply(node_features(problem, parse_node_features(self.node_features)))
+        if edge_feature_count(problem, self.edge_features) != len(edge_weights):
+            raise InputError(
+                f"the network was trained on {len(edge_weights)} edge features, this problem has "
+                f"{edge_feature_count(problem, self.edge_features)}; make them as for training"
+            )
+        edges = edge_features(problem, self.edge_features)
+        return Potentials(nodes @ node_weights, agreement=edges @ edge_weights)
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        """The labels of largest score that the chosen decoder finds, with that score.
+
+        ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
+        one or ``certify`` asks for it.
+        """
+        potentials = self.potentials(problem)
+        found = decode(problem.graph, potentials, self.inference, certify=self.certify)
+        return replace(found, info={**found.info, "learning": self.summary})
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """How learning went, by name: status, C, objective, bounds, gap, cuts, seconds, sizes."""
+        self._fitted()
+        if self.learning is None:
+            return {}
+        return LearningRecord.from_array(self.learning).summary()
+
+    def _fitted(self) -> tuple[NDArray[np.float64], NDArray[np.float64], Standardization]:
+        if (
+            self.node_weights is None
+            or self.edge_weights is None
+            or self.feature_columns is None
+            or self.feature_mean is None
+            or self.feature_scale is None
+            or self.n_features is None
+        ):
+            raise NotFittedError(
+                "this AssociativeMarkovNetwork has not learned yet; call fit(problems, labelings)"
+            )
+        scaling = Standardization(
+            int(self.n_features[0]), self.feature_columns, self.feature_mean, self.feature_scale
+        )
+        return self.node_weights, self.edge_weights, scaling
+
+    # ------------------------------------------------------------------ checks
+
+    def _penalties(self) -> tuple[float, ...]:
+        if self.C == "auto":
+            return AUTO_PENALTIES
+        values = self.C if isinstance(self.C, tuple) else (self.C,)
+        numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+        if not values or not numbers or not all(0 < float(v) < np.inf for v in values):
+            raise ConfigError(
+                f"C must be a positive number, a list of them, or 'auto', got {self.C!r}"
+            )
+        return tuple(float(value) for value in values)
+
+    def _check_learned(self) -> None:
+        """Arrays from a file must fit together before anything is computed with them."""
+        node_weights, edge_weights, scaling = self._fitted()
+        n_labels = node_weights.shape[-1]
+        n_kept = len(scaling.columns)
+        finite_array("node_weights", node_weights, (n_kept + 1, n_labels))
+        finite_array("edge_weights", edge_weights, ("F", n_labels))
+        if edge_weights.size and edge_weights.min() < 0:
+            raise InputError("edge_weights must be at least 0")
+        integer_array("feature_columns", scaling.columns, (n_kept,), low=0, high=scaling.n_columns)
+        finite_array("feature_mean", scaling.mean, (n_kept,))
+        if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
+            raise InputError("feature_scale must be positive")
+        if self.learning is not None and self.learning.shape != (N_RECORD,):
+            raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
+
+
+def _labelled_parts(
+    problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
+    """Each map without its unlabelled nodes; maps without any label are left out."""
+    if not problems or len(problems) != len(labelings):
+        raise InputError(
+            f"fit wants one labeling per problem, got {len(labelings)} for {len(problems)} problems"
+        )
+    names = problems[0].label_names
+    known = []
+    for number, (problem, labeling) in enumerate(zip(problems, labelings, strict=True)):
+        if problem.label_names != names:
+            raise InputError(
+                f"all training maps must have the labels {list(names)}, "
+                f"map {number} has {list(problem.label_names)}"
+            )
+        n_nodes, n_labels = problem.graph.n_nodes, problem.n_labels
+        truth = integer_array(f"labelings[{number}]", labeling, (n_nodes,), low=-1, high=n_labels)
+        labelled = truth >= 0
+        if labelled.all() and n_nodes:
+            known.append((problem, truth))
+        elif labelled.any():
+            known.append((problem.subproblem(labelled), truth[labelled]))
+    if not known:
+        raise InputError("no node of any training map has a label")
+    return known
+
+
+def _check_choice(option: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ConfigError(f"unknown {option} {value!r}. {nearest_name(str(value), list(known))}")
+
+
+def _check_number(option: str, value: float | None, fits: bool, wanted: str) -> None:
+    if not fits:
+        raise ConfigError(f"{option} must be {wanted}, got {value!r}")

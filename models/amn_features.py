@@ -1,0 +1,233 @@
+"""What an associative Markov network sees of nodes and edges, ready for linear weights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import frozen, nearest_name
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.graph import EdgeKind
+from pgm_places.problem import LabelingProblem
+
+__all__ = [
+    "EDGE_FEATURES",
+    "NODE_FEATURES",
+    "Standardization",
+    "edge_feature_count",
+    "edge_features",
+    "node_features",
+    "parse_edge_features",
+    "parse_node_features",
+]
+
+NODE_FEATURES = ("logz", "z", "raw")
+"""Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
+probabilities, and the problem's own node features."""
+
+EDGE_FEATURES = ("constant", "diagonal", "unary-difference", "raw-difference", "given")
+"""Edge features, each at least 0; see :func:`edge_features`."""
+
+LOG_FLOOR = -15.0
+"""Log-probabilities below this say "never" all the same, and such nodes must not decide how a whole
+column is scaled. In-sample scores are over-confident and lose their order under a higher floor."""
+
+CLIP = 5.0
+"""Standardised features are cut here: a linear model should not hang on single outliers."""
+
+SAME_COLUMN = 1.0 - 1e-9
+"""Columns correlated beyond this carry the same information to a linear model."""
+
+
+def parse_node_features(text: str) -> tuple[str, ...]:
+    """The parts of ``"logz+raw"``.
+
+    Raises
+    ------
+    ConfigError
+        An unknown or repeated part.
+    """
+    return _checked_parts("node_features", tuple(text.split("+")), NODE_FEATURES)
+
+
+def parse_edge_features(names: str | Sequence[str]) -> tuple[str, ...]:
+    """The edge features' names, from a sequence or one ``+``-joined text.
+
+    Raises
+    ------
+    ConfigError
+        An unknown or repeated name.
+    """
+    parts = tuple(names.split("+")) if isinstance(names, str) else tuple(names)
+    return _checked_parts("edge_features", parts, EDGE_FEATURES)
+
+
+def _checked_parts(option: str, parts: tuple[str, ...], known: tuple[str, ...]) -> tuple[str, ...]:
+    for part in parts:
+        if part not in known:
+            raise ConfigError(f"{option}: unknown part {part!r}. {nearest_name(part, list(known))}")
+    if not parts or len(set(parts)) != len(parts):
+        raise ConfigError(f"{option} must be one or more parts, each once, got {list(parts)}")
+    return parts
+
+
+def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.float64]:
+    """(N, D) node features before standardisation, part after part.
+
+    Raises
+    ------
+    InputError
+        A part needs the problem's unary or node features, and there are none.
+    """
+    columns = []
+    for part in parts:
+        if part == "raw":
+            if problem.node_features is None:
+                raise InputError(
+                    "node_features='raw' needs the problem's node features; it has none. "
+                    "Give them, or use 'logz' alone"
+                )
+            columns.append(problem.node_features)
+        else:
+            columns.append(_probabilities(problem, part, logarithm=part == "logz"))
+    return np.concatenate(columns, axis=1)
+
+
+def _probabilities(
+    problem: LabelingProblem, wanted_by: str, *, logarithm: bool
+) -> NDArray[np.float64]:
+    if problem.unary is None:
+        raise InputError(
+            f"{wanted_by!r} features need the problem's unary log-probabilities; it has none. "
+            "Give them, or use node_features='raw' and edge features that need no unary"
+        )
+    floored = np.maximum(problem.unary, LOG_FLOOR)
+    return floored if logarithm else np.exp(floored)
+
+
+def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
+    """F, the number of columns that :func:`edge_features` gives for a problem."""
+    given = 0 if problem.edge_features is None else problem.edge_features.shape[1]
+    return sum(given if name == "given" else 1 for name in names)
+
+
+def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.float64]:
+    """(E, F) edge features, all at least 0.
+
+    ``constant``
+        1 on edges of length one, ``1/sqrt(2)`` on diagonals, so that the price of a border grows
+        with its length.
+    ``diagonal``
+        1 on diagonal edges, else 0: lets diagonals weigh more than that.
+    ``unary-difference``
+        1 - TV(p_i, p_j), with the total variation distance of the ends' label probabilities:
+        1 where the classifier says the same at both ends, 0 where it excludes that.
+    ``raw-difference``
+        exp(-mean |f_i - f_j| / s) over node features f in units of their spread over the graph,
+        with s the mean such distance over edges; 1 where the ends look alike.
+    ``given``
+        The problem's own edge features.
+    """
+    columns = [_edge_columns(problem, name) for name in names]
+    return np.concatenate(columns, axis=1)
+
+
+def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:
+    graph = problem.graph
+    if name == "given":
+        if problem.edge_features is None:
+            raise InputError("edge_features='given' needs the problem's edge features; it has none")
+        return problem.edge_features
+    first, second = graph.edges[:, 0], graph.edges[:, 1]
+    diagonal = np.zeros(graph.n_edges, np.bool_)
+    if graph.edge_kind is not None:
+        diagonal = graph.edge_kind == EdgeKind.DIAGONAL
+    if name == "constant":
+        column = np.where(diagonal, np.sqrt(0.5), 1.0)
+    elif name == "diagonal":
+        column = diagonal.astype(np.float64)
+    elif name == "unary-difference":
+        p = _probabilities(problem, name, logarithm=False)
+        p = p / p.sum(axis=1, keepdims=True)
+        column = 1.0 - 0.5 * np.abs(p[first] - p[second]).sum(axis=1)
+        column = np.maximum(column, 0.0)
+    else:
+        column = _raw_likeness(problem)
+    return column[:, None]
+
+
+def _raw_likeness(problem: LabelingProblem) -> NDArray[np.float64]:
+    if problem.node_features is None:
+        raise InputError("'raw-difference' needs the problem's node features; it has none")
+    features = problem.node_features
+    spread = features.std(axis=0)
+    varying = spread > 0
+    edges = problem.graph.edges
+    if not varying.any() or not len(edges):
+        return np.ones(len(edges))
+    scaled = features[:, varying] / spread[varying]
+    distance = np.abs(scaled[edges[:, 0]] - scaled[edges[:, 1]]).mean(axis=1)
+    typical = distance.mean()
+    return np.exp(-distance / typical) if typical > 0 else np.ones(len(edges))
+
+
+@dataclass(frozen=True, eq=False)
+class Standardization:
+    """How columns are chosen and scaled; learned on training nodes, applied to all others.
+
+    Parameters
+    ----------
+    n_columns : int
+        Columns of the features it applies to.
+    columns : (D',) int
+        Those kept: neither constant nor a repetition of an earlier one.
+    mean, scale : (D',) float
+        Their mean and standard deviation on the training nodes.
+    """
+
+    n_columns: int
+    columns: NDArray[np.int64]
+    mean: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", frozen(self.columns))
+        object.__setattr__(self, "mean", frozen(self.mean))
+        object.__setattr__(self, "scale", frozen(self.scale))
+
+    @classmethod
+    def of(cls, features: NDArray[np.float64]) -> "Standardization":
+        """The standardisation that (N, D) training features ask for.
+
+        A column is dropped when it is constant or equal to an earlier one up to shift, scale and
+        sign, because a linear model gains nothing from it and its weights would not be unique.
+        """
+        mean, scale = features.mean(axis=0), features.std(axis=0)
+        varying = scale > 1e-12 * (1.0 + np.abs(mean))
+        columns = np.flatnonzero(varying)
+        centred = (features[:, columns] - mean[columns]) / scale[columns]
+        likeness = np.abs(centred.T @ centred) / len(features)
+        repeats = np.triu(likeness > SAME_COLUMN, k=1).any(axis=0)
+        columns = columns[~repeats]
+        return cls(features.shape[1], columns, mean[columns], scale[columns])
+
+    def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, D' + 1): kept columns standardised and clipped to +-5, then the constant 1.
+
+        Raises
+        ------
+        InputError
+            Another number of columns than in training.
+        """
+        if features.shape[1] != self.n_columns:
+            raise InputError(
+                f"the model was trained on {self.n_columns} node features, this problem has "
+                f"{features.shape[1]}; make them the same way as for training"
+            )
+        out = np.empty((len(features), len(self.columns) + 1))
+        np.subtract(features[:, self.columns], self.mean, out=out[:, :-1])
+        out[:, :-1] /= self.scale
+        np.clip(out[:, :-1], -CLIP, CLIP, out=out[:, :-1])
+        out[:, -1] = 1.0
+        return out
