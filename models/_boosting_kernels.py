@@ -1,8 +1,10 @@
-"""Compiled loops of boosting: quantising, weighted histograms, exact search, weight updates.
+"""Compiled loops of boosting: weighted histograms, the search for the best split, new weights.
 
-Masses are the example weights as whole numbers, so every sum is exact in whatever order it is
-taken. A score is the mass on the left of a split that votes +1, twice, less the signed total:
-``2 * left - total``, which is r times the whole mass.
+Signed masses are the example weights as whole numbers, negative for negative examples, zero for
+examples that take no part, so every sum is exact in whatever order it is taken. The score of a
+split is the signed mass on its left, twice, less the whole signed mass ``total``; that is r of a
+stump that says +1 on the left, times the plain mass. Inside a bin the score can rise by at most
+twice the bin's positive mass, and fall by at most twice its negative mass.
 """
 
 import numpy as np
@@ -11,104 +13,96 @@ from numpy.typing import NDArray
 from pgm_places._jit import njit
 
 __all__ = [
-    "bin_members",
+    "add_masses",
+    "add_to_four",
     "first_good_edge",
     "interior_scores",
-    "mass_and_sum",
     "neighbours_of_split",
+    "new_masses",
     "promising_bins",
-    "quantise",
     "reweigh",
     "score_bins",
+    "score_tables",
+    "sum_last_axis",
 ]
 
 N_BINS = 256
-GROUP = 4  # features whose histograms are filled together, to hide the latency of each
+GROUP = 4  # histograms filled together, to hide the latency of each
 
 
 @njit
-def quantise(
-    X: NDArray[np.float32],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    edges: NDArray[np.float32],
-    first: int,
-    last: int,
-    codes: NDArray[np.uint8],
+def add_masses(
+    cells: NDArray[np.uint16], masses: NDArray[np.int64], table: NDArray[np.int64]
 ) -> None:
-    """Write ``codes[j, n]``, the number of edges of feature j that are <= its value at row n.
-
-    ``edges[j]`` ascends and is filled up with infinity to 256 entries, the last always infinite.
-    """
-    for n in range(len(rows)):
-        row = rows[n]
-        for j in range(first, last):
-            x = X[row, columns[j]]
-            edge = edges[j]
-            code = 0
-            step = N_BINS // 2
-            while step > 0:
-                if edge[code + step - 1] <= x:
-                    code += step
-                step //= 2
-            codes[j, n] = code
+    """Add each mass to its cell of the table."""
+    for n in range(len(masses)):
+        table[cells[n]] += masses[n]
 
 
 @njit
-def score_bins(
-    codes: NDArray[np.uint8],
+def sum_last_axis(
+    table: NDArray[np.int64], n_rows: int, size: int, margin: NDArray[np.int64]
+) -> None:
+    """Write the last axis's margin, and shrink the table in place by summing that axis."""
+    margin[:size] = 0
+    for row in range(n_rows):
+        whole = 0
+        for b in range(size):
+            mass = table[row * size + b]
+            margin[b] += mass
+            whole += mass
+        table[row] = whole
+
+
+@njit
+def score_tables(
+    joint: NDArray[np.uint16],
     masses: NDArray[np.int64],
     segments: NDArray[np.int64],
+    planes: NDArray[np.int64],
+    sizes: NDArray[np.int64],
     pure: NDArray[np.bool_],
-    first: int,
     total: int,
-    positive_mass: NDArray[np.int64],
-    negative_mass: NDArray[np.int64],
+    mass: int,
     best_edge: NDArray[np.int64],
     best_bound: NDArray[np.int64],
 ) -> None:
-    """Fill four features' histograms; find their best split at a bin's edge, and a bound inside.
+    """The best split at coarse edges and a bound on all others, for the features of one table.
 
-    ``segments`` rows are (start, stop, is_positive). Inside a bin the score can at most rise by
-    twice the positive mass of the bin or fall by twice its negative mass.
+    ``joint[n]`` is the cell of example n in a table with one axis per feature; ``planes`` and
+    ``sizes`` are its features and their coarse bins, the last varying fastest. One pass over the
+    examples fills the histograms of all of them: they are the table's margins. ``segments`` rows
+    are (start, stop, is positive).
     """
-    c0 = codes[first]
-    c1 = codes[first + 1]
-    c2 = codes[first + 2]
-    c3 = codes[first + 3]
-    for side in range(2):
-        h0 = np.zeros(N_BINS, np.int64)
-        h1 = np.zeros(N_BINS, np.int64)
-        h2 = np.zeros(N_BINS, np.int64)
-        h3 = np.zeros(N_BINS, np.int64)
-        for s in range(len(segments)):
-            if segments[s, 2] == side:
-                for n in range(segments[s, 0], segments[s, 1]):
-                    m = masses[n]
-                    h0[c0[n]] += m
-                    h1[c1[n]] += m
-                    h2[c2[n]] += m
-                    h3[c3[n]] += m
-        target = positive_mass if side == 1 else negative_mass
-        target[first] = h0
-        target[first + 1] = h1
-        target[first + 2] = h2
-        target[first + 3] = h3
-    for j in range(first, first + GROUP):
-        mass = 0
-        for b in range(N_BINS):
-            mass += positive_mass[j, b] + negative_mass[j, b]
+    n_cells = 1
+    for a in range(len(sizes)):
+        n_cells *= sizes[a]
+    positive = np.zeros(n_cells, np.int64)
+    negative = np.zeros(n_cells, np.int64)
+    for s in range(len(segments)):
+        start, stop = segments[s, 0], segments[s, 1]
+        if segments[s, 2] == 1:
+            add_masses(joint[start:stop], masses[start:stop], positive)
+        else:
+            add_masses(joint[start:stop], masses[start:stop], negative)
+    p = np.empty(N_BINS, np.int64)
+    q = np.empty(N_BINS, np.int64)
+    for a in range(len(sizes) - 1, -1, -1):
+        size = sizes[a]
+        n_cells //= size
+        sum_last_axis(positive, n_cells, size, p)
+        sum_last_axis(negative, n_cells, size, q)
+        j = planes[a]
         left = 0
         seen = 0
         edge = -1
         bound = -1
-        for b in range(N_BINS):
-            p = positive_mass[j, b]
-            q = negative_mass[j, b]
-            if not pure[j, b] and p + q > 0:
-                bound = max(bound, max(abs(2 * (left + p) - total), abs(2 * (left - q) - total)))
-            left += p - q
-            seen += p + q
+        for b in range(size):
+            if not pure[j, b] and p[b] != q[b]:
+                high = abs(2 * (left + p[b]) - total)
+                bound = max(bound, high, abs(2 * (left + q[b]) - total))
+            left += p[b] + q[b]
+            seen += p[b] - q[b]
             if 0 < seen < mass:
                 edge = max(edge, abs(2 * left - total))
         best_edge[j] = edge
@@ -116,41 +110,96 @@ def score_bins(
 
 
 @njit
-def bin_members(codes: NDArray[np.uint8], wanted: int, out: NDArray[np.int32]) -> int:
-    """Write the positions whose code is ``wanted``; return how many there are."""
-    count = 0
-    for n in range(len(codes)):
-        if codes[n] == wanted:
-            out[count] = n
-            count += 1
-    return count
+def add_to_four(
+    c0: NDArray[np.uint8],
+    c1: NDArray[np.uint8],
+    c2: NDArray[np.uint8],
+    c3: NDArray[np.uint8],
+    masses: NDArray[np.int64],
+    h0: NDArray[np.int64],
+    h1: NDArray[np.int64],
+    h2: NDArray[np.int64],
+    h3: NDArray[np.int64],
+) -> None:
+    """Add each mass to its bin of four histograms."""
+    for n in range(len(masses)):
+        mass = masses[n]
+        h0[c0[n]] += mass
+        h1[c1[n]] += mass
+        h2[c2[n]] += mass
+        h3[c3[n]] += mass
+
+
+@njit
+def score_bins(
+    codes: NDArray[np.uint8],
+    masses: NDArray[np.int64],
+    segments: NDArray[np.int64],
+    planes: NDArray[np.int64],
+    total: int,
+    mass: int,
+    positive: NDArray[np.int64],
+    negative: NDArray[np.int64],
+    best_edge: NDArray[np.int64],
+) -> None:
+    """Fill the fine histograms of four features, and find their best split at an edge."""
+    tables = np.zeros((2, GROUP, N_BINS), np.int64)
+    for s in range(len(segments)):
+        start, stop = segments[s, 0], segments[s, 1]
+        part = codes[:, start:stop]
+        side = tables[segments[s, 2]]
+        add_to_four(
+            part[planes[0]],
+            part[planes[1]],
+            part[planes[2]],
+            part[planes[3]],
+            masses[start:stop],
+            side[0],
+            side[1],
+            side[2],
+            side[3],
+        )
+    for a in range(GROUP):
+        j = planes[a]
+        left = 0
+        seen = 0
+        edge = -1
+        for b in range(N_BINS):
+            p = tables[1, a, b]
+            q = tables[0, a, b]
+            positive[j, b] = p
+            negative[j, b] = q
+            left += p + q
+            seen += p - q
+            if 0 < seen < mass:
+                edge = max(edge, abs(2 * left - total))
+        best_edge[j] = edge
 
 
 @njit
 def promising_bins(
-    positive_mass: NDArray[np.int64],
-    negative_mass: NDArray[np.int64],
+    planes: NDArray[np.int64],
+    positive: NDArray[np.int64],
+    negative: NDArray[np.int64],
     pure: NDArray[np.bool_],
-    best_bound: NDArray[np.int64],
     total: int,
     floor: int,
     out: NDArray[np.int64],
 ) -> int:
-    """List the bins whose bound reaches ``floor``; return how many there are.
+    """List the fine bins whose bound reaches ``floor``; return how many there are.
 
     Rows of ``out`` are (bound, feature, bin, signed mass of lower bins, mass of lower bins).
     """
     count = 0
-    for j in range(len(best_bound)):
-        if best_bound[j] < floor:
-            continue
+    for a in range(len(planes)):
+        j = planes[a]
         left = 0
         seen = 0
         for b in range(N_BINS):
-            p = positive_mass[j, b]
-            q = negative_mass[j, b]
-            bound = max(abs(2 * (left + p) - total), abs(2 * (left - q) - total))
-            if not pure[j, b] and p + q > 0 and bound >= floor:
+            p = positive[j, b]
+            q = negative[j, b]
+            bound = max(abs(2 * (left + p) - total), abs(2 * (left + q) - total))
+            if not pure[j, b] and p != q and bound >= floor:
                 if count < len(out):
                     out[count, 0] = bound
                     out[count, 1] = j
@@ -158,38 +207,35 @@ def promising_bins(
                     out[count, 3] = left
                     out[count, 4] = seen
                 count += 1
-            left += p - q
-            seen += p + q
+            left += p + q
+            seen += p - q
     return count
 
 
 @njit
 def first_good_edge(
-    positive_mass: NDArray[np.int64],
-    negative_mass: NDArray[np.int64],
-    best_edge: NDArray[np.int64],
+    planes: NDArray[np.int64],
+    positive: NDArray[np.int64],
+    negative: NDArray[np.int64],
     total: int,
+    mass: int,
     floor: int,
     out: NDArray[np.int64],
 ) -> None:
-    """Write (feature, last bin on the left, signed score) of the first edge that reaches floor.
+    """Write (feature, last bin on the left, score) of the first edge whose score reaches floor.
 
-    First means the lowest feature, then the lowest threshold; (-1, -1, 0) if there is none.
+    First in the order of ``planes``, then of thresholds; (-1, -1, 0) if there is none.
     """
     out[0] = -1
     out[1] = -1
     out[2] = 0
-    for j in range(len(best_edge)):
-        if best_edge[j] < floor:
-            continue
-        mass = 0
-        for b in range(N_BINS):
-            mass += positive_mass[j, b] + negative_mass[j, b]
+    for a in range(len(planes)):
+        j = planes[a]
         left = 0
         seen = 0
         for b in range(N_BINS):
-            left += positive_mass[j, b] - negative_mass[j, b]
-            seen += positive_mass[j, b] + negative_mass[j, b]
+            left += positive[j, b] + negative[j, b]
+            seen += positive[j, b] - negative[j, b]
             if 0 < seen < mass and abs(2 * left - total) >= floor:
                 out[0] = j
                 out[1] = b
@@ -202,9 +248,9 @@ def interior_scores(
     members: NDArray[np.int32],
     values: NDArray[np.float32],
     masses: NDArray[np.int64],
-    signs: NDArray[np.int8],
+    included: NDArray[np.bool_],
     left: int,
-    mass_left: int,
+    seen: int,
     total: int,
     mass: int,
     floor: int,
@@ -212,9 +258,9 @@ def interior_scores(
 ) -> tuple[float, float]:
     """The values around the first split inside one bin whose score reaches ``floor``, or NaN.
 
-    ``members`` are the bin's positions by ascending ``values``; ``left`` and ``mass_left`` are the
+    ``members`` are the bin's positions by ascending ``values``; ``left`` and ``seen`` are the
     signed and the plain mass of all lower bins. Splits lie between included examples of different
-    values only. Writes the best score (-1 without a split) and the first one's signed score.
+    values only. Writes the best size of a score (-1 without a split) and the first one's score.
     """
     out[0] = -1
     out[1] = 0
@@ -225,10 +271,10 @@ def interior_scores(
     found = False
     for i in range(len(members)):
         n = members[i]
-        if signs[n] == 0:
+        if not included[n]:
             continue
         x = values[i]
-        if has_before and before < x and 0 < mass_left < mass:
+        if has_before and before < x and 0 < seen < mass:
             score = 2 * left - total
             out[0] = max(out[0], abs(score))
             if not found and abs(score) >= floor:
@@ -236,8 +282,8 @@ def interior_scores(
                 high = float(x)
                 out[1] = score
                 found = True
-        left += signs[n] * masses[n]
-        mass_left += masses[n]
+        left += masses[n]
+        seen += abs(masses[n])
         before = x
         has_before = True
     return low, high
@@ -246,7 +292,7 @@ def interior_scores(
 @njit
 def neighbours_of_split(
     codes: NDArray[np.uint8],
-    signs: NDArray[np.int8],
+    included: NDArray[np.bool_],
     X: NDArray[np.float32],
     rows: NDArray[np.int64],
     column: int,
@@ -256,7 +302,7 @@ def neighbours_of_split(
     below = -1
     above = N_BINS
     for n in range(len(codes)):
-        if signs[n] != 0:
+        if included[n]:
             c = int(codes[n])
             if c <= last_left:
                 below = max(below, c)
@@ -265,7 +311,7 @@ def neighbours_of_split(
     low = -np.inf
     high = np.inf
     for n in range(len(codes)):
-        if signs[n] != 0:
+        if included[n]:
             c = int(codes[n])
             if c == below:
                 low = max(low, float(X[rows[n], column]))
@@ -304,16 +350,16 @@ def reweigh(
 
 
 @njit
-def mass_and_sum(
+def new_masses(
     weights: NDArray[np.float64],
     segments: NDArray[np.int64],
     unit: float,
     masses: NDArray[np.int64],
     out: NDArray[np.int64],
 ) -> None:
-    """Normalise weights to sum 1 and round them to whole masses of ``1 / unit``.
+    """Normalise weights to sum 1 and round them to signed masses of ``1 / unit``.
 
-    Writes the negative and the positive mass to ``out``.
+    Writes the sum of the negative and of the positive masses to ``out``.
     """
     scale = 0.0
     for s in range(len(segments)):
@@ -323,11 +369,12 @@ def mass_and_sum(
     out[0] = 0
     out[1] = 0
     for s in range(len(segments)):
-        mass = 0
+        signed_unit = unit if segments[s, 2] == 1 else -unit
+        side = 0
         for n in range(segments[s, 0], segments[s, 1]):
             w = weights[n] * scale
             weights[n] = w
-            m = int(w * unit + 0.5)
+            m = np.int64(np.rint(w * signed_unit))
             masses[n] = m
-            mass += m
-        out[segments[s, 2]] += mass
+            side += m
+        out[segments[s, 2]] += side

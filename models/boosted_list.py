@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_expit, logsumexp
+from scipy.special import log_expit
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, ModelFileError
@@ -98,8 +98,8 @@ class BoostedList:
         """
         log_z = self._unclipped(self.scores(X, n_threads=n_threads))
         if self.clip > 0:
-            log_z = np.maximum(log_z, np.log(self.clip))
-            log_z -= logsumexp(log_z, axis=1, keepdims=True)
+            np.maximum(log_z, np.log(self.clip), out=log_z)
+            log_z -= np.log(np.exp(log_z).sum(axis=1, keepdims=True))
         return log_z
 
     def _unclipped(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,8 +107,9 @@ class BoostedList:
         remaining = np.zeros(scores.shape[1])
         for k, (score, (slope, offset)) in enumerate(zip(scores, self.calibration, strict=True)):
             logit = slope * score + offset
-            log_z[:, self.order[k]] = remaining + log_expit(logit)
-            remaining += log_expit(-logit)
+            log_yes = log_expit(logit)
+            log_z[:, self.order[k]] = remaining + log_yes
+            remaining += log_yes - logit  # log(1 - C+)
         log_z[:, self.order[-1]] = remaining
         return log_z
 

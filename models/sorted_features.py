@@ -1,9 +1,13 @@
 """Training features prepared once for every binary problem that boosting will look at.
 
-A feature's values are replaced by the number of the bin they lie in, at most 256 bins of about
-equal size whose edges are values of the feature, so that equal values share a bin. A value that
-fills a bin's worth of examples gets a bin of its own. The inside of a bin is sorted only when the
-search has to look at it. Memory beside the matrix: one byte per example and feature.
+A feature's values are replaced by the number of the bin they lie in, at most 256 bins whose edges
+are values of the feature, so that equal values share a bin. A value that would fill a bin alone
+gets one of its own. Features that order the examples in the same way are kept once. Neighbouring
+bins are merged to at most 64 coarse ones, and two or more features share a table of joint coarse
+bins, so that one pass over the examples fills the histograms of them all. The inside of a bin is
+sorted only when the search has to look at it.
+
+Memory beside the matrix: at most two bytes per example and feature.
 """
 
 from collections.abc import Sequence
@@ -17,12 +21,22 @@ from pgm_places._checks import finite_array
 from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
 
-__all__ = ["SortedFeatures", "prepare"]
+__all__ = ["SortedFeatures", "Table", "prepare"]
 
 _N_BINS = 256
-_GROUP = 4
-_EDGE_SAMPLE = 4096  # values per feature that place the bins' edges
-_FEATURES_PER_TASK = 16  # one cache line of float32
+_EDGE_SAMPLE = 4096  # examples whose values place the bins' edges
+_ROWS_PER_TASK = 4096
+_MANY_EXAMPLES = 32_768  # from here on a table of 64 x 64 cells is worth its margins
+_FEW_EXAMPLES = 4_096
+
+
+@dataclass(frozen=True)
+class Table:
+    """Several features whose coarse bins are counted jointly, the last varying fastest."""
+
+    planes: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    cells: NDArray[np.uint16] = field(repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,25 +51,29 @@ class SortedFeatures:
         The row of X that stands at each position.
     parts : (P + 1,) int64
         Part p is at positions ``parts[p]`` to ``parts[p + 1]``.
-    codes : (G, N) uint8
-        The bin of every feature at every position; G is F rounded up to a multiple of four.
-    pure : (G, 256) bool
+    columns : (D,) int64
+        The columns of X that are kept: each orders the examples in its own way.
+    codes : (D, N) uint8
+        The bin of every kept column at every position.
+    pure : (D, 256) bool
         Bins that can hold one value only.
+    coarse_pure : (D, 256) bool
+        The same for coarse bins.
+    tables : tuple of Table
+        Every kept column is in one of them.
     """
 
     X: NDArray[np.float32]
     rows: NDArray[np.int64]
     parts: NDArray[np.int64]
+    columns: NDArray[np.int64]
     codes: NDArray[np.uint8] = field(repr=False)
     pure: NDArray[np.bool_] = field(repr=False)
+    coarse_pure: NDArray[np.bool_] = field(repr=False)
+    tables: tuple[Table, ...] = field(repr=False)
     _bins: dict[tuple[int, int], tuple[NDArray[np.int32], NDArray[np.float32]]] = field(
         default_factory=dict, repr=False
     )
-
-    @property
-    def n_features(self) -> int:
-        """F."""
-        return int(self.X.shape[1])
 
     def segments(self, positive: Sequence[int], negative: Sequence[int]) -> NDArray[np.int64]:
         """(S, 3) rows (start, stop, is positive) of the non-empty parts of a binary problem."""
@@ -63,19 +81,19 @@ class SortedFeatures:
             (self.parts[p], self.parts[p + 1], side)
             for side, parts in ((1, positive), (0, negative))
             for p in parts
-            if self.parts[p] < self.parts[p + 1]
+            if p + 1 < len(self.parts) and self.parts[p] < self.parts[p + 1]
         ]
         return np.array(rows, np.int64).reshape(-1, 3)
 
-    def sorted_bin(self, feature: int, number: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    def sorted_bin(self, plane: int, number: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Positions and values of one bin by ascending value; kept for the next question."""
-        key = (feature, number)
+        key = (plane, number)
         if key not in self._bins:
-            from pgm_places.models._boosting_kernels import bin_members
+            from pgm_places.models._quantising_kernels import bin_members
 
             buffer = np.empty(len(self.rows), np.int32)
-            count = bin_members(self.codes[feature], number, buffer)
-            values = self.X[self.rows[buffer[:count]], feature]
+            count = bin_members(self.codes[plane], number, buffer)
+            values = self.X[self.rows[buffer[:count]], self.columns[plane]]
             order = np.argsort(values, kind="stable")
             self._bins[key] = buffer[:count][order], values[order]
         return self._bins[key]
@@ -91,8 +109,6 @@ def prepare(
     InputError
         X is not a finite float32 matrix, or ``part`` does not name a part for each row.
     """
-    from pgm_places.models._boosting_kernels import quantise
-
     if X.dtype != np.float32:
         raise InputError(f"X must be float32, got {X.dtype}; convert it first")
     with np.errstate(over="ignore", invalid="ignore"):
@@ -101,42 +117,175 @@ def prepare(
         finite_array("X", X, ("N", "F"), dtype=np.float32)
     if part.shape != (len(X),):
         raise InputError(f"part must have shape ({len(X)},), got {part.shape}")
-    sizes = np.bincount(part[part >= 0])
-    rows = np.argsort(part, kind="stable")[len(X) - int(sizes.sum()) :]
-    n_features = X.shape[1]
-    padded = -(-n_features // _GROUP) * _GROUP
-    edges, pure = _edges(X, rows, padded)
-    codes = np.zeros((padded, len(rows)), np.uint8)
-    columns = np.arange(n_features)
-
-    def work(task: int) -> None:
-        start = task * _FEATURES_PER_TASK
-        stop = min(start + _FEATURES_PER_TASK, n_features)
-        quantise(X, rows, columns, edges, start, stop, codes)
-
-    run_tasks(work, -(-n_features // _FEATURES_PER_TASK), n_threads=n_threads)
-    parts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    for array in (rows, parts, codes, pure):
+    counts = np.bincount(part[part >= 0])
+    parts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    rows = np.argsort(part, kind="stable")[len(X) - parts[-1] :]
+    edges, pure = _edges(X, rows[_spread(parts)])
+    codes = _codes(X, rows, edges, n_threads)
+    columns = _distinct(X, rows, codes, pure)
+    codes, pure = codes[columns], pure[columns]
+    coarse, coarse_pure = _coarse_bins(codes, pure, _coarse_limit(len(rows)))
+    tables = _tables(codes, coarse, _coarse_limit(len(rows)) ** 2, n_threads)
+    for array in (rows, parts, columns, codes, pure, coarse_pure):
         array.setflags(write=False)
-    return SortedFeatures(X, rows, parts, codes, pure)
+    return SortedFeatures(X, rows, parts, columns, codes, pure, coarse_pure, tables)
+
+
+def _coarse_limit(n_rows: int) -> int:
+    if n_rows >= _MANY_EXAMPLES:
+        return 64
+    return 32 if n_rows >= _FEW_EXAMPLES else 16
+
+
+def _spread(parts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Positions to learn the edges from, equally many from every part that has enough.
+
+    Boosting gives both classes the same weight at first, so bins should hold comparable weight,
+    not comparable numbers.
+    """
+    sizes = np.diff(parts)
+    share = max(1, _EDGE_SAMPLE // max(1, int((sizes > 0).sum())))
+    picked = [
+        np.linspace(start, stop - 1, min(stop - start, share)).astype(np.int64)
+        for start, stop in zip(parts[:-1], parts[1:], strict=True)
+        if start < stop
+    ]
+    return np.concatenate([np.zeros(0, np.int64), *picked])
 
 
 def _edges(
-    X: NDArray[np.float32], rows: NDArray[np.int64], padded: int
+    X: NDArray[np.float32], rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(padded, 256) ascending bin edges filled up with infinity, and which bins are pure."""
-    picked = rows[np.linspace(0, len(rows) - 1, min(len(rows), _EDGE_SAMPLE)).astype(np.int64)]
-    sample = np.sort(np.ascontiguousarray(X[picked].T), axis=1)
-    at = np.arange(1, _N_BINS) * sample.shape[1] // _N_BINS
-    marks = sample[:, at]
-    edges = np.full((padded, _N_BINS), np.inf, np.float32)
-    pure = np.zeros((padded, _N_BINS), np.bool_)
-    pure[len(marks) :] = True
+    """(F, 256) ascending bin edges filled up with infinity, and which bins are pure.
+
+    Edges are the 256-quantiles of the sample. A value that two of them share is followed by an
+    edge at the next float32, which leaves its bin to it alone.
+    """
+    sample = np.sort(np.ascontiguousarray(X[rows].T), axis=1)
+    marks = sample[:, np.arange(1, _N_BINS) * len(rows) // _N_BINS]
+    edges = np.full((len(marks), _N_BINS), np.inf, np.float32)
+    pure = np.zeros((len(marks), _N_BINS), np.bool_)
     for j, mark in enumerate(marks):
-        found, count = np.unique(mark, return_counts=True)
-        after = np.nextafter(found[count > 1], np.float32(np.inf))
-        both = np.unique(np.concatenate([found, after]))
+        repeated = mark[1:][mark[1:] == mark[:-1]]
+        both = np.unique(np.concatenate([mark, np.nextafter(repeated, np.float32(np.inf))]))
         edges[j, : len(both)] = both
-        alone = np.nextafter(both[:-1], np.float32(np.inf)) == both[1:]
-        pure[j, 1 : len(both)] = alone
+        pure[j, 1 : len(both)] = np.nextafter(both[:-1], np.float32(np.inf)) == both[1:]
     return edges, pure
+
+
+def _codes(
+    X: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    edges: NDArray[np.float32],
+    n_threads: int | None,
+) -> NDArray[np.uint8]:
+    from pgm_places.models._quantising_kernels import quantise
+
+    n = len(rows)
+    codes = np.empty((X.shape[1], n), np.uint8)
+
+    def work(task: int) -> None:
+        start = task * _ROWS_PER_TASK
+        quantise(X, rows, edges, start, min(start + _ROWS_PER_TASK, n), codes)
+
+    run_tasks(work, -(-n // _ROWS_PER_TASK), n_threads=n_threads)
+    return codes
+
+
+def _distinct(
+    X: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    codes: NDArray[np.uint8],
+    pure: NDArray[np.bool_],
+) -> NDArray[np.int64]:
+    """The columns whose order of the examples no earlier column has."""
+    step = max(1, len(rows) // 1024)
+    alike: dict[bytes, list[int]] = {}
+    kept = []
+    for j in range(len(codes)):
+        earlier = alike.setdefault(codes[j, ::step].tobytes(), [])
+        if any(_same_order(X, rows, codes, pure, i, j) for i in earlier):
+            continue
+        earlier.append(j)
+        kept.append(j)
+    return np.array(kept, np.int64)
+
+
+def _same_order(
+    X: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    codes: NDArray[np.uint8],
+    pure: NDArray[np.bool_],
+    i: int,
+    j: int,
+) -> bool:
+    """Whether two columns put all examples in the same order, with the same ties."""
+    if not np.array_equal(codes[i], codes[j]):
+        return False
+    undecided = rows[~(pure[i] & pure[j])[codes[i]]]
+    first, second = X[undecided, i], X[undecided, j]
+    if np.array_equal(first, second):
+        return True
+    order = np.argsort(first, kind="stable")
+    first, second = first[order], second[order]
+    rises = first[1:] > first[:-1]
+    return bool(
+        np.array_equal(rises, second[1:] > second[:-1]) and (second[1:] >= second[:-1]).all()
+    )
+
+
+def _coarse_bins(
+    codes: NDArray[np.uint8], pure: NDArray[np.bool_], limit: int
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """(D, 256) coarse bin of each fine bin, and which coarse bins hold one value only.
+
+    Bins that hold no example vanish; where at most ``limit`` remain, none are merged.
+    """
+    from pgm_places.models._quantising_kernels import count_bins
+
+    coarse = np.zeros((len(codes), _N_BINS), np.uint8)
+    coarse_pure = np.zeros((len(codes), _N_BINS), np.bool_)
+    counts = np.empty(_N_BINS, np.int64)
+    for j, code in enumerate(codes):
+        count_bins(code, counts)
+        used = counts > 0
+        rank = np.maximum(np.cumsum(used) - 1, 0)
+        n_used = int(used.sum())
+        if n_used <= limit:
+            coarse[j] = rank
+            coarse_pure[j, :n_used] = pure[j, used]
+        else:
+            coarse[j] = rank * limit // n_used
+    return coarse, coarse_pure
+
+
+def _tables(
+    codes: NDArray[np.uint8], coarse: NDArray[np.uint8], limit: int, n_threads: int | None
+) -> tuple[Table, ...]:
+    """The features packed into tables of at most ``limit`` cells, the finest first."""
+    from pgm_places.models._quantising_kernels import join
+
+    sizes = coarse.max(axis=1, initial=0).astype(np.int64) + 1
+    open_groups: list[tuple[int, list[int]]] = []
+    groups: list[list[int]] = []
+    for j in np.argsort(-sizes, kind="stable").tolist():
+        fitting = [g for g, (cells, _) in enumerate(open_groups) if cells * sizes[j] <= limit]
+        if fitting:
+            cells, members = open_groups[fitting[0]]
+            members.append(j)
+            open_groups[fitting[0]] = (cells * int(sizes[j]), members)
+        else:
+            open_groups.append((int(sizes[j]), [j]))
+    groups = [members for _, members in open_groups]
+    cells = np.empty((len(groups), codes.shape[1]), np.uint16)
+    tables = tuple(
+        Table(np.array(members, np.int64), sizes[members], cells[g])
+        for g, members in enumerate(groups)
+    )
+
+    def work(task: int) -> None:
+        table = tables[task]
+        join(codes, coarse, table.planes, table.sizes, table.cells)
+
+    run_tasks(work, len(tables), n_threads=n_threads)
+    return tables

@@ -24,17 +24,18 @@ _UNIT = 2.0**60
 # rounding of the weights and far below any difference that carries information.
 _TIE_SHIFT = 40
 
-_GROUP = 4
+_GROUP = 4  # features that one kernel call looks at in full resolution
+_PER_TASK = 4  # tables of coarse bins
 
 
 @dataclass(frozen=True, slots=True)
 class _Stump:
-    feature: int
+    plane: int  # the feature's place among the kept columns
     low: float  # the largest value on the left, the smallest on the right
     high: float
     below: int  # bins under this number are on the left
     mixed: int  # the bin that the split cuts, or -1
-    score: int  # 2 * left - total
+    score: int  # twice the signed mass on the left, less all of it
 
     @property
     def threshold(self) -> float:
@@ -51,81 +52,118 @@ class _Search:
         weights: NDArray[np.float64],
         n_threads: int | None,
     ) -> None:
-        n_groups = len(prepared.codes)
+        n_planes, n = prepared.codes.shape
         self.prepared = prepared
         self.segments = segments
         self.weights = weights
         self.n_threads = n_threads
-        self.signs = np.zeros(len(weights), np.int8)
-        for start, stop, side in segments:
-            self.signs[start:stop] = 1 if side else -1
-        self.masses = np.zeros(len(weights), np.int64)
+        self.included = np.zeros(n, np.bool_)
+        for start, stop, _ in segments:
+            self.included[start:stop] = True
+        self.masses = np.zeros(n, np.int64)
         self.sums = np.zeros(2, np.int64)
-        self.positive = np.empty((n_groups, 256), np.int64)
-        self.negative = np.empty((n_groups, 256), np.int64)
-        self.best_edge = np.empty(n_groups, np.int64)
-        self.best_bound = np.empty(n_groups, np.int64)
-        self.promising = np.empty((n_groups, 5), np.int64)
+        self.positive = np.empty((n_planes, 256), np.int64)
+        self.negative = np.empty((n_planes, 256), np.int64)
+        self.best_edge = np.empty(n_planes, np.int64)
+        self.best_bound = np.empty(n_planes, np.int64)
+        self.promising = np.empty((256, 5), np.int64)
 
     def round_weights(self) -> None:
         """Normalise the weights (step 3a of Fig. 2) and round them to masses."""
-        from pgm_places.models._boosting_kernels import mass_and_sum
+        from pgm_places.models._boosting_kernels import new_masses
 
-        mass_and_sum(self.weights, self.segments, _UNIT, self.masses, self.sums)
-        self.total = int(self.sums[1] - self.sums[0])
-        self.mass = int(self.sums[1] + self.sums[0])
+        new_masses(self.weights, self.segments, _UNIT, self.masses, self.sums)
+        self.total = int(self.sums[1] + self.sums[0])
+        self.mass = int(self.sums[1] - self.sums[0])
         self.tie = self.mass >> _TIE_SHIFT
 
     def best_stump(self) -> _Stump | None:
-        """The stump of largest |r|; among equals the lowest feature, then the lowest threshold."""
-        self._fill_histograms()
-        refined, best = self._refine(int(self.best_edge.max(initial=-1)))
+        """The stump of largest |r|; among equals the lowest feature, then the lowest threshold.
+
+        Scores at coarse edges come first, then fine ones of the features that can still win, then
+        those inside the bins that can.
+        """
+        self._score_coarse()
+        best = int(self.best_edge.max(initial=-1))
         if best < 0:
             return None
-        return self._first_of(refined, best - self.tie)
+        planes = self._score_fine(best)
+        best = max(best, int(self.best_edge[planes].max()))
+        looked_into, best = self._score_inside(planes, best)
+        return self._first_of(planes, looked_into, best - self.tie)
 
-    def _fill_histograms(self) -> None:
-        from pgm_places.models._boosting_kernels import score_bins
+    def _score_coarse(self) -> None:
+        from pgm_places.models._boosting_kernels import score_tables
 
         prepared = self.prepared
 
         def work(task: int) -> None:
+            for table in prepared.tables[task * _PER_TASK : (task + 1) * _PER_TASK]:
+                score_tables(
+                    table.cells,
+                    self.masses,
+                    self.segments,
+                    table.planes,
+                    table.sizes,
+                    prepared.coarse_pure,
+                    self.total,
+                    self.mass,
+                    self.best_edge,
+                    self.best_bound,
+                )
+
+        run_tasks(work, -(-len(prepared.tables) // _PER_TASK), n_threads=self.n_threads)
+
+    def _score_fine(self, best: int) -> NDArray[np.int64]:
+        """Fill the fine histograms of all features that can reach the best score; return them."""
+        from pgm_places.models._boosting_kernels import score_bins
+
+        reach = np.maximum(self.best_edge, self.best_bound)
+        planes = np.argsort(-reach, kind="stable")
+
+        def work(task: int) -> None:
+            group = planes[task * _GROUP : (task + 1) * _GROUP]
             score_bins(
-                prepared.codes,
+                self.prepared.codes,
                 self.masses,
                 self.segments,
-                prepared.pure,
-                task * _GROUP,
+                np.resize(group, _GROUP),
                 self.total,
+                self.mass,
                 self.positive,
                 self.negative,
                 self.best_edge,
-                self.best_bound,
             )
 
-        run_tasks(work, len(prepared.codes) // _GROUP, n_threads=self.n_threads)
+        work(0)  # the most promising ones raise the bar for the others
+        best = max(best, int(self.best_edge[planes[:_GROUP]].max()))
+        count = max(_GROUP, int((reach >= best - self.tie).sum()))
+        run_tasks(lambda task: work(task + 1), -(-count // _GROUP) - 1, n_threads=self.n_threads)
+        return np.sort(planes[:count])
 
-    def _refine(self, best: int) -> tuple[list[NDArray[np.int64]], int]:
+    def _score_inside(
+        self, planes: NDArray[np.int64], best: int
+    ) -> tuple[list[NDArray[np.int64]], int]:
         """Look inside bins, the most promising first, until no bound reaches the best score."""
-        refined = []
-        found = self._promising_bins(best - self.tie)
+        looked_into = []
+        found = self._promising_bins(planes, best - self.tie)
         for row in found[np.argsort(-found[:, 0], kind="stable")]:
             if row[0] < best - self.tie:
                 break
             inside, _ = self._inside(row, best)
             best = max(best, int(inside[0]))
-            refined.append(row)
-        return refined, best
+            looked_into.append(row)
+        return looked_into, best
 
-    def _promising_bins(self, floor: int) -> NDArray[np.int64]:
+    def _promising_bins(self, planes: NDArray[np.int64], floor: int) -> NDArray[np.int64]:
         from pgm_places.models._boosting_kernels import promising_bins
 
         while True:
             count = promising_bins(
+                planes,
                 self.positive,
                 self.negative,
                 self.prepared.pure,
-                self.best_bound,
                 self.total,
                 floor,
                 self.promising,
@@ -139,16 +177,16 @@ class _Search:
     ) -> tuple[NDArray[np.int64], tuple[float, float]]:
         from pgm_places.models._boosting_kernels import interior_scores
 
-        _, feature, number, left, mass_left = (int(value) for value in row)
-        members, values = self.prepared.sorted_bin(feature, number)
+        _, plane, number, left, seen = (int(value) for value in row)
+        members, values = self.prepared.sorted_bin(plane, number)
         out = np.empty(2, np.int64)
         around = interior_scores(
             members,
             values,
             self.masses,
-            self.signs,
+            self.included,
             left,
-            mass_left,
+            seen,
             self.total,
             self.mass,
             floor,
@@ -156,25 +194,32 @@ class _Search:
         )
         return out, around
 
-    def _first_of(self, refined: list[NDArray[np.int64]], floor: int) -> _Stump:
+    def _first_of(
+        self, planes: NDArray[np.int64], looked_into: list[NDArray[np.int64]], floor: int
+    ) -> _Stump:
         """The first split in order of feature and threshold whose score reaches ``floor``."""
         from pgm_places.models._boosting_kernels import first_good_edge, neighbours_of_split
 
         out = np.empty(3, np.int64)
-        first_good_edge(self.positive, self.negative, self.best_edge, self.total, floor, out)
-        feature, last_left, score = (int(value) for value in out)
-        for row in sorted(refined, key=lambda row: (row[1], row[2])):
-            if feature >= 0 and (feature, last_left) < (row[1], row[2]):
+        first_good_edge(planes, self.positive, self.negative, self.total, self.mass, floor, out)
+        plane, last_left, score = (int(value) for value in out)
+        for row in sorted(looked_into, key=lambda row: (row[1], row[2])):
+            number = int(row[2])
+            if plane >= 0 and (plane, last_left) < (row[1], number):
                 break
             inside, (low, high) = self._inside(row, floor)
             if inside[0] >= floor:
-                j, number = int(row[1]), int(row[2])
-                return _Stump(j, low, high, number, number, int(inside[1]))
+                return _Stump(int(row[1]), low, high, number, number, int(inside[1]))
         prepared = self.prepared
         low, high = neighbours_of_split(
-            prepared.codes[feature], self.signs, prepared.X, prepared.rows, feature, last_left
+            prepared.codes[plane],
+            self.included,
+            prepared.X,
+            prepared.rows,
+            int(prepared.columns[plane]),
+            last_left,
         )
-        return _Stump(feature, low, high, last_left + 1, -1, score)
+        return _Stump(plane, low, high, last_left + 1, -1, score)
 
     def reweigh(self, stump: _Stump, alpha: float) -> None:
         """Step 3e of Fig. 2: D(n) exp(-alpha l h), not yet normalised."""
@@ -183,11 +228,11 @@ class _Search:
         factor = float(np.exp(-alpha if stump.score > 0 else alpha))
         prepared = self.prepared
         reweigh(
-            prepared.codes[stump.feature],
+            prepared.codes[stump.plane],
             self.segments,
             prepared.X,
             prepared.rows,
-            stump.feature,
+            int(prepared.columns[stump.plane]),
             stump.below,
             stump.mixed,
             stump.threshold,
@@ -245,7 +290,8 @@ def boost(
         if edge < tolerance:
             break
         alpha = alpha_of(edge)
-        chosen.append((stump.feature, stump.threshold, 1 if stump.score > 0 else -1, alpha))
+        column = int(prepared.columns[stump.plane])
+        chosen.append((column, stump.threshold, 1 if stump.score > 0 else -1, alpha))
         if on_round is not None:
             on_round(len(chosen), edge)
         if edge >= MAX_EDGE:
