@@ -370,7 +370,7 @@ def new_masses(
     out[1] = 0
     for s in range(len(segments)):
         signed_unit = unit if segments[s, 2] == 1 else -unit
-        side = 0
+        side = np.int64(0)
         for n in range(segments[s, 0], segments[s, 1]):
             w = weights[n] * scale
             weights[n] = w

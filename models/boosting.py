@@ -13,9 +13,9 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import StrongClassifier
-from pgm_places.models.stump_search import boost
 
 __all__ = ["AdaBoostStumps", "checked_training_data", "float32_matrix"]
 

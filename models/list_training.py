@@ -11,9 +11,9 @@ from scipy.special import expit, log_expit
 
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import first_positive
+from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier, score_all
-from pgm_places.models.stump_search import boost
 
 __all__ = ["Folds", "ListTraining", "folds_of_groups", "last_quarters", "platt"]
 

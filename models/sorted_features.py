@@ -12,6 +12,7 @@ Memory beside the matrix: at most two bytes per example and feature.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,7 @@ def _spread(parts: NDArray[np.int64]) -> NDArray[np.int64]:
     share = max(1, _EDGE_SAMPLE // max(1, int((sizes > 0).sum())))
     picked = [
         np.linspace(start, stop - 1, min(stop - start, share)).astype(np.int64)
-        for start, stop in zip(parts[:-1], parts[1:], strict=True)
+        for start, stop in pairwise(parts.tolist())
         if start < stop
     ]
     return np.concatenate([np.zeros(0, np.int64), *picked])
@@ -267,13 +268,12 @@ def _tables(
 
     sizes = coarse.max(axis=1, initial=0).astype(np.int64) + 1
     open_groups: list[tuple[int, list[int]]] = []
-    groups: list[list[int]] = []
     for j in np.argsort(-sizes, kind="stable").tolist():
-        fitting = [g for g, (cells, _) in enumerate(open_groups) if cells * sizes[j] <= limit]
+        fitting = [g for g, (n_cells, _) in enumerate(open_groups) if n_cells * sizes[j] <= limit]
         if fitting:
-            cells, members = open_groups[fitting[0]]
+            n_cells, members = open_groups[fitting[0]]
             members.append(j)
-            open_groups[fitting[0]] = (cells * int(sizes[j]), members)
+            open_groups[fitting[0]] = (n_cells * int(sizes[j]), members)
         else:
             open_groups.append((int(sizes[j]), [j]))
     groups = [members for _, members in open_groups]

@@ -1,20 +1,14 @@
-"""The truly best stump of each round, and the rounds of generalized AdaBoost (paper, Fig. 2)."""
+"""The truly best stump for given weights: steps 3a to 3e of generalized AdaBoost (paper, Fig. 2)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._threads import run_tasks
-from pgm_places.errors import InputError
 from pgm_places.models.sorted_features import SortedFeatures
-from pgm_places.models.strong_classifier import StrongClassifier
 
-__all__ = ["MAX_EDGE", "boost"]
-
-MAX_EDGE = 1.0 - 1e-10  # |r| is clipped here, so that a perfect stump has a finite alpha
+__all__ = ["Stump", "StumpSearch"]
 
 # Weights become whole numbers of this unit: sums are exact in any order, and twice the sum of all
 # still fits 64 bits.
@@ -29,20 +23,35 @@ _PER_TASK = 4  # tables of coarse bins
 
 
 @dataclass(frozen=True, slots=True)
-class _Stump:
-    plane: int  # the feature's place among the kept columns
-    low: float  # the largest value on the left, the smallest on the right
+class Stump:
+    """One split of the examples.
+
+    Attributes
+    ----------
+    plane : int
+        The feature's place among the kept columns.
+    low, high : float
+        The largest value on the left and the smallest on the right.
+    below, mixed : int
+        Bins under ``below`` are on the left; the split cuts bin ``mixed``, or none if that is -1.
+    score : int
+        Twice the signed mass on the left, less all of it.
+    """
+
+    plane: int
+    low: float
     high: float
-    below: int  # bins under this number are on the left
-    mixed: int  # the bin that the split cuts, or -1
-    score: int  # twice the signed mass on the left, less all of it
+    below: int
+    mixed: int
+    score: int
 
     @property
     def threshold(self) -> float:
+        """Halfway between the two values; between two float32 there is always such a float64."""
         return self.low + (self.high - self.low) / 2.0
 
 
-class _Search:
+class StumpSearch:
     """One binary problem: its weights, and the buffers of its histograms."""
 
     def __init__(
@@ -77,7 +86,7 @@ class _Search:
         self.mass = int(self.sums[1] - self.sums[0])
         self.tie = self.mass >> _TIE_SHIFT
 
-    def best_stump(self) -> _Stump | None:
+    def best_stump(self) -> Stump | None:
         """The stump of largest |r|; among equals the lowest feature, then the lowest threshold.
 
         Scores at coarse edges come first, then fine ones of the features that can still win, then
@@ -196,7 +205,7 @@ class _Search:
 
     def _first_of(
         self, planes: NDArray[np.int64], looked_into: list[NDArray[np.int64]], floor: int
-    ) -> _Stump:
+    ) -> Stump:
         """The first split in order of feature and threshold whose score reaches ``floor``."""
         from pgm_places.models._boosting_kernels import first_good_edge, neighbours_of_split
 
@@ -209,7 +218,7 @@ class _Search:
                 break
             inside, (low, high) = self._inside(row, floor)
             if inside[0] >= floor:
-                return _Stump(int(row[1]), low, high, number, number, int(inside[1]))
+                return Stump(int(row[1]), low, high, number, number, int(inside[1]))
         prepared = self.prepared
         low, high = neighbours_of_split(
             prepared.codes[plane],
@@ -219,9 +228,9 @@ class _Search:
             int(prepared.columns[plane]),
             last_left,
         )
-        return _Stump(plane, low, high, last_left + 1, -1, score)
+        return Stump(plane, low, high, last_left + 1, -1, score)
 
-    def reweigh(self, stump: _Stump, alpha: float) -> None:
+    def reweigh(self, stump: Stump, alpha: float) -> None:
         """Step 3e of Fig. 2: D(n) exp(-alpha l h), not yet normalised."""
         from pgm_places.models._boosting_kernels import reweigh
 
@@ -240,94 +249,3 @@ class _Search:
             1.0 / factor,
             self.weights,
         )
-
-
-def boost(
-    prepared: SortedFeatures,
-    positive: list[int],
-    negative: list[int],
-    *,
-    n_rounds: int = 100,
-    tolerance: float = 1e-6,
-    sample_weight: NDArray[np.float64] | None = None,
-    n_threads: int | None = None,
-    on_round: Callable[[int, float], None] | None = None,
-) -> StrongClassifier:
-    """The strong classifier that tells the positive parts from the negative ones.
-
-    Generalized AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
-    each round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
-    neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)). Stumps whose
-    ``|r|`` differ by less than 2**-40 count as equal: the lowest column wins, then the lowest
-    threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no error.
-
-    Parameters
-    ----------
-    prepared : SortedFeatures
-        Shared by all problems on the same matrix; not changed but for its cache of sorted bins.
-    positive, negative : list of int
-        The parts that make up each class; other parts are ignored.
-    sample_weight : (rows of X,) float64, optional
-        Positive numbers that multiply the initial weights.
-    on_round : callable, optional
-        Called after each round with the number of rounds so far and r.
-
-    Raises
-    ------
-    InputError
-        One of the classes has no example.
-    """
-    segments = prepared.segments(positive, negative)
-    weights = _initial_weights(prepared, segments, sample_weight)
-    search = _Search(prepared, segments, weights, n_threads)
-    chosen: list[tuple[int, float, int, float]] = []
-    while len(chosen) < n_rounds:
-        search.round_weights()
-        stump = search.best_stump()
-        if stump is None:
-            break
-        edge = abs(stump.score) / search.mass
-        if edge < tolerance:
-            break
-        alpha = alpha_of(edge)
-        column = int(prepared.columns[stump.plane])
-        chosen.append((column, stump.threshold, 1 if stump.score > 0 else -1, alpha))
-        if on_round is not None:
-            on_round(len(chosen), edge)
-        if edge >= MAX_EDGE:
-            break
-        search.reweigh(stump, alpha)
-    return _strong_classifier(chosen)
-
-
-def alpha_of(edge: float) -> float:
-    """0.5 ln((1 + r) / (1 - r)) with r clipped to 1 - 1e-10 (step 3e of Fig. 2)."""
-    return float(np.arctanh(min(edge, MAX_EDGE)))
-
-
-def _initial_weights(
-    prepared: SortedFeatures,
-    segments: NDArray[np.int64],
-    sample_weight: NDArray[np.float64] | None,
-) -> NDArray[np.float64]:
-    """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out."""
-    weights = np.zeros(len(prepared.rows))
-    given = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
-    for side in (0, 1):
-        spans = [slice(start, stop) for start, stop, is_positive in segments if is_positive == side]
-        mass = sum(float(given[prepared.rows[span]].sum()) for span in spans)
-        if not mass > 0:
-            raise InputError(f"no {'positive' if side else 'negative'} example carries weight")
-        for span in spans:
-            weights[span] = given[prepared.rows[span]] / (2.0 * mass)
-    return weights
-
-
-def _strong_classifier(chosen: list[tuple[int, float, int, float]]) -> StrongClassifier:
-    columns: list[Any] = list(zip(*chosen, strict=True)) if chosen else [(), (), (), ()]
-    return StrongClassifier(
-        np.array(columns[0], np.int64),
-        np.array(columns[1], np.float64),
-        np.array(columns[2], np.int8),
-        np.array(columns[3], np.float64),
-    )

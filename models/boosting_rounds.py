@@ -1,0 +1,107 @@
+"""The rounds of generalized AdaBoost (paper, section 3 and Fig. 2)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.models.sorted_features import SortedFeatures
+from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.models.stump_search import StumpSearch
+
+__all__ = ["MAX_EDGE", "alpha_of", "boost"]
+
+MAX_EDGE = 1.0 - 1e-10  # |r| is clipped here, so that a perfect stump has a finite alpha
+
+
+def boost(
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    *,
+    n_rounds: int = 100,
+    tolerance: float = 1e-6,
+    sample_weight: NDArray[np.float64] | None = None,
+    n_threads: int | None = None,
+    on_round: Callable[[int, float], None] | None = None,
+) -> StrongClassifier:
+    """The strong classifier that tells the positive parts from the negative ones.
+
+    Generalized AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
+    each round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
+    neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)). Stumps whose
+    ``|r|`` differ by less than 2**-40 count as equal: the lowest column wins, then the lowest
+    threshold. It stops early when ``|r|`` < ``tolerance`` or a stump makes no error.
+
+    Parameters
+    ----------
+    prepared : SortedFeatures
+        Shared by all problems on the same matrix; not changed but for its cache of sorted bins.
+    positive, negative : list of int
+        The parts that make up each class; other parts are ignored.
+    sample_weight : (rows of X,) float64, optional
+        Positive numbers that multiply the initial weights.
+    on_round : callable, optional
+        Called after each round with the number of rounds so far and r.
+
+    Raises
+    ------
+    InputError
+        One of the classes has no example.
+    """
+    segments = prepared.segments(positive, negative)
+    weights = _initial_weights(prepared, segments, sample_weight)
+    search = StumpSearch(prepared, segments, weights, n_threads)
+    chosen: list[tuple[int, float, int, float]] = []
+    while len(chosen) < n_rounds:
+        search.round_weights()
+        stump = search.best_stump()
+        if stump is None:
+            break
+        edge = abs(stump.score) / search.mass
+        if edge < tolerance:
+            break
+        alpha = alpha_of(edge)
+        column = int(prepared.columns[stump.plane])
+        chosen.append((column, stump.threshold, 1 if stump.score > 0 else -1, alpha))
+        if on_round is not None:
+            on_round(len(chosen), edge)
+        if edge >= MAX_EDGE:
+            break
+        search.reweigh(stump, alpha)
+    return _strong_classifier(chosen)
+
+
+def alpha_of(edge: float) -> float:
+    """0.5 ln((1 + r) / (1 - r)) with r clipped to 1 - 1e-10 (step 3e of Fig. 2)."""
+    return float(np.arctanh(min(edge, MAX_EDGE)))
+
+
+def _initial_weights(
+    prepared: SortedFeatures,
+    segments: NDArray[np.int64],
+    sample_weight: NDArray[np.float64] | None,
+) -> NDArray[np.float64]:
+    """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out."""
+    weights = np.zeros(len(prepared.rows))
+    given = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
+    for side in (0, 1):
+        spans = [slice(start, stop) for start, stop, is_positive in segments if is_positive == side]
+        mass = sum(float(given[prepared.rows[span]].sum()) for span in spans)
+        if not mass > 0:
+            raise InputError(f"no {'positive' if side else 'negative'} example carries weight")
+        for span in spans:
+            weights[span] = given[prepared.rows[span]] / (2.0 * mass)
+    return weights
+
+
+def _strong_classifier(chosen: list[tuple[int, float, int, float]]) -> StrongClassifier:
+    columns: list[Any] = list(zip(*chosen, strict=True)) if chosen else [(), (), (), ()]
+    return StrongClassifier(
+        np.array(columns[0], np.int64),
+        np.array(columns[1], np.float64),
+        np.array(columns[2], np.int8),
+        np.array(columns[3], np.float64),
+    )
