@@ -32,6 +32,9 @@ __all__ = [
     "parse_config",
 ]
 
+CONTEXT_M = (0.3, 0.75, 1.5, 3.0)
+"""Half-widths of the windows of the second list; chosen on training buildings (docs/results)."""
+
 MAX_CONFIG_BYTES = 1_000_000
 """A configuration larger than this is some other file."""
 
@@ -113,16 +116,17 @@ class SensorConfig(_Record):
 class ClassifierConfig(_Record):
     """The boosted decision list that gives every cell its unary potential.
 
-    ``order`` is ``"heuristic"``, ``"exhaustive"`` or a list of label names. ``learn_on`` says
-    which scores the structured methods learn from: those of cells the list was trained on
-    (``"in-sample"``), or of cells held out in contiguous blocks (``"out-of-fold"``).
+    ``order`` is ``"rarest-first"``, ``"heuristic"`` (the paper's), ``"exhaustive"`` or a list of
+    label names. ``learn_on`` says which scores the structured methods learn from: those of cells
+    the list was trained on (``"in-sample"``), or of cells held out in contiguous blocks
+    (``"out-of-fold"``).
     """
 
     n_rounds: Annotated[int, Field(ge=1, le=100_000)] = 100
-    order: Literal["heuristic", "exhaustive"] | list[str] = "heuristic"
+    order: Literal["rarest-first", "heuristic", "exhaustive"] | list[str] = "rarest-first"
     decision: Literal["list", "argmax"] = "list"
     calibration: Literal["none", "platt"] = "none"
-    learn_on: Literal["in-sample", "out-of-fold"] = "in-sample"
+    learn_on: Literal["in-sample", "out-of-fold"] = "out-of-fold"
     n_folds: Annotated[int, Field(ge=2, le=50)] = 5
     node_features: Annotated[int, Field(ge=1, le=321)] = 30
 
@@ -130,23 +134,23 @@ class ClassifierConfig(_Record):
 class ContextConfig(_Record):
     """The second list, which also sees the mean scores in windows around each cell.
 
-    It serves the methods with ``unary = "context"``.
+    It serves the methods with ``unary = "context"``; an empty list does without it.
     """
 
-    half_widths_m: Annotated[list[Annotated[float, Field(gt=0)]], Field(min_length=1)] = [
-        0.3,
-        0.75,
-        1.5,
-        3.0,
-    ]
+    half_widths_m: list[Annotated[float, Field(gt=0)]] = list(CONTEXT_M)
 
 
 class MethodConfig(_Record):
-    """A method by name, what to call it, which unary it gets, and its options (all other keys)."""
+    """A method by name, what to call it, which unary it gets, and its options (all other keys).
+
+    ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
+    sees its neighbourhood), or ``"auto"``: laser for ``independent``, which is AdaBoost alone, and
+    context for all other methods, where there is one.
+    """
 
     name: str
     id: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+ -]{0,79}$")]
-    unary: Literal["laser", "context"] = "laser"
+    unary: Literal["auto", "laser", "context"] = "auto"
     options: dict[str, Any]
 
 
@@ -159,7 +163,7 @@ class ExperimentConfig(_Record):
     labels: LabelsConfig
     sensor: SensorConfig = SensorConfig()
     classifier: ClassifierConfig = ClassifierConfig()
-    context: ContextConfig | None = None
+    context: ContextConfig = ContextConfig()
     train: Annotated[list[MapConfig], Field(min_length=1)]
     test: list[MapConfig] = []
     methods: Annotated[list[MethodConfig], Field(min_length=1)]
@@ -167,8 +171,9 @@ class ExperimentConfig(_Record):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         _check_label_names(self)
-        if self.context is None and any(method.unary == "context" for method in self.methods):
-            raise ValueError("a method has unary = 'context'; add a [context] table")
+        wants = any(method.unary == "context" for method in self.methods)
+        if wants and not self.context.half_widths_m:
+            raise ValueError("a method has unary = 'context' but [context] half_widths_m is empty")
         ids = [method.id for method in self.methods]
         twice = sorted({name for name in ids if ids.count(name) > 1})
         if twice:

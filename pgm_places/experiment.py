@@ -19,6 +19,7 @@ from pgm_places.comparison import Comparison, MethodResult, TestMap
 from pgm_places.config import (
     ExperimentConfig,
     MapConfig,
+    MethodConfig,
     build_method,
     method_defaults,
 )
@@ -174,20 +175,31 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         decision=settings.decision,
         calibration=settings.calibration,
     )
+    context_m = tuple(config.context.half_widths_m)
     methods = {
-        method.id: PlaceMethod(build_method(method), method.unary) for method in config.methods
+        method.id: PlaceMethod(build_method(method), resolved_unary(method, bool(context_m)))
+        for method in config.methods
     }
+    if all(method.unary == "laser" for method in methods.values()):
+        context_m = ()  # nobody asks for it
     return PlaceLabeler(
         names,
         methods,
         sensor,
         classifier,
         config.connectivity,
-        () if config.context is None else tuple(config.context.half_widths_m),
+        context_m,
         settings.learn_on,
         settings.n_folds,
         settings.node_features,
     )
+
+
+def resolved_unary(method: MethodConfig, has_context: bool) -> str:
+    """Which unary a method gets: AdaBoost alone stays the paper's, structure takes context."""
+    if method.unary != "auto":
+        return method.unary
+    return "context" if has_context and method.name != "independent" else "laser"
 
 
 def train(experiment: Experiment) -> PlaceLabeler:
@@ -257,7 +269,7 @@ def _run_method(
     return MethodResult(
         id=name,
         name=type(method.backend).__name__,
-        options=method_defaults(method.backend),
+        options={"unary": method.unary, **method_defaults(method.backend)},
         labelings=tuple(labelings),
         evaluations=tuple(evaluations),
         evaluation=Evaluation.merged(evaluations),
@@ -272,7 +284,7 @@ def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str
         {
             "id": method.id,
             "name": method.name,
-            "unary": method.unary,
+            "unary": labeler.methods[method.id].unary,
             **method_defaults(labeler.methods[method.id].backend),
         }
         for method in config.methods

@@ -60,7 +60,7 @@ class PlaceLabeler:
     sensor : Sensor
         The simulated range sensor.
     classifier : DecisionListClassifier
-        The unfitted list with its options.
+        The unfitted list with its options; its order may also be ``"rarest-first"``.
     connectivity : {8, 4}
         Neighbours of a cell.
     context_m : tuple of float
@@ -87,10 +87,12 @@ class PlaceLabeler:
     label_names: Sequence[str]
     methods: Mapping[str, Any] = field(default_factory=lambda: {"independent": "independent"})
     sensor: Sensor = field(default_factory=Sensor)
-    classifier: DecisionListClassifier = field(default_factory=DecisionListClassifier)
+    classifier: DecisionListClassifier = field(
+        default_factory=lambda: DecisionListClassifier(order="rarest-first")
+    )
     connectivity: int = 8
     context_m: tuple[float, ...] = ()
-    learn_on: str = "in-sample"
+    learn_on: str = "out-of-fold"
     n_folds: int = 5
     n_node_features: int = 30
     unary_model: UnaryModel | None = field(default=None, repr=False)

@@ -20,6 +20,9 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 
+RAREST_FIRST = "rarest-first"
+"""An order of the list that PlaceLabeler understands besides those of the list itself."""
+
 __all__ = ["CellScores", "UnaryModel", "contiguous_blocks", "fit_unary"]
 
 
@@ -147,7 +150,7 @@ def fit_unary(
     classifier: DecisionListClassifier,
     n_node_features: int = 30,
     context_m: tuple[float, ...] = (),
-    learn_on: str = "in-sample",
+    learn_on: str = "out-of-fold",
     n_folds: int = 5,
     n_threads: int | None = None,
     progress: Progress | None = None,
@@ -188,6 +191,7 @@ def fit_unary(
     ).astype(np.int64)
     groups = _fold_groups(masks, n_folds)
 
+    classifier = _with_explicit_order(classifier, truth)
     with progress.stage("decision list"):
         fitted = clone(classifier).fit(laser_features, truth, groups=groups)
     node_columns = np.asarray(fitted.features_in_order_of_choice(n_node_features), np.int64)
@@ -222,6 +226,23 @@ def fit_unary(
             strict=True,
         )
     ]
+
+
+def _with_explicit_order(
+    classifier: DecisionListClassifier, truth: NDArray[np.int64]
+) -> DecisionListClassifier:
+    """The list with ``"rarest-first"`` written out as the labels by increasing frequency.
+
+    Asked first, a rare label is separated from everything by one classifier; asked last, it gets
+    what the others leave. The paper's heuristic puts it last, since it is the hardest.
+    """
+    from sklearn.base import clone
+
+    if not (isinstance(classifier.order, str) and classifier.order == RAREST_FIRST):
+        return classifier
+    labels, counts = np.unique(truth, return_counts=True)
+    order = labels[np.argsort(counts, kind="stable")].tolist()
+    return clone(classifier).set_params(order=order)
 
 
 def contiguous_blocks(cells_rc: NDArray[Any], n_blocks: int) -> NDArray[np.int64]:
