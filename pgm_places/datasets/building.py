@@ -133,7 +133,7 @@ def generate_building(
         cells, labels = _bent(Dice(seed, 4), cells, labels)
     kept = _mapped_rows(cells, scale.cells(_MARGIN_CM))
     cells, labels = cells[kept], labels[kept]
-    labels[(cells != FREE) | ~_main_component(cells == FREE)] = -1
+    labels[~_main_component(cells == FREE)] = -1
     grid = OccupancyGrid(cells, scale.mm_per_cell / 1000)
     return LabelledBuilding(grid, labels, LABEL_NAMES, split, f"generated building {seed}")
 

@@ -140,6 +140,9 @@ def test_a_tiled_map_repeats_its_floors_and_keeps_them_apart() -> None:
     assert huge.grid.shape == (700, 700)
     assert np.array_equal(huge.grid.cells[:height, :width], floors[0].grid.cells)
     assert np.array_equal(huge.labels[:height, :width], floors[0].labels)
+    beside = huge.grid.cells[: floors[1].grid.shape[0], width:]
+    shown = min(beside.shape[1], floors[1].grid.shape[1])
+    assert np.array_equal(beside[:, :shown], floors[1].grid.cells[:, :shown])
     assert huge.grid.cells.dtype == np.int8
     assert (huge.grid.cells[:, 0] == -1).all()
 
