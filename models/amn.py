@@ -25,6 +25,7 @@ from pgm_places.models.amn_learning import (
     LEARNERS,
     LearnerOptions,
     choose_penalty,
+    labelled_parts,
     learn,
     node_losses,
 )
@@ -182,7 +183,7 @@ class AssociativeMarkovNetwork:
         InputError
             Maps and labelings that do not belong together, or features that are missing.
         """
-        known = _labelled_parts(problems, labelings)
+        known = labelled_parts(problems, labelings)
         parts = parse_node_features(self.node_features)
         raw = [node_features(problem, parts) for problem, _ in known]
         if len({features.shape[1] for features in raw}) > 1:
@@ -359,34 +360,6 @@ class AssociativeMarkovNetwork:
             raise InputError("feature_scale must be positive")
         if self.learning is not None and self.learning.shape != (N_RECORD,):
             raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
-
-
-def _labelled_parts(
-    problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
-) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
-    """Each map without its unlabelled nodes; maps without any label are left out."""
-    if not problems or len(problems) != len(labelings):
-        raise InputError(
-            f"fit wants one labeling per problem, got {len(labelings)} for {len(problems)} problems"
-        )
-    names = problems[0].label_names
-    known = []
-    for number, (problem, labeling) in enumerate(zip(problems, labelings, strict=True)):
-        if problem.label_names != names:
-            raise InputError(
-                f"all training maps must have the labels {list(names)}, "
-                f"map {number} has {list(problem.label_names)}"
-            )
-        n_nodes, n_labels = problem.graph.n_nodes, problem.n_labels
-        truth = integer_array(f"labelings[{number}]", labeling, (n_nodes,), low=-1, high=n_labels)
-        labelled = truth >= 0
-        if labelled.all() and n_nodes:
-            known.append((problem, truth))
-        elif labelled.any():
-            known.append((problem.subproblem(labelled), truth[labelled]))
-    if not known:
-        raise InputError("no node of any training map has a label")
-    return known
 
 
 def _check_choice(option: str, value: str, known: tuple[str, ...]) -> None:

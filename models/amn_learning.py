@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import integer_array
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph import LabelGraph
 from pgm_places.layout import GridLayout
+from pgm_places.problem import LabelingProblem
 from pgm_places.solvers.max_margin import (
     Cut,
     MaxMarginProblem,
@@ -26,6 +28,7 @@ __all__ = [
     "balanced_accuracy",
     "choose_penalty",
     "contiguous_parts",
+    "labelled_parts",
     "learn",
     "node_losses",
 ]
@@ -70,6 +73,40 @@ def node_losses(
     weights = (counts / len(labels)) ** -CLASS_WEIGHTS[class_weight]
     losses: NDArray[np.float64] = weights[labels]
     return losses / losses.mean()
+
+
+def labelled_parts(
+    problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
+    """Each map without its unlabelled nodes; maps without any label are left out.
+
+    Raises
+    ------
+    InputError
+        Maps and labelings that do not belong together, or no label at all.
+    """
+    if not problems or len(problems) != len(labelings):
+        raise InputError(
+            f"fit wants one labeling per problem, got {len(labelings)} for {len(problems)} problems"
+        )
+    names = problems[0].label_names
+    known = []
+    for number, (problem, labeling) in enumerate(zip(problems, labelings, strict=True)):
+        if problem.label_names != names:
+            raise InputError(
+                f"all training maps must have the labels {list(names)}, "
+                f"map {number} has {list(problem.label_names)}"
+            )
+        n_nodes, n_labels = problem.graph.n_nodes, problem.n_labels
+        truth = integer_array(f"labelings[{number}]", labeling, (n_nodes,), low=-1, high=n_labels)
+        labelled = truth >= 0
+        if labelled.all() and n_nodes:
+            known.append((problem, truth))
+        elif labelled.any():
+            known.append((problem.subproblem(labelled), truth[labelled]))
+    if not known:
+        raise InputError("no node of any training map has a label")
+    return known
 
 
 def learn(

@@ -1,0 +1,401 @@
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.backends import Backend, Learnable, build
+from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.graph import LabelGraph
+from pgm_places.labeling import Status
+from pgm_places.models.amn import AssociativeMarkovNetwork
+from pgm_places.models.amn_learning import balanced_accuracy, contiguous_parts, node_losses
+from pgm_places.models.amn_record import LEARNING_STATUSES, LearningRecord
+from pgm_places.potentials import score
+from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.max_margin import LearningStep
+
+NAMES = ("corridor", "room", "doorway")
+Sample = tuple[LabelingProblem, NDArray[np.int64]]
+
+
+def sample(
+    height: int = 8, width: int = 12, *, seed: int = 0, noise: float = 0.8, n_labels: int = 3
+) -> Sample:
+    """Stripes of labels with noisy scores and features on a grid."""
+    rng = np.random.default_rng(seed)
+    graph = LabelGraph.from_grid(np.ones((height, width), np.bool_))
+    truth = ((np.mgrid[:height, :width][1] * n_labels) // width).ravel().astype(np.int64)
+    logits = 2.0 * np.eye(n_labels)[truth] + noise * rng.normal(size=(len(truth), n_labels))
+    unary = logits - np.log(np.exp(logits).sum(axis=1, keepdims=True))
+    features = np.column_stack([truth + rng.normal(size=len(truth)), rng.normal(size=len(truth))])
+    return LabelingProblem(graph, NAMES[:n_labels], unary, features), truth
+
+
+def learned_arrays(network: AssociativeMarkovNetwork) -> dict[str, NDArray[Any]]:
+    values = {item.name: getattr(network, item.name) for item in fields(network)}
+    return {
+        item.name: values[item.name]
+        for item in fields(network)
+        if item.metadata.get("learned") and values[item.name] is not None
+    }
+
+
+# ---------------------------------------------------------------- use
+
+
+def test_it_learns_to_smooth() -> None:
+    problem, truth = sample(seed=1)
+    assert problem.unary is not None
+    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    fresh, other_truth = sample(seed=2)
+    labeling = network.infer(fresh)
+    assert fresh.unary is not None
+    alone = (fresh.unary.argmax(axis=1) == other_truth).mean()
+    assert (labeling.labels == other_truth).mean() > max(alone, 0.95)
+    assert labeling.score == pytest.approx(
+        score(fresh.graph, network.potentials(fresh), labeling.labels), rel=1e-12
+    )
+    assert labeling.info["learning"]["status"] == "optimal"
+
+
+def test_it_is_a_backend_by_name_that_learns() -> None:
+    network = build("amn", {"learner": "qp", "C": 5.0, "edge_features": ("constant", "diagonal")})
+    assert isinstance(network, Backend)
+    assert isinstance(network, Learnable)
+    assert network.C == 5.0
+
+
+def test_fit_returns_a_new_network() -> None:
+    problem, truth = sample()
+    network = AssociativeMarkovNetwork()
+    fitted = network.fit([problem], [truth])
+    assert network.node_weights is None
+    assert fitted.node_weights is not None
+    with pytest.raises(NotFittedError, match="call fit"):
+        network.infer(problem)
+    with pytest.raises(NotFittedError, match="call fit"):
+        _ = network.summary
+
+
+@pytest.mark.parametrize("inference", ["lp", "trw-s"])
+def test_decoders_agree_on_a_learned_network(inference: str) -> None:
+    problem, truth = sample(4, 6, seed=3)
+    network = AssociativeMarkovNetwork(certify=True).fit([problem], [truth])
+    cut = network.infer(problem)
+    other = replace(network, inference=inference).infer(problem)
+    assert cut.bound is not None
+    assert cut.score is not None
+    assert cut.bound >= cut.score
+    assert other.score == pytest.approx(cut.score, rel=1e-6)
+    np.testing.assert_array_equal(other.labels, cut.labels)
+
+
+def test_a_graph_without_nodes_gets_no_labels() -> None:
+    problem, truth = sample()
+    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    empty = problem.subproblem(np.zeros(problem.graph.n_nodes, np.bool_))
+    labeling = network.infer(empty)
+    assert len(labeling.labels) == 0
+    assert labeling.status is Status.EXACT
+
+
+# ---------------------------------------------------------------- learning
+
+
+@pytest.mark.parametrize("learner", ["qp", "frank-wolfe"])
+def test_learners_minimise_the_same_objective(learner: str) -> None:
+    problem, truth = sample(6, 8, n_labels=2, seed=4)
+    options: dict[str, Any] = {"C": 5.0, "tolerance": 1e-3}
+    base = AssociativeMarkovNetwork(**options).fit([problem], [truth]).summary
+    other = AssociativeMarkovNetwork(learner=learner, **options).fit([problem], [truth]).summary
+    assert other["status"] == "optimal"
+    assert other["objective"] == pytest.approx(base["objective"], rel=3e-3)
+    assert other["lower_bound"] <= base["objective"]
+    assert base["lower_bound"] <= other["objective"]
+
+
+@pytest.mark.parametrize("learner", ["cutting-plane", "qp", "frank-wolfe"])
+def test_the_summary_certifies_the_objective(learner: str) -> None:
+    problem, truth = sample(6, 8, seed=5)
+    network = AssociativeMarkovNetwork(learner=learner, C=5.0).fit([problem], [truth])
+    summary = network.summary
+    assert summary["lower_bound"] <= summary["certified_objective"]
+    assert 0 <= summary["certified_gap"] < 0.1
+    assert summary["n_nodes"] == 48
+    assert summary["n_maps"] == 1
+    without = replace(network, certify_learning=False).fit([problem], [truth]).summary
+    assert without["certified_objective"] is None
+    assert without["certified_gap"] is None
+
+
+def test_unlabelled_nodes_are_left_out() -> None:
+    problem, truth = sample(seed=6)
+    known = np.random.default_rng(0).random(len(truth)) < 0.7
+    partial = np.where(known, truth, -1)
+    network = AssociativeMarkovNetwork().fit([problem], [partial])
+    reduced = AssociativeMarkovNetwork().fit([problem.subproblem(known)], [truth[known]])
+    np.testing.assert_array_equal(network.node_weights, reduced.node_weights)
+    assert network.summary["n_nodes"] == known.sum()
+
+
+def test_several_maps_are_the_union_of_their_blocks() -> None:
+    (first, truth1), (second, truth2) = sample(5, 6, seed=7), sample(4, 9, seed=8)
+    assert first.unary is not None and second.unary is not None
+    assert first.node_features is not None and second.node_features is not None
+    union = LabelingProblem(
+        LabelGraph.joined(first.graph, second.graph, []),
+        NAMES,
+        np.concatenate([first.unary, second.unary]),
+        np.concatenate([first.node_features, second.node_features]),
+    )
+    network = AssociativeMarkovNetwork(edge_features=("unary-difference",), tolerance=1e-4)
+    apart = network.fit([first, second], [truth1, truth2])
+    together = network.fit([union], [np.concatenate([truth1, truth2])])
+    assert apart.summary["objective"] == pytest.approx(together.summary["objective"], rel=1e-9)
+    np.testing.assert_allclose(apart.node_weights, together.node_weights, rtol=0, atol=1e-9)
+    assert apart.summary["n_maps"] == 2
+
+
+def test_doubling_the_map_changes_no_weight() -> None:
+    problem, truth = sample(seed=9)
+    network = AssociativeMarkovNetwork(tolerance=1e-4)
+    once = network.fit([problem], [truth])
+    twice = network.fit([problem, problem], [truth, truth])
+    np.testing.assert_allclose(twice.node_weights, once.node_weights, rtol=0, atol=1e-6)
+
+
+def test_duplicate_features_are_dropped() -> None:
+    problem, truth = sample(seed=10)
+    assert problem.node_features is not None
+    padded = np.column_stack(
+        [problem.node_features, -3.0 * problem.node_features[:, 0] + 1.0, np.ones(len(truth))]
+    )
+    more = replace(problem, node_features=padded)
+    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    again = AssociativeMarkovNetwork().fit([more], [truth])
+    np.testing.assert_array_equal(again.node_weights, network.node_weights)
+    np.testing.assert_array_equal(again.infer(more).labels, network.infer(problem).labels)
+
+
+def test_renaming_labels_renames_the_answer() -> None:
+    problem, truth = sample(seed=11, n_labels=2)
+    assert problem.unary is not None
+    swapped = replace(problem, label_names=NAMES[1::-1], unary=problem.unary[:, ::-1])
+    network = AssociativeMarkovNetwork(tolerance=1e-4)
+    found = network.fit([problem], [truth]).infer(problem)
+    other = network.fit([swapped], [1 - truth]).infer(swapped)
+    np.testing.assert_array_equal(1 - other.labels, found.labels)
+
+
+def test_weighting_classes_keeps_the_rare_one() -> None:
+    rng = np.random.default_rng(3)
+    graph = LabelGraph.from_grid(np.ones((10, 20), np.bool_))
+    truth = np.isin(np.mgrid[:10, :20][1].ravel(), (9, 10)).astype(np.int64)
+    features = (truth + 0.8 * rng.normal(size=200))[:, None]
+    problem = LabelingProblem(graph, NAMES[:2], node_features=features)
+    recalls = []
+    for loss, weight in (("hamming", "none"), ("class-weighted", "sqrt")):
+        network = AssociativeMarkovNetwork(loss=loss, class_weight=weight, node_features="raw")
+        labels = network.fit([problem], [truth]).infer(problem).labels
+        recalls.append((labels[truth == 1] == 1).mean())
+    assert recalls[1] > recalls[0] + 0.2
+
+
+def test_losses_have_mean_one_and_the_stated_ratio() -> None:
+    truth = np.repeat([0, 1], [90, 10]).astype(np.int64)
+    for weight, ratio in (
+        ("none", 1.0),
+        ("cube-root", 9 ** (1 / 3)),
+        ("sqrt", 3.0),
+        ("inverse", 9.0),
+    ):
+        losses = node_losses(truth, NAMES[:2], weight)
+        assert losses.mean() == pytest.approx(1.0)
+        assert losses[-1] / losses[0] == pytest.approx(ratio)
+
+
+# ---------------------------------------------------------------- stopping
+
+
+def test_progress_is_reported_and_learning_can_be_stopped() -> None:
+    problem, truth = sample(seed=12)
+    seen: list[LearningStep] = []
+
+    def stop_at_four(step: LearningStep) -> bool:
+        seen.append(step)
+        return step.iteration >= 4
+
+    network = AssociativeMarkovNetwork().fit([problem], [truth], on_iteration=stop_at_four)
+    assert [step.iteration for step in seen] == [1, 2, 3, 4]
+    assert network.summary["status"] == "stopped"
+    assert network.learning_history is not None
+    assert network.learning_history.shape == (4, 4)
+    assert len(network.infer(problem).labels) == len(truth)
+
+
+@pytest.mark.parametrize("learner", ["cutting-plane", "frank-wolfe"])
+def test_a_time_limit_gives_the_best_so_far(learner: str) -> None:
+    problem, truth = sample(seed=13)
+    network = AssociativeMarkovNetwork(learner=learner, time_limit_s=1e-9, tolerance=1e-9)
+    fitted = network.fit([problem], [truth])
+    assert fitted.summary["status"] == "time_limit"
+    assert fitted.summary["lower_bound"] <= fitted.summary["certified_objective"]
+
+
+# ---------------------------------------------------------------- the choice of C
+
+
+def test_c_is_chosen_on_held_out_blocks() -> None:
+    graph = LabelGraph.from_grid(np.ones((6, 40), np.bool_))
+    rng = np.random.default_rng(4)
+    truth = ((np.mgrid[:6, :40][1] // 4) % 2).ravel().astype(np.int64)
+    features = np.column_stack([truth + 0.7 * rng.normal(size=240), rng.normal(size=(240, 3))])
+    problem = LabelingProblem(graph, NAMES[:2], node_features=features)
+    network = AssociativeMarkovNetwork(C=(1e-4, 10.0), node_features="raw").fit([problem], [truth])
+    assert network.summary["penalty"] == 10.0
+    assert network.penalty_search is not None
+    assert network.penalty_search[:, 0].tolist() == [1e-4, 10.0]
+    assert network.penalty_search[1, 1] > network.penalty_search[0, 1]
+    direct = AssociativeMarkovNetwork(C=10.0, node_features="raw").fit([problem], [truth])
+    np.testing.assert_array_equal(network.node_weights, direct.node_weights)
+
+
+def test_auto_tries_the_listed_penalties() -> None:
+    problem, _ = sample(6, 24, seed=14, n_labels=2)
+    truth = ((np.mgrid[:6, :24][1] // 2) % 2).ravel().astype(np.int64)
+    network = AssociativeMarkovNetwork(C="auto").fit([problem], [truth])
+    assert network.penalty_search is not None
+    assert network.summary["penalty"] in network.penalty_search[:, 0]
+
+
+def test_a_label_in_one_block_only_cannot_be_held_out() -> None:
+    problem, truth = sample(seed=15)
+    with pytest.raises(LabelError, match="Use more validation blocks or give one C"):
+        AssociativeMarkovNetwork(C="auto", n_validation_blocks=3).fit([problem], [truth])
+
+
+def test_blocks_are_stripes_across_the_longer_side() -> None:
+    graph = LabelGraph.from_grid(np.ones((3, 8), np.bool_))
+    parts = contiguous_parts(graph, 4).reshape(3, 8)
+    np.testing.assert_array_equal(parts, np.tile(np.repeat(np.arange(4), 2), (3, 1)))
+    chain = LabelGraph.from_edges(4, [(0, 1)])
+    assert contiguous_parts(chain, 2).tolist() == [0, 0, 1, 1]
+
+
+def test_balanced_accuracy_is_the_mean_recall() -> None:
+    truth = np.array([0, 0, 0, 2], np.int64)
+    assert balanced_accuracy(truth, np.array([0, 0, 1, 2])) == pytest.approx((2 / 3 + 1) / 2)
+
+
+# ---------------------------------------------------------------- storing
+
+
+def test_learned_arrays_bring_the_network_back() -> None:
+    problem, truth = sample(seed=16)
+    network = AssociativeMarkovNetwork(
+        C=(10.0, 50.0), n_validation_blocks=6, certify_learning=False
+    )
+    truth = ((np.mgrid[:8, :12][1] // 2) % 3).ravel().astype(np.int64)
+    fitted = network.fit([problem], [truth])
+    arrays = learned_arrays(fitted)
+    assert len(arrays) == 9
+    assert all(np.isfinite(array).all() for array in arrays.values())
+    again = replace(AssociativeMarkovNetwork(), **arrays)
+    np.testing.assert_array_equal(again.infer(problem).labels, fitted.infer(problem).labels)
+    assert again.summary == fitted.summary
+
+
+@pytest.mark.parametrize("status", LEARNING_STATUSES)
+@pytest.mark.parametrize("certified", [None, 2.5])
+def test_records_survive_as_arrays(status: str, certified: float | None) -> None:
+    record = LearningRecord(status, 10.0, 2.0, 1.5, certified, 7, 0.1, 0.2, 100, 300, 2)
+    assert LearningRecord.from_array(record.to_array()) == record
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("node_weights", np.zeros((2, 3)), "node_weights must have shape"),
+        ("node_weights", np.full((6, 3), np.nan), "node_weights must hold finite numbers"),
+        ("edge_weights", -np.ones((1, 3)), "edge_weights must be at least 0"),
+        ("feature_columns", np.full(5, 99), "feature_columns must hold integers"),
+        ("feature_scale", np.zeros(5), "feature_scale must be positive"),
+        ("learning", np.zeros(3), "learning must hold 11 numbers"),
+        ("feature_mean", None, "has not learned"),
+    ],
+)
+def test_damaged_arrays_are_refused(name: str, value: Any, message: str) -> None:
+    problem, truth = sample(seed=17)
+    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    with pytest.raises((InputError, NotFittedError), match=message):
+        replace(network, **{name: value})
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def test_a_label_without_examples_is_named() -> None:
+    problem, truth = sample(seed=18)
+    with pytest.raises(LabelError, match="no training map has a node labelled 'doorway'"):
+        AssociativeMarkovNetwork().fit([problem], [np.minimum(truth, 1)])
+
+
+def test_other_features_than_in_training_are_refused() -> None:
+    problem, truth = sample(seed=19)
+    assert problem.node_features is not None
+    network = AssociativeMarkovNetwork().fit([problem], [truth])
+    fewer = replace(problem, node_features=problem.node_features[:, :1])
+    with pytest.raises(InputError, match="trained on 5 node features, this problem has 4"):
+        network.infer(fewer)
+    two = LabelingProblem(problem.graph, NAMES[:2], node_features=np.zeros((96, 5)))
+    with pytest.raises(InputError, match="trained on 3 labels, this problem has 2"):
+        network.infer(two)
+    given = AssociativeMarkovNetwork(edge_features=("given",))
+    one = replace(problem, edge_features=np.ones((problem.graph.n_edges, 1)))
+    both = replace(problem, edge_features=np.ones((problem.graph.n_edges, 2)))
+    with pytest.raises(InputError, match="trained on 1 edge features, this problem has 2"):
+        given.fit([one], [truth]).infer(both)
+    with pytest.raises(InputError, match="same number of node features"):
+        AssociativeMarkovNetwork().fit([problem, fewer], [truth, truth])
+
+
+def test_maps_and_labelings_must_belong_together() -> None:
+    problem, truth = sample(seed=20)
+    network = AssociativeMarkovNetwork()
+    with pytest.raises(InputError, match="got 0 for 1 problems"):
+        network.fit([problem], [])
+    with pytest.raises(InputError, match=r"labelings\[0\] must have shape \(96,\)"):
+        network.fit([problem], [truth[:-1]])
+    with pytest.raises(InputError, match="no node of any training map has a label"):
+        network.fit([problem], [np.full(96, -1)])
+    other = replace(problem, label_names=("a", "b", "c"))
+    with pytest.raises(InputError, match="all training maps must have the labels"):
+        network.fit([problem, other], [truth, truth])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"learner": "cutting-plan"},
+            "unknown learner 'cutting-plan'. did you mean 'cutting-plane'",
+        ),
+        ({"inference": "graphcut"}, "did you mean 'graph-cut'"),
+        ({"loss": "zero-one"}, "unknown loss"),
+        ({"class_weight": "balanced"}, "unknown class_weight"),
+        ({"solver": "gurobi"}, "unknown solver"),
+        ({"node_features": "logs"}, "did you mean 'logz'"),
+        ({"edge_features": ()}, "edge_features must be one or more parts"),
+        ({"C": 0.0}, "C must be a positive number, a list of them, or 'auto', got 0.0"),
+        ({"C": "best"}, "C must be a positive number"),
+        ({"tolerance": 1.5}, "tolerance must be between 0 and 1, got 1.5"),
+        ({"max_cuts": 0}, "max_cuts must be at least 1"),
+        ({"n_validation_blocks": 1}, "n_validation_blocks must be at least 2"),
+        ({"time_limit_s": -1.0}, "time_limit_s must be positive or absent"),
+    ],
+)
+def test_options_are_checked(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message.replace(".", r"\.")):
+        AssociativeMarkovNetwork(**options)

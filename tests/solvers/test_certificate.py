@@ -1,0 +1,28 @@
+import numpy as np
+import pytest
+
+from pgm_places.solvers.certificate import certify_weights
+from pgm_places.solvers.max_margin_qp import max_margin_qp
+from tests.reference import max_margin as reference
+from tests.solvers.max_margin_problems import grid_problem
+
+
+@pytest.mark.parametrize("n_labels", [2, 3])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_certificate_is_above_the_objective(n_labels: int, seed: int) -> None:
+    problem = grid_problem(2, 3, n_labels, seed=seed, weighted=True)
+    rng = np.random.default_rng(seed)
+    weights = rng.normal(size=problem.n_weights)
+    weights[problem.n_node_weights :] = np.abs(weights[problem.n_node_weights :])
+    exact = reference.objective(problem, weights)
+    certificate = certify_weights(problem, weights)
+    assert certificate.objective >= exact * (1 - 1e-12)
+    assert certificate.objective <= 1.2 * exact
+    assert certificate.labels.shape == (6,)
+
+
+def test_with_two_labels_it_meets_the_qp() -> None:
+    problem = grid_problem(8, 8, 2, seed=3)
+    exact = max_margin_qp(problem, tolerance=1e-9)
+    certificate = certify_weights(problem, exact.weights)
+    assert certificate.objective == pytest.approx(exact.objective, rel=1e-4)
