@@ -1,0 +1,150 @@
+"""A topological map from the labels of a map's cells."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, label_raster
+from pgm_places.errors import InputError, LabelError
+from pgm_places.grid import OccupancyGrid
+from pgm_places.layout import GridLayout
+from pgm_places.topology.clearance import squared_clearance
+from pgm_places.topology.components import connected_components
+from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
+from pgm_places.topology.naming import KnownPlaces, identify, name_places
+from pgm_places.topology.passages import find_passages
+from pgm_places.topology.regions import describe_regions
+from pgm_places.topology.topological_map import Connection, TopologicalMap
+
+__all__ = ["topological_map"]
+
+
+def topological_map(
+    grid: OccupancyGrid,
+    labels: ArrayLike,
+    label_names: Sequence[str],
+    *,
+    rules: CorrectionRules | None = None,
+    correct: bool = True,
+    beliefs: ArrayLike | None = None,
+    layout: GridLayout | None = None,
+    known: KnownPlaces | None = None,
+    own_names: Mapping[int, str] | None = None,
+    tolerance: float = 1.5,
+) -> TopologicalMap:
+    """The regions of a labelled map, corrected as in the paper, and their connections.
+
+    Regions are the 8-connected components of free cells with equal labels (paper section 6.2);
+    two are connected where cells of theirs touch, by a side or a corner.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map.
+    labels : (H, W) int
+        Label per cell, -1 for none; labels of cells that are not free are not looked at.
+    label_names : sequence of str
+    rules : CorrectionRules, optional
+        When a region is an error; the paper's thresholds by default.
+    correct : bool
+        Whether errors are corrected at all.
+    beliefs : (N, K) float, optional
+        Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
+    layout : GridLayout, optional
+        The cells behind ``beliefs``: of ``grid``, or of the same map coarsened by a whole factor.
+    known : KnownPlaces, optional
+        An earlier topological map's ``known_places``: places that are found again keep their ids
+        and names.
+    own_names : mapping of int to str, optional
+        Names that the user has given to ids.
+    tolerance : float
+        How far an outline may be from the corners of its cells, in cells.
+
+    Raises
+    ------
+    LabelError
+        Labels that do not fit the map or the names, or two places of the same name.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0, 0, 0, 0]], resolution_m=1.0)
+    >>> found = topological_map(grid, [[0, 0, 1, 2, 2, 2]], ["room", "doorway", "corridor"])
+    >>> [region.name for region in found.path("room 1", "corridor 1")]
+    ['room 1', 'doorway 1', 'corridor 1']
+    >>> found.region_at(2.5, 0.5).name
+    'doorway 1'
+    """
+    names = tuple(str(name) for name in label_names)
+    raster = label_raster("labels", labels, grid.shape, n_labels=len(names))
+    raster = np.where(grid.free, raster, np.int16(-1))
+    rules = rules or CorrectionRules()
+    corrections: list[Correction] = []
+    if correct:
+        raster, corrections = correct_regions(raster, names, grid.resolution_m, rules)
+    pieces = connected_components(raster)
+    clearance = squared_clearance(~grid.free)
+    probability = None
+    if beliefs is not None:
+        probability = _probability(raster, beliefs, layout, len(names))
+    ids, next_id = identify(pieces, grid, names, known)
+    classes = [names[label] for label in pieces.label]
+    called = name_places(ids, classes, known=known.names if known else None, own=own_names)
+    regions = describe_regions(
+        pieces,
+        grid,
+        names,
+        clearance,
+        ids=ids,
+        names=called,
+        probability=probability,
+        tolerance=tolerance,
+    )
+    passages = find_passages(pieces.piece, pieces.count, clearance)
+    middles = grid.cell_centres_m(passages.middle_rc)
+    connections = []
+    for k, (i, j) in enumerate(passages.pairs.tolist()):
+        first, second = sorted((ids[i], ids[j]))
+        connections.append(
+            Connection(
+                first,
+                second,
+                (float(middles[k, 0]), float(middles[k, 1])),
+                float(passages.width[k]) * grid.resolution_m,
+                float(passages.sides[k]) * grid.resolution_m,
+            )
+        )
+    table = np.array([*ids, 0], np.int32)  # the last entry is that of cells without a piece
+    return TopologicalMap(
+        grid,
+        table[pieces.piece],
+        tuple(sorted(regions, key=lambda region: region.id)),
+        tuple(sorted(connections, key=lambda item: (item.first, item.second))),
+        names,
+        rules.doorway_label,
+        tuple(corrections),
+        next_id,
+    )
+
+
+def _probability(
+    labels: NDArray[np.int16], beliefs: ArrayLike, layout: GridLayout | None, n_labels: int
+) -> NDArray[np.float32]:
+    """(H, W) probability of each cell's label, NaN where no node stands for the cell."""
+    if layout is None:
+        raise InputError("beliefs need the layout of their nodes; pass layout as well")
+    array = finite_array("beliefs", beliefs, (len(layout.cells_rc), n_labels), dtype=np.float32)
+    factor = -(-labels.shape[0] // layout.shape[0])
+    if layout.shape != tuple(-(-side // factor) for side in labels.shape):
+        raise LabelError(
+            f"the layout has {layout.shape} cells, which the labels' {labels.shape} are no whole "
+            "multiple of; pass the layout that the labels were made with"
+        )
+    node = layout.node_of_cell
+    if factor > 1:
+        node = np.repeat(np.repeat(node, factor, axis=0), factor, axis=1)
+        node = node[: labels.shape[0], : labels.shape[1]]
+    probability = np.full(labels.shape, np.nan, np.float32)
+    known = (node >= 0) & (labels >= 0)
+    probability[known] = array[node[known], labels[known]]
+    return probability

@@ -1,0 +1,160 @@
+"""Stable ids and names: places are recognised by where they lie, new ones are numbered on."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import LabelError
+from pgm_places.grid import OccupancyGrid
+from pgm_places.topology.components import Components
+
+__all__ = ["KnownPlaces", "identify", "name_places"]
+
+SAME_PLACE = 0.25
+"""Least share of common area, of the area of both together, at which a place keeps its id."""
+
+ROW_M = 3.0
+"""Places whose anchors differ by less than this in height count as one row when numbering."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlaces:
+    """Places of an earlier run, by which the same ones are recognised.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The earlier map; only its frame is used.
+    region : (H, W) int32
+        Id of the place at each of its cells, 0 where there is none.
+    labels, names : mappings of int to str
+        Class and name of each id.
+    next_id : int
+        The first id that has never been given away.
+    """
+
+    grid: OccupancyGrid
+    region: NDArray[np.int32]
+    labels: Mapping[int, str]
+    names: Mapping[int, str]
+    next_id: int
+
+
+def identify(
+    pieces: Components,
+    grid: OccupancyGrid,
+    label_names: Sequence[str],
+    known: KnownPlaces | None = None,
+) -> tuple[list[int], int]:
+    """An id per piece, and the first id that is free after that.
+
+    A piece takes the id of the known place of the same class with which it shares most of their
+    common area, if that is at least a quarter; each id goes to one piece. The others are numbered
+    on from ``known.next_id``, from top to bottom and from left to right. Maps may differ in size,
+    resolution and origin, as long as their frames agree.
+    """
+    ids = [0] * pieces.count
+    next_id = 1
+    if known is not None:
+        next_id = known.next_id
+        taken: set[int] = set()
+        for _, piece, place in sorted(_overlaps(pieces, grid, label_names, known)):
+            if not ids[piece] and place not in taken:
+                ids[piece] = place
+                taken.add(place)
+    for piece in _reading_order(pieces, grid):
+        if not ids[piece]:
+            ids[piece] = next_id
+            next_id += 1
+    return ids, next_id
+
+
+def _overlaps(
+    pieces: Components, grid: OccupancyGrid, label_names: Sequence[str], known: KnownPlaces
+) -> list[tuple[float, int, int]]:
+    """Pieces and places that may be the same, the most alike first: (-share, piece, place)."""
+    cells = np.argwhere(known.region > 0)
+    place = known.region[cells[:, 0], cells[:, 1]].astype(np.int64)
+    there = grid.cells_at_m(known.grid.cell_centres_m(cells))
+    inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
+    piece = np.full(len(cells), -1, np.int64)
+    piece[inside] = pieces.piece[there[inside, 0], there[inside, 1]]
+    hit = piece >= 0
+    n_places = int(place.max(initial=0)) + 1
+    keys, counts = np.unique(piece[hit] * n_places + place[hit], return_counts=True)
+    old_m2 = np.bincount(place, minlength=n_places) * known.grid.resolution_m**2
+    new_m2 = pieces.size * grid.resolution_m**2
+    found = []
+    for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
+        new, old = divmod(key, n_places)
+        if label_names[pieces.label[new]] != known.labels.get(old):
+            continue
+        common = count * known.grid.resolution_m**2
+        share = common / (new_m2[new] + old_m2[old] - common)
+        if share >= SAME_PLACE:
+            found.append((-float(share), new, old))
+    return found
+
+
+def _reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
+    """Pieces in rows of places from the top, each from the left, by their mean cells."""
+    flat = pieces.piece.ravel()
+    inside = np.flatnonzero(flat >= 0)
+    numbers = flat[inside]
+    rows, columns = (
+        np.bincount(numbers, part, pieces.count) / pieces.size
+        for part in np.divmod(inside, pieces.piece.shape[1])
+    )
+    band = np.floor((grid.shape[0] - rows) * grid.resolution_m / ROW_M)
+    return np.lexsort((columns, band))
+
+
+def name_places(
+    ids: Sequence[int],
+    labels: Sequence[str],
+    *,
+    known: Mapping[int, str] | None = None,
+    own: Mapping[int, str] | None = None,
+) -> list[str]:
+    """A name per place: the user's, else the known one, else the class and a number.
+
+    Parameters
+    ----------
+    ids, labels : sequences
+        Id and class of each place.
+    known : mapping of int to str
+        Names from an earlier run.
+    own : mapping of int to str
+        The user's names.
+
+    Raises
+    ------
+    LabelError
+        Two places have the same name.
+
+    Examples
+    --------
+    >>> name_places([1, 2, 3], ["room", "corridor", "room"], own={3: "kitchen"})
+    ['room 1', 'corridor 1', 'kitchen']
+    """
+    names = {**(known or {}), **(own or {})}
+    used = set(names.values())
+    given: dict[int, str] = {}
+    numbers: Counter[str] = Counter()
+    for place, label in sorted(zip(ids, labels, strict=True)):
+        while place not in names and place not in given:
+            numbers[label] += 1
+            candidate = f"{label} {numbers[label]}"
+            if candidate not in used:
+                given[place] = candidate
+    result = [names.get(place) or given[place] for place in ids]
+    twice = [name for name, count in Counter(result).items() if count > 1]
+    if twice:
+        places = [str(place) for place, name in zip(ids, result, strict=True) if name == twice[0]]
+        raise LabelError(
+            f"places {' and '.join(places)} are both named {twice[0]!r}; give one another name"
+        )
+    return result

@@ -1,0 +1,143 @@
+"""Regions: pieces of a labelled map with area, outline, anchor and confidence."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import frozen
+from pgm_places.errors import InputError
+from pgm_places.grid import OccupancyGrid
+from pgm_places.topology.clearance import squared_depth
+from pgm_places.topology.components import Components
+from pgm_places.topology.outlines import outlines
+
+__all__ = ["Polygon", "Region", "describe_regions"]
+
+Polygon = tuple[NDArray[np.float64], ...]
+"""Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A place: cells of one label that hang together.
+
+    Parameters
+    ----------
+    id : int
+        At least 1; the same from run to run as far as the region can be recognised.
+    name : str
+        What to call it, unique on its map.
+    label : str
+        Its class.
+    area_m2 : float
+        Area of its cells.
+    perimeter_m : float
+        Length of its simplified outline, holes included.
+    confidence : float or None
+        Mean probability of its label over its cells, where probabilities are known.
+    box_m : (float, float, float, float)
+        Smallest x, smallest y, largest x, largest y of its outline in the map frame.
+    anchor_m : (float, float)
+        Centre of the largest circle inside it: a point of the region, never in a wall.
+    clearance_m : float
+        How much room there is around the anchor: the distance to the nearest cell that is not free.
+    polygons : tuple of polygons
+        Its outline in the map frame, one polygon per part that hangs together by sides of cells.
+    """
+
+    id: int
+    name: str
+    label: str
+    area_m2: float
+    perimeter_m: float
+    confidence: float | None
+    box_m: tuple[float, float, float, float]
+    anchor_m: tuple[float, float]
+    clearance_m: float
+    polygons: tuple[Polygon, ...]
+
+
+def describe_regions(
+    pieces: Components,
+    grid: OccupancyGrid,
+    label_names: Sequence[str],
+    clearance: NDArray[np.int32],
+    *,
+    ids: Sequence[int],
+    names: Sequence[str],
+    probability: NDArray[np.float32] | None = None,
+    tolerance: float = 1.5,
+) -> list[Region]:
+    """A region per piece, in the order of the pieces.
+
+    Parameters
+    ----------
+    pieces : Components
+    grid : OccupancyGrid
+        The map that the pieces lie on; only its frame is used.
+    label_names : sequence of str
+    clearance : (H, W) int32
+        Squared distance in cells to the nearest cell that is not free.
+    ids, names : sequences
+        One per piece.
+    probability : (H, W) float32 or None
+        Probability of each cell's final label, NaN where it is not known.
+    tolerance : float
+        How far an outline may be from the cells' corners, in cells.
+    """
+    if pieces.piece.shape != grid.shape:
+        raise InputError(f"pieces must have the map's shape {grid.shape}, got {pieces.piece.shape}")
+    anchors = _anchors(pieces, clearance)
+    centres = grid.cell_centres_m(anchors)
+    confidences = _confidences(pieces, probability)
+    found = []
+    for k, outline in enumerate(outlines(pieces.piece, pieces.count, tolerance=tolerance)):
+        polygons = tuple(
+            tuple(_in_metres(ring, grid) for ring in rings) for rings in outline.polygons
+        )
+        shell = np.concatenate([rings[0] for rings in polygons])
+        low, high = shell.min(axis=0), shell.max(axis=0)
+        room = np.sqrt(float(clearance[anchors[k, 0], anchors[k, 1]])) - 0.5
+        found.append(
+            Region(
+                id=int(ids[k]),
+                name=names[k],
+                label=label_names[pieces.label[k]],
+                area_m2=float(pieces.size[k]) * grid.resolution_m**2,
+                perimeter_m=outline.length * grid.resolution_m,
+                confidence=confidences[k],
+                box_m=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+                anchor_m=(float(centres[k, 0]), float(centres[k, 1])),
+                clearance_m=max(0.0, room) * grid.resolution_m,
+                polygons=polygons,
+            )
+        )
+    return found
+
+
+def _anchors(pieces: Components, clearance: NDArray[np.int32]) -> NDArray[np.int32]:
+    from pgm_places.topology._region_kernels import anchor_cells
+
+    anchor = np.full((pieces.count, 2), -1, np.int32)
+    anchor_cells(pieces.piece, squared_depth(pieces.piece), clearance, anchor)
+    return anchor
+
+
+def _confidences(pieces: Components, probability: NDArray[np.float32] | None) -> list[float | None]:
+    if probability is None:
+        return [None] * pieces.count
+    known = (pieces.piece >= 0) & np.isfinite(probability)
+    numbers = pieces.piece[known]
+    counts = np.bincount(numbers, minlength=pieces.count)
+    sums = np.bincount(numbers, probability[known], minlength=pieces.count)
+    return [
+        float(total / count) if count else None for total, count in zip(sums, counts, strict=True)
+    ]
+
+
+def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float64]:
+    # Corner (row, column) of the raster is half a cell below and left of that cell's centre.
+    points: NDArray[np.float64] = frozen(grid.cell_centres_m(ring - 0.5))
+    return points

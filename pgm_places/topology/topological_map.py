@@ -1,0 +1,222 @@
+"""The topological map: places as nodes, passages between them as edges, and questions to it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import frozen, nearest_name
+from pgm_places.errors import InputError
+from pgm_places.grid import OccupancyGrid
+from pgm_places.topology.corrections import Correction
+from pgm_places.topology.naming import KnownPlaces
+from pgm_places.topology.regions import Region
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+__all__ = ["Connection", "TopologicalMap"]
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Two regions that touch.
+
+    Parameters
+    ----------
+    first, second : int
+        Ids of the regions, the smaller first.
+    point_m : (float, float)
+        The point of their border with most room around it.
+    width_m : float
+        Diameter of a disc that passes there.
+    border_m : float
+        Length of their border along sides of cells; 0 where they touch at corners only.
+    """
+
+    first: int
+    second: int
+    point_m: tuple[float, float]
+    width_m: float
+    border_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class TopologicalMap:
+    """Places of a map and how they are connected (paper section 6.2, Fig. 9).
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map that the places lie on.
+    region : (H, W) int32
+        Id of the region at each cell, 0 where there is none.
+    regions : tuple of Region
+        By increasing id.
+    connections : tuple of Connection
+        Sorted by ids.
+    label_names : tuple of str
+    doorway_label : str
+        The class whose regions lead from one place to another.
+    corrections : tuple of Correction
+        What was relabelled before regions were formed.
+    next_id : int
+        The first id that has never been given away.
+    """
+
+    grid: OccupancyGrid
+    region: NDArray[np.int32]
+    regions: tuple[Region, ...]
+    connections: tuple[Connection, ...]
+    label_names: tuple[str, ...]
+    doorway_label: str = "doorway"
+    corrections: tuple[Correction, ...] = ()
+    next_id: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "region", frozen(self.region))
+        if self.region.shape != self.grid.shape:
+            raise InputError(
+                f"region must have the map's shape {self.grid.shape}, got {self.region.shape}"
+            )
+
+    def __repr__(self) -> str:
+        return (
+            f"TopologicalMap({len(self.regions)} regions, {len(self.connections)} connections on "
+            f"{self.grid.shape[0]} x {self.grid.shape[1]} cells)"
+        )
+
+    @cached_property
+    def _by_id(self) -> dict[int, Region]:
+        return {region.id: region for region in self.regions}
+
+    @cached_property
+    def _by_name(self) -> dict[str, Region]:
+        return {region.name: region for region in self.regions}
+
+    def place(self, key: int | str) -> Region:
+        """The region of an id or a name.
+
+        Raises
+        ------
+        InputError
+            There is no such region; the message offers the nearest name.
+        """
+        found = self._by_id.get(key) if isinstance(key, int) else self._by_name.get(key)
+        if found is None:
+            hint = nearest_name(str(key), list(self._by_name))
+            raise InputError(f"no place is called {key!r}; {hint}")
+        return found
+
+    def region_at(self, x_m: float, y_m: float) -> Region | None:
+        """The region at a position of the map frame, or None where there is none."""
+        [(row, column)] = self.grid.cells_at_m([[x_m, y_m]]).tolist()
+        height, width = self.grid.shape
+        if not (0 <= row < height and 0 <= column < width):
+            return None
+        return self._by_id.get(int(self.region[row, column]))
+
+    def neighbours(self, key: int | str) -> list[Region]:
+        """The regions that touch a region, by id."""
+        return [self._by_id[other] for other in sorted(self.graph[self.place(key).id])]
+
+    def path(self, start: int | str, end: int | str) -> list[Region]:
+        """The regions to pass from one to another, both included, along the shortest way.
+
+        Raises
+        ------
+        InputError
+            One of them is unknown, or no way leads from one to the other.
+        """
+        import networkx as nx
+
+        first, last = self.place(start), self.place(end)
+        try:
+            ids = nx.shortest_path(self.graph, first.id, last.id, weight="length_m")
+        except nx.NetworkXNoPath:
+            raise InputError(f"no way leads from {first.name!r} to {last.name!r}") from None
+        return [self._by_id[number] for number in ids]
+
+    @cached_property
+    def graph(self) -> "nx.Graph[int]":
+        """Regions as nodes, connections as edges, with plain numbers and texts as attributes.
+
+        Nodes have ``name``, ``label``, ``area_m2``, ``x_m``, ``y_m`` (the anchor), ``clearance_m``
+        and ``confidence`` where it is known; edges ``x_m``, ``y_m``, ``width_m``, ``border_m`` and
+        ``length_m``, the way from anchor to anchor through the passage.
+        """
+        import networkx as nx
+
+        graph: nx.Graph[int] = nx.Graph()
+        for region in self.regions:
+            known = {} if region.confidence is None else {"confidence": region.confidence}
+            graph.add_node(
+                region.id,
+                name=region.name,
+                label=region.label,
+                area_m2=region.area_m2,
+                x_m=region.anchor_m[0],
+                y_m=region.anchor_m[1],
+                clearance_m=region.clearance_m,
+                **known,
+            )
+        for item in self.connections:
+            ends = [self._by_id[number].anchor_m for number in (item.first, item.second)]
+            graph.add_edge(
+                item.first,
+                item.second,
+                x_m=item.point_m[0],
+                y_m=item.point_m[1],
+                width_m=item.width_m,
+                border_m=item.border_m,
+                length_m=sum(float(np.hypot(*np.subtract(end, item.point_m))) for end in ends),
+            )
+        return graph
+
+    @cached_property
+    def place_graph(self) -> "nx.MultiGraph[int]":
+        """Rooms, corridors and the like as nodes; doorways and open passages as edges.
+
+        Each doorway joins every two of the places that it touches by an edge with its id as
+        ``doorway``, its anchor as ``x_m``, ``y_m``, and as ``width_m`` the narrower of its two
+        passages; ``doorway`` is 0 where two places touch without one. Doorways that touch each
+        other count as one, with the smallest id.
+        """
+        import networkx as nx
+
+        graph: nx.MultiGraph[int] = nx.MultiGraph()
+        doors = [r.id for r in self.regions if r.label == self.doorway_label]
+        graph.add_nodes_from(
+            (number, values) for number, values in self.graph.nodes.items() if number not in doors
+        )
+        for a, b, values in self.graph.edges(data=True):
+            if a in graph and b in graph:
+                graph.add_edge(a, b, doorway=0, **values)
+        for group in nx.connected_components(self.graph.subgraph(doors)):
+            door = min(group)
+            x, y = self._by_id[door].anchor_m
+            width: dict[int, float] = {}
+            for member in group:
+                for place in set(self.graph[member]) - group:
+                    here = self.graph[member][place]["width_m"]
+                    width[place] = max(here, width.get(place, 0.0))
+            places = sorted(width)
+            for k, a in enumerate(places):
+                for b in places[k + 1 :]:
+                    graph.add_edge(
+                        a, b, doorway=door, x_m=x, y_m=y, width_m=min(width[a], width[b])
+                    )
+        return graph
+
+    @property
+    def known_places(self) -> KnownPlaces:
+        """What the next run needs to recognise these places."""
+        return KnownPlaces(
+            self.grid,
+            self.region,
+            {region.id: region.label for region in self.regions},
+            {region.id: region.name for region in self.regions},
+            self.next_id,
+        )

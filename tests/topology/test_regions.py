@@ -1,0 +1,131 @@
+"""Regions and passages of small floors, rotated ones included, worked out by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.topology.borders import contacts
+from pgm_places.topology.clearance import squared_clearance
+from pgm_places.topology.components import connected_components
+from pgm_places.topology.passages import find_passages
+from pgm_places.topology.regions import Region, describe_regions
+
+NAMES = ("corridor", "room", "doorway")
+
+
+def described(labels: np.ndarray, **frame: object) -> tuple[OccupancyGrid, list[Region]]:
+    grid = OccupancyGrid(
+        np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8),
+        **{"resolution_m": 0.5, **frame},  # type: ignore[arg-type]
+    )
+    pieces = connected_components(labels)
+    numbers = range(1, pieces.count + 1)
+    regions = describe_regions(
+        pieces,
+        grid,
+        NAMES,
+        squared_clearance(~grid.free),
+        ids=list(numbers),
+        names=[f"place {n}" for n in numbers],
+    )
+    return grid, regions
+
+
+def test_a_room_of_three_by_five_cells() -> None:
+    labels = np.full((5, 7), -1, np.int16)
+    labels[1:4, 1:6] = 1
+    _, [room] = described(labels)
+    assert room.label == "room"
+    assert room.area_m2 == pytest.approx(15 * 0.25)
+    assert room.perimeter_m == pytest.approx(16 * 0.5)
+    assert room.box_m == pytest.approx((0.5, 0.5, 3.0, 2.0))
+    assert room.anchor_m == pytest.approx((1.25, 1.25))  # the first of three equal cells
+    assert room.clearance_m == pytest.approx(0.75)  # a cell and a half to the wall's face
+    assert room.confidence is None
+
+
+def test_everything_turns_with_the_map() -> None:
+    labels = np.full((6, 9), -1, np.int16)
+    labels[1:5, 1:4] = 1
+    labels[2:4, 4] = 2
+    labels[1:5, 5:8] = 0
+    _, plain = described(labels)
+    yaw, origin = 0.7, (3.0, -2.0)
+    _, turned = described(labels, yaw_rad=yaw, origin_xy_m=origin)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    for before, after in zip(plain, turned, strict=True):
+        assert after.area_m2 == pytest.approx(before.area_m2)
+        assert after.perimeter_m == pytest.approx(before.perimeter_m)
+        assert after.anchor_m == pytest.approx(tuple(turn @ before.anchor_m + origin))
+        for rings_before, rings_after in zip(before.polygons, after.polygons, strict=True):
+            for ring_before, ring_after in zip(rings_before, rings_after, strict=True):
+                np.testing.assert_allclose(
+                    ring_after, ring_before @ turn.T + origin, rtol=0, atol=1e-12
+                )
+        xs, ys = after.polygons[0][0].T
+        assert after.box_m == pytest.approx((xs.min(), ys.min(), xs.max(), ys.max()))
+
+
+@settings(deadline=None)
+@given(
+    labels=arrays(
+        np.int16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 1)
+    )
+)
+def test_anchors_lie_in_their_regions(labels: np.ndarray) -> None:
+    grid, regions = described(labels, yaw_rad=0.3)
+    pieces = connected_components(labels)
+    for number, region in enumerate(regions):
+        [(row, column)] = grid.cells_at_m([region.anchor_m])
+        assert pieces.piece[row, column] == number
+
+
+def test_confidence_is_the_mean_over_known_cells() -> None:
+    labels = np.array([[0, 0, 0, 1]], np.int16)
+    grid = OccupancyGrid(np.zeros((1, 4), np.int8), 1.0)
+    found = describe_regions(
+        connected_components(labels),
+        grid,
+        NAMES,
+        squared_clearance(~grid.free),
+        ids=[1, 2],
+        names=["a", "b"],
+        probability=np.array([[0.5, 1.0, np.nan, np.nan]], np.float32),
+    )
+    assert found[0].confidence == pytest.approx(0.75)
+    assert found[1].confidence is None
+
+
+def test_a_doorway_five_cells_wide() -> None:
+    labels = np.full((9, 9), -1, np.int16)
+    labels[1:4, 1:8] = 0
+    labels[4, 2:7] = 2
+    labels[5:8, 1:8] = 1
+    pieces = connected_components(labels)
+    found = find_passages(pieces.piece, pieces.count, squared_clearance(labels < 0))
+    assert found.pairs.tolist() == [[0, 1], [1, 2]]
+    assert found.sides.tolist() == [5, 5]
+    assert found.middle_rc.tolist() == [[3.5, 4.0], [4.5, 4.0]]
+    assert found.width == pytest.approx([5.0, 5.0])
+
+
+@settings(deadline=None)
+@given(
+    labels=arrays(
+        np.int16, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.integers(-1, 2)
+    )
+)
+def test_passages_lie_on_the_borders_of_their_pairs(labels: np.ndarray) -> None:
+    pieces = connected_components(labels)
+    found = find_passages(pieces.piece, pieces.count, squared_clearance(labels < 0))
+    assert (found.pairs == contacts(pieces.piece, pieces.count).pairs).all()
+    for (i, j), (row, column) in zip(found.pairs, found.middle_rc, strict=True):
+        around = {
+            int(pieces.piece[int(r), int(c)])
+            for r in (np.floor(row), np.ceil(row))
+            for c in (np.floor(column), np.ceil(column))
+        }
+        assert {int(i), int(j)} <= around

@@ -1,0 +1,155 @@
+"""Places, their connections, and what can be asked of them."""
+
+import numpy as np
+import pytest
+
+from pgm_places.coarsening import coarsen
+from pgm_places.errors import InputError, LabelError
+from pgm_places.graph import LabelGraph
+from pgm_places.layout import GridLayout
+from pgm_places.topology.from_labels import topological_map
+from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
+
+
+def test_the_floor_has_seven_places_and_six_connections() -> None:
+    found = floor_map()
+    assert [r.name for r in found.regions] == [
+        *("room 1", "room 2", "room 3"),
+        *("doorway 1", "doorway 2", "corridor 1", "doorway 3"),
+    ]
+    assert [r.id for r in found.regions] == list(range(1, 8))
+    pairs = [(c.first, c.second) for c in found.connections]
+    assert pairs == [(1, 4), (2, 5), (3, 7), (4, 6), (5, 6), (6, 7)]
+    for connection in found.connections:
+        assert connection.border_m == pytest.approx(1.5)
+        assert connection.width_m == pytest.approx(1.5)
+    assert found.connections[0].point_m == pytest.approx((2.25, 2.5))
+
+
+def test_questions() -> None:
+    found = floor_map(yaw_rad=0.4, origin_xy_m=(5.0, -3.0))
+    way = found.path("room 1", "room 3")
+    assert [r.name for r in way] == ["room 1", "doorway 1", "corridor 1", "doorway 3", "room 3"]
+    assert [r.name for r in found.neighbours("corridor 1")] == [
+        "doorway 1",
+        "doorway 2",
+        "doorway 3",
+    ]
+    assert [r.name for r in found.neighbours(1)] == ["doorway 1"]
+    for region in found.regions:
+        assert found.region_at(*region.anchor_m) is region
+    assert found.region_at(-100.0, 0.0) is None
+    [[x, y]] = found.grid.cell_centres_m([[0, 0]])
+    assert found.region_at(x, y) is None  # a wall
+
+
+def test_unknown_places_and_missing_ways() -> None:
+    labels = floor_labels()
+    labels[4, 3:6] = -1  # the first doorway is walled up
+    found = topological_map(floor_grid(labels), labels, NAMES)
+    with pytest.raises(InputError, match="no way leads from 'room 1' to 'room 2'"):
+        found.path("room 1", "room 2")
+    with pytest.raises(InputError, match="no place is called 'rom 1'; did you mean 'room 1'"):
+        found.place("rom 1")
+    with pytest.raises(InputError, match="no place is called 99"):
+        found.place(99)
+
+
+def test_places_are_joined_by_doorways() -> None:
+    places = floor_map().place_graph
+    edges = sorted((a, b, values["doorway"]) for a, b, values in places.edges(data=True))
+    assert edges == [(1, 6, 4), (2, 6, 5), (3, 6, 7)]
+    assert places.nodes[6]["name"] == "corridor 1"
+    assert places.edges[1, 6, 0]["width_m"] == pytest.approx(1.5)
+
+
+def test_touching_doorways_count_as_one_and_rooms_may_touch() -> None:
+    labels = np.array([[1, 1, 2, -1, 0, 0], [1, 1, -1, 2, 0, 0]], np.int16)
+    labels[0, 2], labels[1, 3] = 2, 2
+    found = topological_map(floor_grid(labels), labels, NAMES, correct=False)
+    assert [tuple(e[:2]) for e in found.place_graph.edges] == [(1, 3)]
+    open_plan = np.array([[1, 1, 0, 0]], np.int16)
+    found = topological_map(floor_grid(open_plan), open_plan, NAMES, correct=False)
+    assert [values["doorway"] for *_, values in found.place_graph.edges(data=True)] == [0]
+
+
+def test_ids_and_names_survive_a_change_of_the_map() -> None:
+    before = floor_map()
+    labels = floor_labels()
+    labels[5:10, 9:16] = -1  # the second room is gone with its doorway
+    labels[4, 11:14] = -1
+    labels[9, 1:8] = -1  # the first is smaller
+    grown = np.pad(labels, ((2, 3), (4, 4)), constant_values=-1)
+    grown[6:10, 1:4] = 1  # and there is a new one on the left
+    after = topological_map(
+        floor_grid(grown, origin_xy_m=(-2.0, -1.0)), grown, NAMES, known=before.known_places
+    )
+    assert [(r.id, r.name) for r in after.regions] == [
+        (1, "room 1"),
+        (3, "room 3"),
+        (4, "doorway 1"),
+        (6, "corridor 1"),
+        (7, "doorway 3"),
+        (8, "room 4"),
+    ]
+    assert after.next_id == 9
+
+
+def test_ids_survive_another_resolution() -> None:
+    before = floor_map()
+    labels = np.repeat(np.repeat(floor_labels(), 2, axis=0), 2, axis=1)
+    grid = floor_grid(labels, resolution_m=0.25)
+    after = topological_map(grid, labels, NAMES, known=before.known_places)
+    assert [(r.id, r.name) for r in after.regions] == [(r.id, r.name) for r in before.regions]
+
+
+def test_a_place_of_another_class_is_another_place() -> None:
+    before = floor_map()
+    labels = floor_labels()
+    labels[5:10, 1:8] = 0
+    labels[4, 3:6] = -1
+    after = topological_map(floor_grid(labels), labels, NAMES, known=before.known_places)
+    assert [(r.id, r.name) for r in after.regions if r.label == "corridor"] == [
+        (6, "corridor 1"),
+        (8, "corridor 2"),
+    ]
+
+
+def test_the_users_names_win_and_must_differ() -> None:
+    labels = floor_labels()
+    grid = floor_grid(labels)
+    found = topological_map(grid, labels, NAMES, own_names={2: "kitchen"})
+    assert found.place("kitchen").id == 2
+    with pytest.raises(LabelError, match="places 2 and 3 are both named 'kitchen'"):
+        topological_map(grid, labels, NAMES, own_names={2: "kitchen", 3: "kitchen"})
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_confidence_is_the_mean_belief_in_the_final_label(factor: int) -> None:
+    labels = np.repeat(np.repeat(floor_labels(), 2, axis=0), 2, axis=1)
+    grid = floor_grid(labels)
+    coarse = grid if factor == 1 else coarsen(grid, 1.0)
+    layout = LabelGraph.from_grid(coarse).layout
+    assert isinstance(layout, GridLayout)
+    beliefs = np.tile([0.2, 0.7, 0.1], (len(layout.cells_rc), 1))
+    found = topological_map(grid, labels, NAMES, beliefs=beliefs, layout=layout)
+    assert found.place("room 1").confidence == pytest.approx(0.7)
+    assert found.place("corridor 1").confidence == pytest.approx(0.2)
+    with pytest.raises(InputError, match="pass layout as well"):
+        topological_map(grid, labels, NAMES, beliefs=beliefs)
+
+
+def test_corrections_are_kept_and_can_be_left_out() -> None:
+    labels = floor_labels()
+    labels[2, 12] = 1
+    found = topological_map(floor_grid(labels), labels, NAMES)
+    assert [(c.was, c.became) for c in found.corrections] == [("room", "corridor")]
+    assert len(found.regions) == 7
+    assert len(topological_map(floor_grid(labels), labels, NAMES, correct=False).regions) == 8
+
+
+def test_labels_of_walls_are_not_looked_at() -> None:
+    labels = floor_labels()
+    grid = floor_grid(labels)
+    filled = np.where(labels < 0, 1, labels)
+    assert len(topological_map(grid, filled, NAMES).regions) == 7
