@@ -101,7 +101,7 @@ thead .group { text-align: center; }
   display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 26rem), 1fr));
   gap: 1rem 1.5rem; margin-bottom: 1rem;
 }
-.small { grid-template-columns: repeat(auto-fill, minmax(min(100%, 19rem), 1fr)); }
+.small { grid-template-columns: repeat(auto-fill, minmax(min(100%, 15rem), 1fr)); }
 .map, .chart { margin: 0; min-width: 0; }
 .map button {
   display: block; width: 100%; padding: 0; border: 1px solid var(--rule); border-radius: .3rem;
