@@ -20,7 +20,7 @@ from pgm_places.errors import InputError
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
 NODES_PER_TASK = 4096
-TASKS_PER_THREAD = 8  # fewer tasks than this a thread and starting threads costs more than it saves
+TASKS_PER_THREAD = 4  # fewer tasks than this a thread and starting threads costs more than it saves
 
 OnIteration = Callable[[int, float, Callable[[], NDArray[np.float64]]], None]
 """Called after each iteration with its number from 1, the largest change of a belief, and a
