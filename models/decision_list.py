@@ -189,9 +189,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         if isinstance(self.order, str):
             _one_of("order", self.order, _ORDERS)
             return None
-        names = classes.tolist()
-        wanted = np.asarray(self.order).tolist()
-        if sorted(map(str, wanted)) != sorted(map(str, names)):
+        names, wanted = classes.tolist(), np.asarray(self.order).tolist()
+        if len(wanted) != len(names) or any(name not in wanted for name in names):
             raise InputError(f"order must name each class of y once: {names}, got {wanted}")
         return tuple(names.index(name) for name in wanted)
 

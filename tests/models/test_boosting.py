@@ -1,0 +1,303 @@
+import inspect
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from pgm_places.errors import InputError
+from pgm_places.models import sorted_features
+from pgm_places.models.boosting import AdaBoostStumps
+from pgm_places.models.boosting_rounds import MAX_EDGE, boost
+from pgm_places.models.sorted_features import prepare
+from pgm_places.models.strong_classifier import StrongClassifier, score_all
+from tests.reference import boosting as reference
+
+
+@parametrize_with_checks([AdaBoostStumps(n_rounds=10)])
+def test_keeps_the_contract_of_scikit_learn(estimator: Any, check: Any) -> None:
+    check(estimator)
+
+
+def stumps_of(model: AdaBoostStumps) -> list[tuple[int, float, int]]:
+    return list(
+        zip(
+            model.feature_.tolist(),
+            model.threshold_.tolist(),
+            model.polarity_.tolist(),
+            strict=True,
+        )
+    )
+
+
+def assert_same_stumps(model: AdaBoostStumps, wanted: list[reference.Stump]) -> None:
+    assert stumps_of(model) == [stump[:3] for stump in wanted]
+    np.testing.assert_allclose(model.alpha_, [stump[3] for stump in wanted], rtol=1e-9, atol=0)
+
+
+@st.composite
+def training_sets(draw: st.DrawFn) -> tuple[Any, Any, Any]:
+    """Continuous, tied, sparse, repeated and constant columns; weights with zeros."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    n, n_features = draw(st.integers(4, 120)), draw(st.integers(1, 6))
+    X = rng.normal(size=(n, n_features))
+    for j in range(n_features):
+        kind = draw(st.sampled_from(["normal", "tied", "sparse", "scaled", "constant", "binary"]))
+        if kind == "tied":
+            X[:, j] = np.round(2 * X[:, j])
+        elif kind == "sparse":
+            X[:, j] *= rng.random(n) < 0.1
+        elif kind == "scaled":
+            X[:, j] = 3 * X[:, 0]
+        elif kind == "constant":
+            X[:, j] = 7.0
+        elif kind == "binary":
+            X[:, j] = X[:, j] > 0.5
+    noise = draw(st.sampled_from([0.0, 0.5, 3.0]))
+    y = np.where(X[:, 0] + noise * rng.normal(size=n) > 0, 1.0, -1.0)
+    y[:2], weights = [1, -1], np.ones(n)
+    if draw(st.booleans()):
+        weights = rng.integers(0, 4, n).astype(float)
+        weights[:2] = 1
+    return X.astype(np.float32), y, weights
+
+
+@settings(max_examples=60, deadline=None)
+@given(training_sets())
+def test_finds_the_stumps_of_the_exhaustive_search(data: tuple[Any, Any, Any]) -> None:
+    X, y, weights = data
+    model = AdaBoostStumps(n_rounds=12, n_threads=1).fit(X, y, sample_weight=weights)
+    assert_same_stumps(model, reference.boost(X, y, weights, 12))
+
+
+def large_set(n: int = 40_000) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(n, 9)).astype(np.float32)
+    X[:, 1] = np.round(4 * X[:, 1])
+    X[:, 4] = np.round(500 * X[:, 4]) * (rng.random(n) < 0.2)
+    X[:, 6] = np.exp(X[:, 5])
+    X[:, 8] = np.cumsum(X[:, 8])
+    y = np.where(X[:, 0] ** 2 + X[:, 3] + 0.01 * X[:, 4] + rng.normal(size=n) > 1.5, 1.0, -1.0)
+    return X, y
+
+
+@pytest.mark.parametrize("n", [5_000, 40_000])
+def test_finds_the_stumps_of_a_sorted_sweep_on_large_data(n: int) -> None:
+    X, y = large_set(n)
+    model = AdaBoostStumps(n_rounds=15).fit(X, y)
+    assert_same_stumps(model, reference.boost_sorted(X, y, np.ones(n), 15))
+
+
+@pytest.mark.parametrize("limit", [2, 5, 64])
+def test_coarse_bins_do_not_change_the_stumps(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    X, y = large_set(600)
+    wanted = reference.boost(X, y, np.ones(600), 8)
+    monkeypatch.setattr(sorted_features, "_coarse_limit", lambda n: limit)
+    assert_same_stumps(AdaBoostStumps(n_rounds=8).fit(X, y), wanted)
+
+
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    X, y = large_set(10_000)
+    models = [AdaBoostStumps(n_rounds=20, n_threads=count).fit(X, y) for count in (1, 2, 5)]
+    for model in models[1:]:
+        assert stumps_of(model) == stumps_of(models[0])
+        np.testing.assert_array_equal(model.alpha_, models[0].alpha_)
+        np.testing.assert_array_equal(model.decision_function(X), models[0].decision_function(X))
+
+
+def test_among_equal_stumps_the_lowest_column_then_the_lowest_threshold_wins() -> None:
+    x = np.array([0, 1, 2, 3, 4, 5], np.float32)
+    y = np.array([1, 0, 1, 0, 1, 0])  # splits at 0.5, 2.5 and 4.5 are equally good
+    X = np.stack([np.zeros(6), -x, x, x], axis=1)
+    model = AdaBoostStumps(n_rounds=1).fit(X, y)
+    assert stumps_of(model) == [(1, -4.5, -1)]
+    assert stumps_of(AdaBoostStumps(n_rounds=1).fit(X[:, 2:], y)) == [(0, 0.5, 1)]
+
+
+def test_a_weight_equals_copies_and_zero_weight_equals_absence() -> None:
+    X, y = large_set(300)
+    weights = np.random.default_rng(2).integers(0, 4, 300)
+    weighted = AdaBoostStumps(n_rounds=25).fit(X, y, sample_weight=weights)
+    copied = AdaBoostStumps(n_rounds=25).fit(np.repeat(X, weights, axis=0), np.repeat(y, weights))
+    assert stumps_of(weighted) == stumps_of(copied)
+    np.testing.assert_allclose(weighted.alpha_, copied.alpha_, rtol=1e-9, atol=0)
+
+
+def test_a_perfect_stump_ends_boosting_with_a_finite_alpha() -> None:
+    model = AdaBoostStumps().fit([[0.0], [1.0], [5.0], [6.0]], [0, 0, 1, 1])
+    assert stumps_of(model) == [(0, 3.0, -1)]
+    np.testing.assert_allclose(
+        model.alpha_, 0.5 * np.log((1 + MAX_EDGE) / (1 - MAX_EDGE)), rtol=1e-9
+    )
+    assert model.predict_proba([[9.0]])[0, 1] > 1 - 1e-9
+
+
+@pytest.mark.parametrize("X", [np.ones((4, 2)), np.array([[0.0], [1.0], [0.0], [1.0]])])
+def test_without_information_there_is_no_stump(X: NDArray[np.float64]) -> None:
+    model = AdaBoostStumps().fit(X, [0, 0, 1, 1])
+    assert len(model.feature_) == 0 and len(model.used_features_) == 0
+    np.testing.assert_array_equal(model.decision_function(X), np.zeros(4))
+    np.testing.assert_array_equal(model.predict(X), np.zeros(4))
+    np.testing.assert_array_equal(model.predict_proba(X), np.full((4, 2), 0.5))
+
+
+def test_boosting_stops_below_the_tolerance() -> None:
+    X, y = large_set(500)
+    edges: list[float] = []
+    AdaBoostStumps(n_rounds=60, on_round=lambda t, r: edges.append(r)).fit(X, y)
+    tolerance = float(np.median(edges))
+    model = AdaBoostStumps(n_rounds=60, tolerance=tolerance).fit(X, y)
+    assert len(model.feature_) == int(np.argmax(np.array(edges) < tolerance))
+
+
+def test_prediction_agrees_with_training_on_every_example() -> None:
+    """The r of each round, recomputed from predictions, is the r that training reported."""
+    X, y = large_set(3_000)
+    edges: list[float] = []
+    model = AdaBoostStumps(n_rounds=40, on_round=lambda t, r: edges.append(r)).fit(X, y)
+    weights = np.where(y > 0, 1 / (y > 0).sum(), 1 / (y < 0).sum()) / 2
+    before = np.zeros(len(X))
+    for t, after in enumerate(model.staged_decision_function(X)):
+        output = np.sign(after - before)
+        assert (weights * y * output).sum() == pytest.approx(edges[t], rel=1e-9, abs=1e-12)
+        weights = weights * np.exp(-model.alpha_[t] * y * output)
+        weights /= weights.sum()
+        before = after
+    np.testing.assert_array_equal(before, model.decision_function(X))
+    wanted = reference.score(
+        [(*stump, a) for stump, a in zip(stumps_of(model), model.alpha_, strict=True)], X
+    )
+    np.testing.assert_allclose(before, wanted, rtol=0, atol=1e-12)
+
+
+def test_thresholds_separate_neighbouring_float32_values() -> None:
+    low = np.float32(1.0)
+    high = np.nextafter(low, np.float32(2.0))
+    X = np.array([[low], [low], [high], [high]])
+    for labels in ([0, 0, 1, 1], [1, 1, 0, 0]):
+        model = AdaBoostStumps().fit(X, labels)
+        assert float(low) < model.threshold_[0] < float(high)
+        np.testing.assert_array_equal(model.predict(X), labels)
+
+
+def test_values_that_differ_below_float32_are_equal() -> None:
+    X = np.array([[1.0], [1.0 + 1e-12], [2.0], [2.0 + 1e-12]])
+    model = AdaBoostStumps().fit(X, [0, 1, 0, 1])
+    assert len(model.feature_) == 0
+
+
+@pytest.mark.parametrize("polarity", [1, -1])
+def test_a_value_on_the_threshold_is_negative_for_both_polarities(polarity: int) -> None:
+    stump = StrongClassifier(np.array([0]), np.array([1.5]), np.array([polarity]), np.array([0.25]))
+    X = np.array([[1.0], [1.5], [2.0]], np.float32)
+    np.testing.assert_array_equal(
+        stump.scores(X), 0.25 * reference.stump_output(X[:, 0].astype(float), 1.5, polarity)
+    )
+
+
+def test_monotone_transformations_leave_predictions_as_they_are() -> None:
+    X, y = large_set(2_000)
+    plain = AdaBoostStumps(n_rounds=30).fit(X, y)
+    bent = np.stack([np.arctan(X[:, j].astype(float) / 50) for j in range(X.shape[1])], axis=1)
+    bent = bent.astype(np.float32)
+    assert all(len(np.unique(bent[:, j])) == len(np.unique(X[:, j])) for j in range(X.shape[1]))
+    moved = AdaBoostStumps(n_rounds=30).fit(bent, y)
+    np.testing.assert_array_equal(moved.feature_, plain.feature_)
+    np.testing.assert_array_equal(moved.decision_function(bent), plain.decision_function(X))
+
+
+def test_probabilities_are_equation_seven() -> None:
+    X, y = large_set(400)
+    model = AdaBoostStumps(n_rounds=9).fit(X, y)
+    score = model.decision_function(X)
+    wanted = np.exp(score) / (np.exp(-score) + np.exp(score))
+    np.testing.assert_allclose(model.predict_proba(X)[:, 1], wanted, rtol=1e-12, atol=0)
+
+
+def test_scores_depend_neither_on_layout_nor_on_company() -> None:
+    X, y = large_set(1_000)
+    one = AdaBoostStumps(n_rounds=20).fit(X, y).strong_classifier_
+    two = AdaBoostStumps(n_rounds=7).fit(X, -y * np.sign(X[:, 2])).strong_classifier_
+    wanted = one.scores(X)
+    np.testing.assert_array_equal(one.scores(np.asfortranarray(X)), wanted)
+    np.testing.assert_array_equal(score_all([two, one], X)[1], wanted)
+    np.testing.assert_array_equal(one.scores(X[::3]), wanted[::3])
+    assert one.scores(X[:0]).shape == (0,)
+    assert score_all([], X).shape == (0, 1_000)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"n_rounds": 0}, "n_rounds must be a whole number of at least 1, got 0"),
+        ({"n_rounds": 2.5}, "n_rounds must be a whole number of at least 1, got 2.5"),
+        ({"tolerance": -1.0}, "tolerance must be at least 0 and below 1, got -1.0"),
+        ({"n_threads": 0}, "the number of threads must be at least 1, got 0"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        AdaBoostStumps(**options).fit([[0.0], [1.0]], [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("weights", "text"),
+    [
+        ([1, -1, 1], "sample_weight must not be negative, got -1.0 at 1"),
+        ([1, np.nan, 1], "sample_weight must hold finite numbers"),
+        ([1, 1], r"sample_weight must have shape \(3,\)"),
+        ([0, 0, 0], "sample_weight is zero for every example"),
+        ([1, 0, 1], "sample_weight is zero for every example of class 1"),
+    ],
+)
+def test_bad_weights_are_refused(weights: list[float], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        AdaBoostStumps().fit([[0.0], [1.0], [2.0]], [0, 1, 0], sample_weight=weights)
+
+
+def test_three_classes_are_refused() -> None:
+    with pytest.raises(ValueError, match="Only binary classification"):
+        AdaBoostStumps().fit([[0.0], [1.0], [2.0]], [0, 1, 2])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e39])
+def test_values_without_a_float32_are_refused(bad: float) -> None:
+    with pytest.raises(ValueError, match="X contains"):
+        AdaBoostStumps().fit([[0.0], [bad]], [0, 1])
+
+
+def _tiny_scores() -> list[list[float]]:
+    rng = np.random.default_rng(8)
+    X = np.round(rng.normal(size=(60, 3)), 1).astype(np.float32)
+    X[:, 2] = np.round(X[:, 2])
+    y = (X[:, 0] + X[:, 2] + rng.normal(size=60) > 0).astype(np.int64)
+    found = boost(prepare(X, y, n_threads=1), [1], [0], n_rounds=6, n_threads=1)
+    return [found.feature.tolist(), found.threshold.tolist(), found.scores(X).tolist()]
+
+
+def test_kernels_do_the_same_without_compilation() -> None:
+    source = "\n".join(
+        [
+            "import json",
+            "import numpy as np",
+            "from pgm_places.models.boosting_rounds import boost",
+            "from pgm_places.models.sorted_features import prepare",
+            inspect.getsource(_tiny_scores),
+            "print(json.dumps(_tiny_scores()))",
+        ]
+    )
+    plain = subprocess.run(
+        [sys.executable, "-c", source],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(plain.stdout) == _tiny_scores()
