@@ -1,0 +1,210 @@
+"""The topological map drawn over the map, and as a diagram (paper Figs. 9 and 11)."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.grid import OccupancyGrid
+from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
+from pgm_places.report.figure import INK, MUTED, PixelFigure
+from pgm_places.report.palette import label_colours, rgb_of, tinted
+from pgm_places.report.sheet import round_length
+from pgm_places.topology.regions import Region
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["topology_picture"]
+
+_MOST_PIXELS = 1_000_000
+_LONG_SIDE = 1800
+_EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
+_PALE = 0.45
+
+
+def topology_picture(
+    grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
+) -> bytes:
+    """A PNG file: the topological map over the map, and the diagram beside or below it.
+
+    Nodes stand at the regions' anchors and edges go through the middle of the passages. In the
+    diagram corridors keep their shape, every other place is a disc, doorways are squares.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map that the topology was made from.
+    topology : TopologicalMap
+    title : str or None
+
+    Examples
+    --------
+    >>> from pgm_places.topology.from_labels import topological_map
+    >>> grid = OccupancyGrid([[0, 0, 0]], resolution_m=1.0)
+    >>> found = topological_map(grid, [[0, 1, 2]], ["room", "doorway", "corridor"])
+    >>> topology_picture(grid, found)[1:4]
+    b'PNG'
+    """
+    view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
+    canvas = label_canvas(grid, _labels(topology), topology.label_names, view)
+    height, width = canvas.indices.shape
+    scale = max(1, _LONG_SIDE // max(height, width))
+    size = (scale * width, scale * height)
+    beside = height > 1.3 * width
+    top = _EDGE + (_TITLE if title else 0)
+    second = (2 * _EDGE + size[0], top) if beside else (_EDGE, top + _CAPTION + size[1] + _EDGE)
+    content = max(second[0] + size[0] - _EDGE, 420)
+    page = PixelFigure(content + 2 * _EDGE, second[1] + _CAPTION + size[1] + _FOOT + _EDGE)
+    if title:
+        page.text(_EDGE, _EDGE + 10, title, size=20, weight="bold")
+    pixels = _Pixels(grid, view, scale, height)
+    page.text(_EDGE, top + 8, "places over the map", size=15, color=MUTED)
+    over = _panel(page, (_EDGE, top + _CAPTION), size)
+    over.imshow(_paled(canvas), interpolation="nearest", extent=(0, size[0], size[1], 0))
+    _draw_graph(over, topology, pixels)
+    page.text(second[0], second[1] + 8, _count(topology), size=15, color=MUTED)
+    _draw_diagram(_panel(page, (second[0], second[1] + _CAPTION), size), topology, pixels)
+    _scale_bar(page, canvas, scale, second[1] + _CAPTION + size[1] + 20)
+    return page.png()
+
+
+class _Pixels:
+    """From the map frame to the pixels of a panel."""
+
+    def __init__(self, grid: OccupancyGrid, view: View, scale: int, height: int) -> None:
+        cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
+        self._turn = np.array([[cos, -sin], [sin, cos]]) / grid.resolution_m
+        self._origin = np.asarray(grid.origin_xy_m)
+        self._corner = np.array([view.columns.start, view.rows.start])
+        self._scale, self._shrink, self._height = scale, view.shrink, height
+
+    def __call__(self, points_m: ArrayLike) -> NDArray[np.float64]:
+        """(n, 2) x to the right and y down."""
+        local = (np.asarray(points_m, np.float64).reshape(-1, 2) - self._origin) @ self._turn
+        x, y = ((local - self._corner) / self._shrink).T
+        return self._scale * np.stack([x, self._height - y], axis=1)
+
+
+def _labels(topology: TopologicalMap) -> NDArray[np.int16]:
+    """(H, W) label of each cell's region, -1 where there is none."""
+    highest = max((region.id for region in topology.regions), default=0)
+    table = np.full(highest + 1, -1, np.int16)
+    for region in topology.regions:
+        table[region.id] = topology.label_names.index(region.label)
+    labels: NDArray[np.int16] = table[topology.region]
+    return labels
+
+
+def _paled(canvas: Canvas) -> NDArray[np.uint8]:
+    """The map with its labels' colours (all that come after the four of the ground) made pale."""
+    colours = [
+        colour if k < 4 else tinted(colour, _PALE) for k, colour in enumerate(canvas.colours)
+    ]
+    return np.array([rgb_of(colour) for colour in colours])[canvas.indices]
+
+
+def _panel(page: PixelFigure, corner: tuple[int, int], size: tuple[int, int]) -> Any:
+    axes = page.axes(*corner, *size)
+    axes.set_axis_off()
+    axes.set_xlim(0, size[0])
+    axes.set_ylim(size[1], 0)
+    return axes
+
+
+def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
+    for item in topology.connections:
+        ends = [topology.place(number).anchor_m for number in (item.first, item.second)]
+        x, y = pixels([ends[0], item.point_m, ends[1]]).T
+        axes.plot(x, y, color=INK, linewidth=1.6, solid_joinstyle="round", zorder=3)
+    _draw_nodes(axes, topology, topology.regions, pixels)
+
+
+def _draw_diagram(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
+    colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
+    shaped = {region.id for region in topology.regions if _keeps_shape(region, topology)}
+    for number in shaped:
+        _draw_shape(axes, topology.place(number), pixels, colours)
+    for item in topology.connections:
+        ends = [
+            item.point_m if number in shaped else topology.place(number).anchor_m
+            for number in (item.first, item.second)
+        ]
+        x, y = pixels(ends).T
+        axes.plot(x, y, color=INK, linewidth=1.6, zorder=3)
+    _draw_nodes(
+        axes, topology, [region for region in topology.regions if region.id not in shaped], pixels
+    )
+    for number in shaped:
+        region = topology.place(number)
+        _name(axes, region.name, pixels(region.anchor_m)[0])
+
+
+def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
+    """Corridors lead past many places: a disc in their middle would hide which comes first."""
+    return region.label != topology.doorway_label and (
+        region.label == "corridor" or len(topology.graph[region.id]) > 6
+    )
+
+
+def _draw_shape(axes: Any, region: Region, pixels: _Pixels, colours: dict[str, str]) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    paths = [Path(pixels(ring), closed=True) for rings in region.polygons for ring in rings]
+    face = tinted(colours[region.label], _PALE)
+    axes.add_patch(
+        PathPatch(Path.make_compound_path(*paths), facecolor=face, edgecolor=MUTED, linewidth=0.8)
+    )
+
+
+def _draw_nodes(
+    axes: Any, topology: TopologicalMap, regions: Iterable[Region], pixels: _Pixels
+) -> None:
+    colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
+    for region in regions:
+        [(x, y)] = pixels(region.anchor_m)
+        door = region.label == topology.doorway_label
+        axes.plot(
+            [x],
+            [y],
+            marker="s" if door else "o",
+            markersize=7 if door else 12,
+            markerfacecolor=colours[region.label],
+            markeredgecolor=INK,
+            zorder=4,
+        )
+        if not door:
+            _name(axes, region.name, (x, y + 20))
+
+
+def _name(axes: Any, name: str, at: ArrayLike) -> None:
+    from matplotlib.patheffects import withStroke
+
+    x, y = np.asarray(at, np.float64)
+    axes.text(
+        x,
+        y,
+        name,
+        fontsize=10,
+        color=INK,
+        ha="center",
+        va="center",
+        zorder=5,
+        parse_math=False,
+        path_effects=[withStroke(linewidth=3, foreground="white")],
+    )
+
+
+def _count(topology: TopologicalMap) -> str:
+    parts = []
+    for label in topology.label_names:
+        count = sum(region.label == label for region in topology.regions)
+        parts.append(f"{count} {label}{'' if count == 1 else 's'}")
+    return f"{', '.join(parts)}; {len(topology.connections)} connections"
+
+
+def _scale_bar(page: PixelFigure, canvas: Canvas, scale: int, y: int) -> None:
+    metres = round_length(canvas.m_per_pixel * canvas.indices.shape[1] / 5)
+    length = metres / canvas.m_per_pixel * scale
+    page.box(_EDGE, y, length, 3, facecolor=INK, edgecolor="none")
+    page.text(_EDGE + length + 8, y + 1, f"{metres:g} m", size=14)

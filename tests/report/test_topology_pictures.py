@@ -1,0 +1,52 @@
+"""Pictures of topological maps: right way up, every place drawn, rotated and large maps too."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pgm_places.grid import OccupancyGrid
+from pgm_places.report.palette import LABEL_COLOURS, rgb_of
+from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.topology.from_labels import topological_map
+from tests.topology.floors import NAMES, floor_map
+
+
+def drawn(**frame: object) -> np.ndarray:
+    topology = floor_map(**frame)
+    data = topology_picture(topology.grid, topology, title="a floor")
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+
+def test_rooms_are_drawn_above_the_corridor_twice() -> None:
+    picture = drawn()
+    middle = picture.shape[0] // 2
+    for part in (picture[:middle], picture[middle:]):
+        rows = {}
+        for label, colour in (("room", LABEL_COLOURS[1]), ("doorway", LABEL_COLOURS[2])):
+            hit = (part == rgb_of(colour)).all(axis=2)
+            assert hit.sum() > 100  # the nodes
+            rows[label] = np.argwhere(hit)[:, 0].mean()
+        assert rows["room"] < rows["doorway"]
+
+
+def test_a_rotated_map_is_drawn_on_its_own_raster() -> None:
+    plain, turned = drawn(), drawn(yaw_rad=0.7, origin_xy_m=(3.0, 4.0))
+    # Rounding may shade the edge of a node differently, no more.
+    assert np.abs(plain.astype(int) - turned).mean() < 0.05
+
+
+@pytest.mark.parametrize("shape", [(1, 3), (3, 1), (1200, 1500)])
+def test_any_shape(shape: tuple[int, int]) -> None:
+    labels = np.zeros(shape, np.int16)
+    labels[:, shape[1] // 2 :] = 1
+    grid = OccupancyGrid(np.zeros(shape, np.int8), 0.05)
+    found = topological_map(grid, labels, NAMES, correct=False)
+    assert topology_picture(grid, found)[1:4] == b"PNG"
+
+
+def test_a_map_without_places() -> None:
+    grid = OccupancyGrid(np.zeros((3, 3), np.int8), 0.05)
+    found = topological_map(grid, np.full((3, 3), -1), NAMES)
+    assert topology_picture(grid, found)[1:4] == b"PNG"
