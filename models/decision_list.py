@@ -104,7 +104,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     def __init__(
         self,
         n_rounds: int = 100,
-        order: str | Sequence[Any] = "heuristic",
+        order: str | Sequence[Any] | NDArray[Any] = "heuristic",
         decision: str = "list",
         criterion: str = "balanced_accuracy",
         calibration: str = "none",

@@ -21,7 +21,7 @@ from pgm_places.models.strong_classifier import StrongClassifier, score_all
 from tests.reference import boosting as reference
 
 
-@parametrize_with_checks([AdaBoostStumps(n_rounds=10)])
+@parametrize_with_checks([AdaBoostStumps(n_rounds=10)])  # type: ignore[untyped-decorator]
 def test_keeps_the_contract_of_scikit_learn(estimator: Any, check: Any) -> None:
     check(estimator)
 

@@ -1,11 +1,12 @@
 """Generalized AdaBoost of Fig. 2 and the decision list, slow and obvious, in NumPy only."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Stump = tuple[int, float, int, float]  # feature, threshold, polarity, alpha
 
 TIE = 2.0**-40

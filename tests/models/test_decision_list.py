@@ -1,0 +1,456 @@
+import json
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from pgm_places.errors import InputError, ModelFileError
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.boosting import AdaBoostStumps
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.list_training import platt
+from pgm_places.models.strong_classifier import StrongClassifier
+from tests.reference import boosting as reference
+
+NAMES = np.array(["corridor", "doorway", "kitchen", "room"])
+
+
+def expected_failures(estimator: DecisionListClassifier) -> dict[str, str]:
+    if estimator.decision == "argmax":
+        return {}
+    return {
+        "check_classifiers_train": "the list's first yes is not always the largest bin of z "
+        "(paper, section 3 against eq. 8); decision='argmax' passes"
+    }
+
+
+@parametrize_with_checks(  # type: ignore[untyped-decorator]
+    [DecisionListClassifier(n_rounds=10), DecisionListClassifier(n_rounds=10, decision="argmax")],
+    expected_failed_checks=expected_failures,
+)
+def test_keeps_the_contract_of_scikit_learn(estimator: Any, check: Any) -> None:
+    check(estimator)
+
+
+def example(n: int = 400, seed: int = 1) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, 6)).astype(np.float32)
+    X[:, 2] = np.round(2 * X[:, 2])
+    y = (X[:, 0] > 0.3).astype(np.int64) + 2 * (X[:, 1] + 0.5 * rng.normal(size=n) > 0.2)
+    return X, y
+
+
+def fitted(**options: Any) -> tuple[DecisionListClassifier, NDArray[np.float32]]:
+    X, y = example()
+    return DecisionListClassifier(n_rounds=15, **options).fit(X, NAMES[y]), X
+
+
+def constant_list(scores: list[float], decision: str = "list", clip: float = 0.0) -> BoostedList:
+    """A list whose classifiers answer a constant F for every x below 1."""
+    parts = tuple(
+        StrongClassifier(np.array([0]), np.array([1.0]), np.array([1]), np.array([score]))
+        for score in scores
+    )
+    n = len(scores) + 1
+    calibration = np.tile([2.0, 0.0], (n - 1, 1))
+    return BoostedList(np.arange(n), np.arange(n), parts, calibration, 1, decision, clip)
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 1, 0, 2]])
+def test_each_classifier_learns_on_the_examples_that_reach_it(order: list[int]) -> None:
+    X, y = example()
+    weights = np.random.default_rng(0).integers(0, 3, len(y)).astype(float)
+    model = DecisionListClassifier(n_rounds=10, order=order).fit(X, y, sample_weight=weights)
+    wanted = reference.train_list(X, y, weights, order, 10)
+    assert len(model.list_) == 3
+    for got, stumps in zip(model.list_, wanted, strict=True):
+        assert got.feature.tolist() == [stump[0] for stump in stumps]
+        assert got.threshold.tolist() == [stump[1] for stump in stumps]
+        assert got.polarity.tolist() == [stump[2] for stump in stumps]
+        np.testing.assert_allclose(got.alpha, [stump[3] for stump in stumps], rtol=1e-9, atol=0)
+    scores = [reference.score(stumps, X) for stumps in wanted]
+    z = np.empty((len(X), 4))
+    z[:, order] = reference.histogram(scores)
+    np.testing.assert_allclose(model.set_params(clip=0).predict_proba(X), z, rtol=0, atol=2e-6)
+    first = np.select([score > 0 for score in scores], order[:-1], order[-1])
+    np.testing.assert_array_equal(model.predict(X), first)
+
+
+def test_the_histogram_sums_to_one_and_keeps_the_order_of_the_classes() -> None:
+    model, X = fitted(clip=0)
+    proba = model.predict_proba(X)
+    np.testing.assert_array_equal(model.classes_, NAMES)
+    np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-12)
+    np.testing.assert_allclose(model.log_proba(X), np.log(proba), rtol=1e-9, atol=1e-12)
+
+
+def test_clipping_bounds_every_bin_from_below() -> None:
+    model, X = fitted(clip=0.01)
+    proba = model.predict_proba(X)
+    np.testing.assert_allclose(proba.sum(axis=1), 1, rtol=1e-12)
+    assert proba.min() >= 0.01 / 1.03 - 1e-12
+    plain = fitted(clip=0)[0].predict_proba(X)
+    wanted = np.maximum(plain, 0.01)
+    wanted /= wanted.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(proba, wanted, rtol=1e-9)
+
+
+def test_log_z_of_very_sure_classifiers_is_finite_and_right() -> None:
+    X = np.zeros((1, 1), np.float32)
+    found = constant_list([-400.0, 300.0]).log_histogram(X)
+    np.testing.assert_allclose(found, [[-800.0, 0.0, -600.0]], rtol=1e-12, atol=1e-12)
+    found = constant_list([-400.0, 300.0], clip=1e-6).log_histogram(X)
+    np.testing.assert_allclose(np.exp(found), [[1e-6, 1.0, 1e-6]], rtol=1e-5)
+
+
+def test_the_list_and_the_histogram_can_disagree() -> None:
+    """C = (0.4, 0.6) makes z = (0.4, 0.36, 0.24): the list says class 1, z says class 0."""
+    scores = [0.5 * np.log(c / (1 - c)) for c in (0.4, 0.6)]
+    X = np.zeros((1, 1), np.float32)
+    z = np.exp(constant_list(scores).log_histogram(X))
+    np.testing.assert_allclose(z, [[0.4, 0.36, 0.24]], rtol=1e-12)
+    assert constant_list(scores, "list").decide(X).tolist() == [1]
+    assert constant_list(scores, "argmax").decide(X).tolist() == [0]
+
+
+def test_two_classes_equal_one_strong_classifier() -> None:
+    X, y = example()
+    labels = NAMES[y % 2]
+    model = DecisionListClassifier(n_rounds=12, order=["doorway", "corridor"], clip=0)
+    model.fit(X, labels)
+    binary = AdaBoostStumps(n_rounds=12).fit(X, labels)
+    np.testing.assert_array_equal(model.predict(X), binary.predict(X))
+    np.testing.assert_allclose(
+        model.predict_proba(X), binary.predict_proba(X), rtol=1e-9, atol=1e-15
+    )
+
+
+def test_one_class_is_refused() -> None:
+    with pytest.raises(InputError, match="at least two classes, but y has only one class"):
+        DecisionListClassifier().fit([[0.0], [1.0]], ["room", "room"])
+
+
+def binary_rate(X: Any, own: Any, train: Any, test: Any) -> float:
+    model = AdaBoostStumps(n_rounds=15).fit(X[train], own[train])
+    return float((model.predict(X[test]) == own[test]).sum())
+
+
+def test_the_heuristic_sorts_by_classification_rate() -> None:
+    X, y = example()
+    model = DecisionListClassifier(n_rounds=15).fit(X, y)
+    everything = np.ones(len(y), bool)
+    rates = [binary_rate(X, y == k, everything, everything) / len(y) for k in range(4)]
+    assert model.rates_ is not None
+    np.testing.assert_allclose(model.rates_, rates, rtol=1e-12)
+    assert model.order_.tolist() == sorted(range(4), key=lambda k: -rates[k])
+
+
+def test_with_groups_the_rates_are_held_out() -> None:
+    X, y = example()
+    groups = np.arange(len(y)) // 100
+    model = DecisionListClassifier(n_rounds=15).fit(X, y, groups=groups)
+    rates = [
+        sum(binary_rate(X, y == k, groups != g, groups == g) for g in range(4)) / len(y)
+        for k in range(4)
+    ]
+    assert model.rates_ is not None
+    np.testing.assert_allclose(model.rates_, rates, rtol=1e-12)
+    assert model.order_.tolist() == sorted(range(4), key=lambda k: -rates[k])
+    plain = DecisionListClassifier(n_rounds=15, order=model.order_).fit(X, y)
+    np.testing.assert_allclose(model.log_proba(X), plain.log_proba(X), rtol=1e-9, atol=0)
+
+
+@pytest.mark.parametrize("decision", ["list", "argmax"])
+@pytest.mark.parametrize("criterion", ["balanced_accuracy", "accuracy"])
+def test_the_exhaustive_search_takes_the_best_of_all_orders(decision: str, criterion: str) -> None:
+    X, y = example(300)
+    y[y == 3] = 2
+    groups = np.arange(300) // 150
+    options: dict[str, Any] = {"n_rounds": 5, "decision": decision}
+    model = DecisionListClassifier(order="exhaustive", criterion=criterion, **options)
+    model.fit(X, y, groups=groups)
+    scores = {}
+    for order in permutations(range(3)):
+        answers = np.empty(300, np.int64)
+        for g in range(2):
+            one = DecisionListClassifier(order=order, **options)
+            answers[groups == g] = one.fit(X[groups != g], y[groups != g]).predict(X[groups == g])
+        right = answers == y
+        scores[order] = float(
+            np.mean([right[y == k].mean() for k in range(3)])
+            if criterion == "balanced_accuracy"
+            else right.mean()
+        )
+    assert model.order_scores_ is not None
+    assert len(model.order_scores_) == 3
+    for order, score in model.order_scores_.items():
+        assert score == pytest.approx(scores[order], rel=1e-12)
+    assert scores[tuple(model.order_.tolist())] == pytest.approx(max(scores.values()), rel=1e-12)
+
+
+def test_without_groups_the_last_quarter_of_each_class_is_held_out() -> None:
+    X, y = example(400)
+    held_out = np.zeros(400, bool)
+    for k in range(4):
+        members = np.flatnonzero(y == k)
+        held_out[members[len(members) - len(members) // 4 :]] = True
+    model = DecisionListClassifier(n_rounds=5, order="exhaustive").fit(X, y)
+    assert model.order_scores_ is not None
+    for order, score in list(model.order_scores_.items())[:4]:
+        one = DecisionListClassifier(n_rounds=5, order=order).fit(X[~held_out], y[~held_out])
+        right = one.predict(X[held_out]) == y[held_out]
+        recalls = [right[y[held_out] == k].mean() for k in range(4)]
+        assert score == pytest.approx(np.mean(recalls), rel=1e-12)
+
+
+def test_swapping_the_last_two_classes_changes_no_answer() -> None:
+    X, y = example()
+    answers = [
+        DecisionListClassifier(n_rounds=10, order=order).fit(X, y).predict(X)
+        for order in ([2, 0, 1, 3], [2, 0, 3, 1])
+    ]
+    np.testing.assert_array_equal(answers[0], answers[1])
+
+
+def test_many_groups_are_held_out_in_five_folds() -> None:
+    X, y = example()
+    many = DecisionListClassifier(n_rounds=5).fit(X, y, groups=np.arange(400) // 8)
+    five = DecisionListClassifier(n_rounds=5).fit(X, y, groups=np.arange(400) // 80)
+    np.testing.assert_array_equal(many.rates_, five.rates_)
+
+
+def test_groups_that_hold_all_of_a_class_are_never_held_out() -> None:
+    X, y = example()
+    groups = np.where(y == 3, 0, np.arange(400) % 3)
+    model = DecisionListClassifier(n_rounds=5).fit(X, y, groups=groups)
+    assert model.rates_ is not None
+    rate = (
+        sum(
+            float(
+                (
+                    AdaBoostStumps(n_rounds=5)
+                    .fit(X[groups != g], y[groups != g] == 0)
+                    .predict(X[groups == g])
+                    == (y[groups == g] == 0)
+                ).sum()
+            )
+            for g in (1, 2)
+        )
+        / (groups > 0).sum()
+    )
+    assert model.rates_[0] == pytest.approx(rate, rel=1e-12)
+    with pytest.raises(InputError, match="without any of the 4 folds some class has no example"):
+        DecisionListClassifier(n_rounds=5).fit(X, y, groups=y)
+
+
+def test_platt_finds_the_slope_that_made_the_labels() -> None:
+    rng = np.random.default_rng(0)
+    scores = rng.normal(size=200_000)
+    positive = rng.random(200_000) < 1 / (1 + np.exp(-(0.7 * scores - 0.4)))
+    slope, offset = platt(scores, positive, np.ones(200_000))
+    assert slope == pytest.approx(0.7, abs=0.02)
+    assert offset == pytest.approx(-0.4, abs=0.02)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3])
+def test_platt_of_separable_scores_is_finite(scale: float) -> None:
+    scores = scale * np.array([-2.0, -1.0, 1.0, 2.0])
+    slope, offset = platt(scores, scores > 0, np.ones(4))
+    assert 0 < slope < 100 and abs(offset) < 1
+    assert platt(scores, np.ones(4, bool), np.ones(4)) == (2.0, 0.0)
+
+
+def test_calibration_changes_the_histogram_but_not_the_list() -> None:
+    plain, X = fitted(order=list(NAMES))
+    scaled, _ = fitted(order=list(NAMES), calibration="platt")
+    np.testing.assert_array_equal(scaled.predict(X), plain.predict(X))
+    assert not np.allclose(scaled.predict_proba(X), plain.predict_proba(X), rtol=0, atol=0.01)
+    assert (scaled.boosted_list_.calibration[:, 0] > 0).all()
+    np.testing.assert_array_equal(plain.boosted_list_.calibration, [[2, 0]] * 3)
+
+
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    X, y = example(3_000)
+    one, three = (DecisionListClassifier(n_rounds=10, n_threads=t).fit(X, y) for t in (1, 3))
+    np.testing.assert_array_equal(one.log_proba(X), three.log_proba(X))
+
+
+def test_the_inputs_are_not_modified() -> None:
+    X, y = example()
+    for array in (X, y):
+        array.setflags(write=False)
+    weights = np.ones(len(y))
+    DecisionListClassifier(n_rounds=3).fit(X, y, sample_weight=weights).predict(X)
+    np.testing.assert_array_equal(weights, 1)
+
+
+def test_restricted_needs_only_the_columns_it_was_given() -> None:
+    model, X = fitted()
+    columns = np.append(
+        model.used_features_[::-1], np.setdiff1d(np.arange(6), model.used_features_)[:1]
+    )
+    small = model.restricted(columns)
+    assert small.n_features_in_ == len(columns)
+    np.testing.assert_array_equal(small.log_proba(X[:, columns]), model.log_proba(X))
+    np.testing.assert_array_equal(small.predict(X[:, columns]), model.predict(X))
+    np.testing.assert_array_equal(np.sort(columns[small.used_features_]), model.used_features_)
+
+
+def test_restricted_refuses_columns_that_do_not_serve() -> None:
+    model, _ = fitted()
+    first = model.used_features_[0]
+    with pytest.raises(InputError, match=rf"looks at columns \[{first}"):
+        model.restricted(model.used_features_[1:])
+    with pytest.raises(InputError, match="columns must not name a column twice"):
+        model.restricted([0, 0, 1, 2, 3, 4, 5])
+    with pytest.raises(InputError, match="columns must hold integers from 0 to 5, got 6"):
+        model.restricted([0, 1, 2, 3, 4, 5, 6])
+
+
+def test_features_come_in_the_order_of_choice() -> None:
+    model, _ = fitted()
+    found = model.features_in_order_of_choice()
+    np.testing.assert_array_equal(np.sort(found), model.used_features_)
+    wanted: list[int] = []
+    for t in range(15):
+        for part in model.list_:
+            if t < part.n_rounds and part.feature[t] not in wanted:
+                wanted.append(int(part.feature[t]))
+    assert found.tolist() == wanted
+    assert model.features_in_order_of_choice(2).tolist() == wanted[:2]
+
+
+def test_weak_outputs_are_the_distinct_stumps() -> None:
+    model, X = fitted()
+    outputs = model.weak_outputs(X)
+    splits = {
+        split for part in model.list_ for split in zip(part.feature, part.threshold, strict=True)
+    }
+    assert outputs.dtype == np.int8 and outputs.shape == (len(X), len(splits))
+    assert set(np.unique(outputs)) == {-1, 1}
+    part = model.list_[0]
+    stump = reference.stump_output(
+        X[:, part.feature[0]].astype(float), part.threshold[0], int(part.polarity[0])
+    )
+    np.testing.assert_array_equal(outputs[:, 0], stump)
+    assert model.weak_outputs(X, 3).shape == (len(X), 3)
+
+
+@pytest.mark.parametrize("labels", [NAMES, np.array([3, 5, 9, 12]), np.arange(4.0)])
+def test_a_stored_list_predicts_the_same_bits(labels: Any) -> None:
+    X, y = example()
+    model = DecisionListClassifier(n_rounds=15, calibration="platt", decision="argmax", clip=1e-4)
+    model.fit(X, labels[y])
+    meta, arrays = model.to_arrays()
+    read = DecisionListClassifier.from_arrays(json.loads(json.dumps(meta)), arrays)
+    np.testing.assert_array_equal(read.classes_, model.classes_)
+    np.testing.assert_array_equal(read.order_, model.order_)
+    np.testing.assert_array_equal(read.log_proba(X), model.log_proba(X))
+    np.testing.assert_array_equal(read.predict(X), model.predict(X))
+
+
+def damaged(name: str, change: Any) -> Any:
+    def damage(meta: dict[str, Any], arrays: dict[str, Any]) -> None:
+        target = arrays if name in arrays else meta
+        target[name] = change(target[name])
+
+    return damage
+
+
+def changed(index: int, value: float) -> Any:
+    def change(array: Any) -> Any:
+        array = array.copy()
+        array[index] = value
+        return array
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("damage", "text"),
+    [
+        (lambda meta, arrays: arrays.pop("alpha"), "lacks 'alpha'"),
+        (lambda meta, arrays: meta.pop("classes"), "lacks 'classes'"),
+        (damaged("kind", lambda _: "something"), "of version 1 is wanted, got 'something'"),
+        (damaged("version", lambda _: 2), "version 2"),
+        (damaged("feature", changed(0, 6)), "feature must hold integers from 0 to 5, got 6"),
+        (damaged("feature", changed(0, -1)), "feature must hold integers from 0 to 5, got -1"),
+        (damaged("feature", lambda a: a.astype(float)), "feature must hold integers"),
+        (damaged("n_features", lambda _: 0), "n_features must be 1 to"),
+        (damaged("n_features", lambda _: "6"), "n_features must be 1 to"),
+        (damaged("threshold", changed(2, np.nan)), "threshold must hold finite numbers"),
+        (damaged("alpha", changed(2, np.inf)), "alpha must hold finite numbers"),
+        (damaged("alpha", lambda a: a[:-1]), "alpha must have shape"),
+        (damaged("polarity", changed(1, 0)), "polarity must hold \\+1 or -1, got 0"),
+        (damaged("polarity", lambda a: a.astype(int) * 3), "polarity must hold integers"),
+        (damaged("first", changed(1, 1000)), "first must hold integers"),
+        (damaged("first", lambda a: a[[0, 2, 1, 3]]), "first must ascend from 0"),
+        (damaged("first", changed(0, 1)), "first must ascend from 0"),
+        (damaged("order", lambda a: a * 0), "order must name each class once"),
+        (damaged("order", lambda a: a[:-1]), "order must have shape"),
+        (damaged("calibration", lambda a: a * np.nan), "calibration must hold finite"),
+        (damaged("calibration", lambda a: a[:1]), "calibration must have shape"),
+        (damaged("classes", lambda c: [*c[:-1], c[0]]), "classes must differ"),
+        (damaged("classes", lambda c: [*c[:-1], 3]), "classes must be a list of labels of one"),
+        (damaged("classes", lambda c: [[name] for name in c]), "a class must be a text or"),
+        (damaged("classes", lambda c: "abcd"), "classes must be a list"),
+        (damaged("classes", lambda c: c[:-1]), "first must have shape"),
+        (damaged("decision", lambda _: "vote"), "decision must be one of list, argmax"),
+        (damaged("clip", lambda _: 0.5), "clip must be at least 0 and below 1/4"),
+        (damaged("clip", lambda _: "small"), "clip must be at least 0"),
+    ],
+)
+def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
+    meta, arrays = fitted()[0].to_arrays()
+    arrays = dict(arrays)
+    damage(meta, arrays)
+    with pytest.raises(ModelFileError, match=text):
+        DecisionListClassifier.from_arrays(meta, arrays)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"order": "best"}, "order must be one of heuristic, exhaustive, got 'best'"),
+        ({"order": ["room", "doorway"]}, "order must name each class of y once"),
+        ({"order": ["room", "doorway", "kitchen", "kitchen"]}, "order must name each class"),
+        ({"decision": "vote"}, "decision must be one of list, argmax, got 'vote'"),
+        ({"criterion": "f1"}, "criterion must be one of balanced_accuracy, accuracy, got 'f1'"),
+        ({"calibration": "isotonic"}, "calibration must be one of none, platt, got 'isotonic'"),
+        ({"clip": 0.25}, "clip must be at least 0 and below 1/4, got 0.25"),
+        ({"n_rounds": 0}, "n_rounds must be a whole number of at least 1, got 0"),
+    ],
+)
+def test_unknown_options_are_refused(options: dict[str, Any], text: str) -> None:
+    X, y = example()
+    with pytest.raises(InputError, match=text):
+        DecisionListClassifier(**options).fit(X, NAMES[y])
+
+
+def test_groups_of_another_length_are_refused() -> None:
+    X, y = example()
+    with pytest.raises(InputError, match=r"groups must have shape \(400,\), got \(399,\)"):
+        DecisionListClassifier().fit(X, y, groups=np.zeros(399))
+
+
+def test_a_class_without_weight_is_refused() -> None:
+    X, y = example()
+    with pytest.raises(InputError, match="zero for every example of class 'kitchen'"):
+        DecisionListClassifier().fit(X, NAMES[y], sample_weight=(y != 2).astype(float))
+
+
+def test_too_many_classes_for_an_exhaustive_search_are_refused() -> None:
+    X = np.arange(32.0).reshape(-1, 1)
+    with pytest.raises(InputError, match="tries all orders of at most 7 classes, got 8"):
+        DecisionListClassifier(order="exhaustive").fit(X, np.arange(32) // 4)
+
+
+def test_a_class_with_one_example_cannot_be_held_out() -> None:
+    X, y = example()
+    y[:] = np.arange(400) % 2
+    y[7] = 2
+    with pytest.raises(InputError, match="class 2 has 1 example; holding a part out"):
+        DecisionListClassifier(order="exhaustive").fit(X, y)
