@@ -1,9 +1,11 @@
 """Directions of beams, cut into octants so that mirrored beams have exactly mirrored slopes.
 
-A direction is written as *major* and *minor* component: the longer and the shorter one, both
-non-negative, with the axis of the longer one and the two signs. Beams on a diagonal have two equal
-components; they count the x axis as their major one, and wherever a ray meets the corner of four
-cells it steps along x first. Sweep and DDA share that convention.
+A direction has a *major* component, the longer one, and a *minor* one. Within an octant the axis of
+the longer one and both signs are the same, so that after swapping and mirroring axes every octant
+looks like the first: major component forward, minor component upward, slope from 0 to 1.
+
+Beams on a diagonal have two equal components; they count the x axis as their major one, and where a
+ray meets the corner of four cells it steps along x first. Sweep and DDA share that convention.
 """
 
 from dataclasses import dataclass
@@ -11,7 +13,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Beams"]
+__all__ = ["Beams", "Octant"]
+
+
+@dataclass(frozen=True)
+class Octant:
+    """The octant counted counter-clockwise from the x axis, 0 to 7.
+
+    It begins at 45 degrees times its number.
+    """
+
+    number: int
+
+    @property
+    def x_is_major(self) -> bool:
+        """Whether its directions are longer along x than along y."""
+        return self.number in (0, 3, 4, 7)
+
+    @property
+    def step_x(self) -> int:
+        """Sign of x."""
+        return -1 if self.number in (2, 3, 4, 5) else 1
+
+    @property
+    def step_y(self) -> int:
+        """Sign of y."""
+        return -1 if self.number >= 4 else 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,50 +47,43 @@ class Beams:
 
     Parameters
     ----------
-    step_x, step_y : (M,) int64
-        -1, 0 or 1: to which neighbouring column and row the beam leads.
+    octant : (M,) int64
+        Number of each beam's octant, increasing.
     major, minor : (M,) float64
         The longer and the shorter component, not negative.
-    x_is_major : (M,) bool
-        Whether the longer component is the one along x.
     """
 
-    step_x: NDArray[np.int64]
-    step_y: NDArray[np.int64]
+    octant: NDArray[np.int64]
     major: NDArray[np.float64]
     minor: NDArray[np.float64]
-    x_is_major: NDArray[np.bool_]
 
     @classmethod
     def full_circle(cls, n_beams: int) -> "Beams":
         """Beams at ``2 pi i / n_beams``, their octant and the angle in it found in integers."""
         octant, rest = np.divmod(8 * np.arange(n_beams, dtype=np.int64), n_beams)
-        on_diagonal = (octant % 2 == 1) & (rest == 0)
-        from_axis = np.where(octant % 2 == 0, rest, n_beams - rest) / n_beams * (np.pi / 4)
+        odd = octant % 2 == 1
+        on_diagonal = odd & (rest == 0)
+        from_axis = np.where(odd, n_beams - rest, rest) / n_beams * (np.pi / 4)
         major, minor = np.cos(from_axis), np.sin(from_axis)
         major[on_diagonal] = minor[on_diagonal] = np.sqrt(0.5)
-        x_is_major = np.isin(octant, (0, 3, 4, 7)) | on_diagonal
-        along_x = np.where(x_is_major, major, minor)
-        along_y = np.where(x_is_major, minor, major)
-        leftward = np.isin(octant, (2, 3, 4, 5))
-        downward = octant >= 4
-        return cls(
-            np.where(along_x == 0, 0, np.where(leftward, -1, 1)),
-            np.where(along_y == 0, 0, np.where(downward, -1, 1)),
-            major,
-            minor,
-            x_is_major,
-        )
+        # Octants 1 and 5 begin on a diagonal but have y as major axis.
+        octant -= on_diagonal & np.isin(octant, (1, 5))
+        return cls(octant, major, minor)
 
     def __len__(self) -> int:
-        return len(self.major)
+        return len(self.octant)
 
-    @property
-    def along_x(self) -> NDArray[np.float64]:
-        """(M,) size of the component along x."""
-        return np.where(self.x_is_major, self.major, self.minor)
+    def steps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(M,) -1, 0 or 1 each: to which neighbouring column and row a beam leads."""
+        kinds = [Octant(number) for number in range(8)]
+        x = np.array([kind.step_x for kind in kinds])[self.octant]
+        y = np.array([kind.step_y for kind in kinds])[self.octant]
+        along_x, along_y = self.components()
+        return np.where(along_x == 0, 0, x), np.where(along_y == 0, 0, y)
 
-    @property
-    def along_y(self) -> NDArray[np.float64]:
-        """(M,) size of the component along y."""
-        return np.where(self.x_is_major, self.minor, self.major)
+    def components(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(M,) sizes of the components along x and y."""
+        x_is_major = np.array([Octant(number).x_is_major for number in range(8)])[self.octant]
+        along_x = np.where(x_is_major, self.major, self.minor)
+        along_y = np.where(x_is_major, self.minor, self.major)
+        return along_x, along_y

@@ -57,6 +57,7 @@ def dda_from_centres(
     blocked: NDArray[np.uint8],
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
+    nodes: NDArray[np.int32],
     step_x: NDArray[np.int64],
     step_y: NDArray[np.int64],
     per_x: NDArray[np.float64],
@@ -67,10 +68,11 @@ def dda_from_centres(
     cap: np.float32,
     out: NDArray[np.float32],
 ) -> None:
-    """Ranges (n, M) from the centres of n cells along M beams."""
+    """Ranges from the centres of n cells along M beams, to the rows ``nodes`` of ``out``."""
     for i in range(len(rows)):
+        scan = out[nodes[i]]
         for beam in range(len(step_x)):
-            out[i, beam] = centre_range(
+            scan[beam] = centre_range(
                 blocked,
                 rows[i],
                 columns[i],

@@ -32,6 +32,7 @@ def add_noise(
     ranges: NDArray[np.float32],
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
+    nodes: NDArray[np.int32],
     seed_low: int,
     seed_high: int,
     sigma_m: float,
@@ -39,22 +40,23 @@ def add_noise(
     p_max: float,
     max_range_m: float,
 ) -> None:
-    """Ranges (n, M) of the cells (rows, columns) disturbed in place."""
+    """Disturb the scans of the cells (rows, columns), which are the rows ``nodes`` of ranges."""
     top = np.float32(max_range_m)
     for i in range(len(rows)):
         row, column = int(rows[i]), int(columns[i])
         key_a = _mixed(_mixed(_mixed(seed_low) ^ row) ^ column)
         key_b = _mixed(_mixed(_mixed(seed_high ^ 0x5BD1E995) + column & _WORD) + row & _WORD)
-        for beam in range(ranges.shape[1]):
+        scan = ranges[nodes[i]]
+        for beam in range(len(scan)):
             kind = _uniform(key_a, key_b, 4 * beam)
             if kind < p_max:
-                ranges[i, beam] = top
+                scan[beam] = top
             elif kind < p_max + p_random:
                 drawn = np.float32(_uniform(key_a, key_b, 4 * beam + 1) * max_range_m)
-                ranges[i, beam] = min(drawn, top)
-            elif sigma_m > 0.0 and ranges[i, beam] < top:
+                scan[beam] = min(drawn, top)
+            elif sigma_m > 0.0 and scan[beam] < top:
                 # Box and Muller's transform of two uniform numbers to a gaussian one.
                 radius = np.sqrt(-2.0 * np.log(_uniform(key_a, key_b, 4 * beam + 2)))
                 turn = 2.0 * np.pi * _uniform(key_a, key_b, 4 * beam + 3)
-                noisy = np.float32(ranges[i, beam] + sigma_m * radius * np.cos(turn))
-                ranges[i, beam] = min(max(noisy, np.float32(0.0)), top)
+                noisy = np.float32(scan[beam] + sigma_m * radius * np.cos(turn))
+                scan[beam] = min(max(noisy, np.float32(0.0)), top)

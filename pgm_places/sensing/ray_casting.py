@@ -14,7 +14,9 @@ from pgm_places._checks import finite_array
 from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
 from pgm_places.grid import OccupancyGrid
-from pgm_places.sensing._beams import Beams
+from pgm_places.sensing._box import Box
+from pgm_places.sensing._cell_caster import CellCaster, blocked_window
+from pgm_places.sensing._tiling import NodeNumbers, tiles
 from pgm_places.sensing.sensor import Sensor
 
 __all__ = ["ScanBlock", "cast_cells", "cast_poses", "iter_cast"]
@@ -23,6 +25,8 @@ OnProgress = Callable[[float], object]
 """Called with the fraction that is done, 0 to 1."""
 
 _POSES_PER_TASK = 256
+_WORKING_BYTES = 256 * 2**20
+_BYTES_OF_CELL = 48  # lists of a block's cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +79,17 @@ def cast_cells(
            [0.15, 0.05, 0.15, 0.05],
            [0.05, 0.05, 0.25, 0.05]], dtype=float32)
     """
+    caster = CellCaster(grid, sensor, n_threads)
     wanted = _wanted(grid, mask)
-    total = int(wanted.sum())
-    ranges = np.empty((total, sensor.n_beams), np.float32)
-    for block in iter_cast(grid, sensor, mask=mask, n_threads=n_threads, on_progress=on_progress):
-        ranges[block.nodes] = block.ranges
+    numbers = NodeNumbers(wanted)
+    ranges = np.empty((numbers.total, sensor.n_beams), np.float32)
+    done = 0
+    for box in tiles(wanted, lambda box, _: caster.bytes_beside_scans(box) <= _WORKING_BYTES):
+        nodes, rows, columns = numbers.of(box)
+        caster.cast(box, rows, columns, nodes.astype(np.int32), ranges)
+        done += len(nodes)
+        if on_progress is not None:
+            on_progress(done / numbers.total)
     return ranges
 
 
@@ -88,62 +98,73 @@ def iter_cast(
     sensor: Sensor,
     *,
     mask: ArrayLike | None = None,
-    memory_bytes: int = 256 * 2**20,
+    memory_bytes: int = _WORKING_BYTES,
     n_threads: int | None = None,
     on_progress: OnProgress | None = None,
 ) -> Iterator[ScanBlock]:
-    """The same ranges as :func:`cast_cells`, block by block, in bounded memory.
+    """Scans of all cells, the same bits as :func:`cast_cells` has, in blocks.
 
-    A block's arrays are reused for the next block: use or copy them before going on.
+    Parameters
+    ----------
+    grid, sensor, mask, n_threads, on_progress
+        As in :func:`cast_cells`.
+    memory_bytes : int
+        At most so much memory is taken at a time, besides the map and the mask themselves: for the
+        block and for the work on it. Larger blocks take less time: the surroundings that beams can
+        reach are looked at again for each block.
+
+    Yields
+    ------
+    ScanBlock
+        Blocks of rectangles of the map, each node in one of them, in no particular order. A block's
+        ranges are overwritten by the next block: use or copy them before going on.
+
+    Raises
+    ------
+    InputError
+        The memory does not even suffice for a single cell and what its beams can reach.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0, 100]], resolution_m=0.1)
+    >>> for block in iter_cast(grid, Sensor(n_beams=4)):
+    ...     print(block.nodes, block.ranges[:, 0].round(2))
+    [0 1 2] [0.25 0.15 0.05]
     """
+    caster = CellCaster(grid, sensor, n_threads)
     wanted = _wanted(grid, mask)
-    rows, columns = np.nonzero(wanted)
-    blocked = _blocked(grid, sensor.stop_at_unknown)
-    size = max(1, memory_bytes // (4 * sensor.n_beams))
-    for start in range(0, len(rows), size):
-        nodes = np.arange(start, min(start + size, len(rows)))
-        ranges = np.empty((len(nodes), sensor.n_beams), np.float32)
-        _cast_block(
-            blocked, rows[nodes], columns[nodes], grid.resolution_m, sensor, ranges, n_threads
-        )
+    return _blocks(caster, wanted, sensor.n_beams, int(memory_bytes), on_progress)
+
+
+def _blocks(
+    caster: CellCaster,
+    wanted: NDArray[np.bool_],
+    n_beams: int,
+    memory_bytes: int,
+    on_progress: OnProgress | None,
+) -> Iterator[ScanBlock]:
+    def needs(box: Box, n_cells: int) -> int:
+        return caster.bytes_beside_scans(box) + n_cells * (4 * n_beams + _BYTES_OF_CELL)
+
+    numbers = NodeNumbers(wanted)
+    buffer = np.empty(0, np.float32)
+    done = 0
+    for box in tiles(wanted, lambda box, n_cells: needs(box, n_cells) <= memory_bytes):
+        nodes, rows, columns = numbers.of(box)
+        if needs(box, len(nodes)) > memory_bytes:
+            raise InputError(
+                f"memory_bytes must be at least {needs(box, len(nodes))} for this map, reach and "
+                f"number of threads, got {memory_bytes}"
+            )
+        if len(buffer) < len(nodes) * n_beams:
+            buffer = np.empty(0, np.float32)  # let go of the old one first
+            buffer = np.empty(len(nodes) * n_beams, np.float32)
+        ranges = buffer[: len(nodes) * n_beams].reshape(len(nodes), n_beams)
+        caster.cast(box, rows, columns, np.arange(len(nodes), dtype=np.int32), ranges)
+        done += len(nodes)
         if on_progress is not None:
-            on_progress((int(nodes[-1]) + 1) / len(rows))
+            on_progress(done / numbers.total)
         yield ScanBlock(nodes, ranges)
-
-
-def _cast_block(
-    blocked: NDArray[np.uint8],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    resolution_m: float,
-    sensor: Sensor,
-    ranges: NDArray[np.float32],
-    n_threads: int | None,
-) -> None:
-    from pgm_places.sensing._dda_kernels import dda_from_centres
-    from pgm_places.sensing._noise_kernels import add_noise
-
-    beams = Beams.full_circle(sensor.n_beams)
-    with np.errstate(divide="ignore"):
-        per_x, per_y = 1 / beams.along_x, 1 / beams.along_y
-    metres_x = (resolution_m * per_x).astype(np.float32)
-    metres_y = (resolution_m * per_y).astype(np.float32)
-    reach = np.float32(sensor.max_range_m)
-    noise = sensor.noise
-
-    def cast(task: int) -> None:
-        part = slice(task * _POSES_PER_TASK, (task + 1) * _POSES_PER_TASK)
-        dda_from_centres(
-            blocked, rows[part] + 1, columns[part] + 1, beams.step_x, beams.step_y, per_x, per_y,
-            metres_x, metres_y, sensor.max_range_m / resolution_m, reach, ranges[part],
-        )  # fmt: skip
-        if noise is not None and not noise.is_silent:
-            add_noise(
-                ranges[part], rows[part], columns[part], noise.seed & 0xFFFFFFFF, noise.seed >> 32,
-                float(noise.sigma_m), float(noise.p_random), float(noise.p_max), float(reach),
-            )  # fmt: skip
-
-    run_tasks(cast, -(-len(rows) // _POSES_PER_TASK), n_threads=n_threads)
 
 
 def cast_poses(
@@ -190,8 +211,8 @@ def cast_poses(
     poses = finite_array("poses", poses, ("P", 3))
     angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
     reach = Sensor(1, max_range_m, stop_at_unknown).max_range_m
-    blocked = _blocked(grid, stop_at_unknown)
     height, width = grid.shape
+    blocked = blocked_window(grid, Box(0, height, 0, width), stop_at_unknown)
     cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
     offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m
     cells = offset @ np.array([[cos, -sin], [sin, cos]])  # turned back by the grid's yaw
@@ -228,10 +249,3 @@ def _wanted(grid: OccupancyGrid, mask: ArrayLike | None) -> NDArray[np.bool_]:
     if chosen.shape != grid.shape:
         raise InputError(f"mask must have the map's shape {grid.shape}, got {chosen.shape}")
     return grid.free & chosen
-
-
-def _blocked(grid: OccupancyGrid, stop_at_unknown: bool) -> NDArray[np.uint8]:
-    """(H + 2, W + 2) ones where rays end, with a blocked rim for the map's edge."""
-    blocked = np.ones((grid.shape[0] + 2, grid.shape[1] + 2), np.uint8)
-    blocked[1:-1, 1:-1] = ~grid.free if stop_at_unknown else grid.occupied
-    return blocked

@@ -1,0 +1,286 @@
+"""The tables of a sweep: a tile's surroundings as seen in each octant, and the beams' pictures."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.sensing._beams import Beams, Octant
+from pgm_places.sensing._box import Box
+from pgm_places.sensing._runs_kernels import list_runs
+from pgm_places.sensing._sweep_kernels import sweep
+from pgm_places.sensing._sweep_tables import (
+    BLOCK,
+    LAST_COLUMN,
+    LIFT,
+    LOG_BINS,
+    METRES_MAJOR,
+    METRES_MINOR,
+    METRES_X,
+    METRES_Y,
+    N_FIELDS,
+    N_PLACES,
+    PER_X,
+    PER_Y,
+    SHIFT,
+    SLOPE,
+    STEP_X,
+    STEP_Y,
+)
+
+__all__ = ["LARGEST_REGION", "Axis", "BeamGroup", "TileSweep", "Work", "beam_groups", "work_bytes"]
+
+LARGEST_REGION = 32_000
+"""Rows, columns and reach together, in cells, that 16-bit face numbers can tell apart."""
+
+_LOG_BINS = (
+    4  # bins for each cell of u: 2 to this power; half as many leave 5 times more rays MIXED
+)
+_LOG_BINS_SHALLOW = 5
+_SHALLOW = 0.06  # below this slope a lower side is narrower than a bin of the coarser kind
+_LONGEST_GROUP = 48  # beams swept together: more fill whole cache lines of the output, ...
+_GROUPS_PER_THREAD = 4  # ... fewer keep many threads equally busy
+
+
+Runs = tuple[NDArray[np.int64], NDArray[np.int32]]
+"""(n + 1,) starts and (m, 2) begin and end: the runs in row i are those from starts[i]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A tile and the region that its beams can reach, by columns along one major axis.
+
+    Parameters
+    ----------
+    blocked : (rows, columns) uint8
+        The region with its rim, as it lies in the map.
+    nodes : (columns, rows) int32
+        The output's row of each of the tile's cells, -1 where none is wanted.
+    blocked_runs, wanted_runs, met_forward, met_backward
+        Runs of blocked cells in the columns of the region, of wanted cells in those of the tile,
+        and of the near sides that beams meet that go forward and backward along the axis.
+    """
+
+    x_is_major: bool
+    blocked: NDArray[np.uint8]
+    nodes: NDArray[np.int32]
+    blocked_runs: Runs
+    wanted_runs: Runs
+    met_forward: Runs
+    met_backward: Runs
+
+    @classmethod
+    def of(cls, blocked: NDArray[np.uint8], nodes: NDArray[np.int32], x_is_major: bool) -> "Axis":
+        """Lists of what is in the region ``blocked`` and in the tile ``nodes`` (rows, columns)."""
+        solid = np.ascontiguousarray(blocked.T if x_is_major else blocked)
+        nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
+        behind = np.ones_like(solid[:1])  # nothing is met on the region's rim
+        return cls(
+            x_is_major,
+            blocked,
+            nodes,
+            _runs(solid),
+            _runs(nodes >= 0),
+            _runs(solid, np.concatenate((behind, solid[:-1]))),
+            _runs(solid, np.concatenate((solid[1:], behind))),
+        )
+
+
+def _runs(cells: NDArray[Any], but_not: NDArray[np.uint8] | None = None) -> Runs:
+    """Runs of ones in the rows of ``cells``, without those that are ones of ``but_not``."""
+    height, width = cells.shape
+    mask = np.zeros((height, (width + 8) // 8 * 8), np.uint8)  # at least one 0 at the end
+    if but_not is None:
+        mask[:, :width] = cells
+    else:
+        np.greater(cells, but_not, out=mask[:, :width].view(np.bool_))
+    n_runs = np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, 1:] > mask[:, :-1])
+    starts = np.empty(height + 1, np.int64)
+    runs = np.empty((n_runs, 2), np.int32)
+    list_runs(mask.view(np.uint64), mask, starts, runs)
+    return starts, runs
+
+
+@dataclass(frozen=True)
+class BeamGroup:
+    """Beams ``first`` to ``last``, the end excluded, all of one octant: they are swept together."""
+
+    octant: Octant
+    first: int
+    last: int
+
+
+def work_bytes(tile: Box) -> int:
+    """At most so much working memory the sweep of one group of beams over a tile takes."""
+    places = tile.height + tile.width + 6 + BLOCK
+    return _LONGEST_GROUP * (8 * (places << _LOG_BINS_SHALLOW) + 4 * (places + 2 * BLOCK))
+
+
+def beam_groups(beams: Beams, n_threads: int) -> list[BeamGroup]:
+    """All beams in groups, as few as fill the threads."""
+    groups = []
+    parts = max(1, ceil(n_threads * _GROUPS_PER_THREAD / 8))
+    for number in range(8):
+        begin, end = (int(i) for i in np.searchsorted(beams.octant, (number, number + 1)))
+        if begin == end:
+            continue
+        n_groups = max(ceil((end - begin) / _LONGEST_GROUP), min(parts, end - begin))
+        cuts = [begin + (end - begin) * i // n_groups for i in range(n_groups + 1)]
+        groups += [BeamGroup(Octant(number), a, b) for a, b in pairwise(cuts)]
+    return groups
+
+
+class Work:
+    """Working memory of one sweep at a time; it grows as needed.
+
+    Attributes
+    ----------
+    pairs, edges : (n_beams * n_bins,)
+        The beams' pictures.
+    readings : (n_beams * stride,)
+        Ranges of the column in hand.
+    nodes, cells : (n_rows,)
+        Of the column in hand.
+    spans : (m, 2)
+        Likewise.
+    """
+
+    def __init__(self) -> None:
+        self._memory = np.empty(0, np.int32)
+
+    def fit(self, n_beams: int, n_bins: int, n_rows: int) -> None:
+        """Make room for ``n_beams`` pictures of ``n_bins`` bins and columns of ``n_rows`` rows."""
+        stride = (n_rows + 15) // 32 * 32 + 16  # odd in cache lines: beams do not collide
+        sizes = (n_beams * n_bins, n_beams * n_bins, n_beams * stride, n_rows, n_rows)
+        n_spans = n_rows // BLOCK + 1
+        if len(self._memory) < sum(sizes) + 2 * n_spans:
+            self._memory = np.empty(sum(sizes) + 2 * n_spans, np.int32)
+        parts = np.split(self._memory[: sum(sizes) + 2 * n_spans], np.cumsum(sizes))
+        self.pairs = parts[0]
+        self.edges, self.readings = parts[1].view(np.float32), parts[2].view(np.float32)
+        self.nodes, self.cells = parts[3], parts[4]
+        self.spans = parts[5].reshape(n_spans, 2)
+
+
+class TileSweep:
+    """A sensor's beams swept over one tile of a map.
+
+    ``tile`` and ``region``, without its rim, are boxes of a map of ``shape``.
+    """
+
+    def __init__(
+        self,
+        axes: dict[bool, Axis],
+        tile: Box,
+        region: Box,
+        shape: tuple[int, int],
+        beams: Beams,
+        resolution_m: float,
+        max_range_m: float,
+    ) -> None:
+        self._axes = axes
+        self._x = _Extent(tile.left, tile.right, region.left - 1, region.right + 1, shape[1])
+        self._y = _Extent(tile.bottom, tile.top, region.bottom - 1, region.top + 1, shape[0])
+        self._beams = beams
+        self._resolution_m = resolution_m
+        self._max_range_m = max_range_m
+
+    def sweep(self, group: BeamGroup, work: Work, out: NDArray[np.float32]) -> None:
+        """Write the ranges along a group's beams to its columns of ``out`` (rows, all beams)."""
+        octant = group.octant
+        axis = self._axes[octant.x_is_major]
+        columns, rows = (self._x, self._y) if octant.x_is_major else (self._y, self._x)
+        steps = (octant.step_x, octant.step_y)
+        backward, downward = (s < 0 for s in (steps if octant.x_is_major else steps[::-1]))
+        tile_column, tile_row = columns.before_tile(backward), rows.before_tile(downward)
+        map_column = columns.on_map(backward)
+        table = self._table(group, tile_column, tile_row, map_column, columns.length, rows.length)
+        n_beams, n_rows = len(table), rows.length + BLOCK
+        n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
+        work.fit(n_beams, n_bins, n_rows)
+        sweep(
+            axis.blocked,
+            *(axis.met_backward if backward else axis.met_forward),
+            *axis.blocked_runs,
+            *axis.wanted_runs,
+            axis.nodes,
+            octant.x_is_major,
+            backward,
+            downward,
+            tile_column,
+            tile_row,
+            map_column,
+            table,
+            self._max_range_m / self._resolution_m,
+            np.float32(self._max_range_m),
+            work.pairs,
+            work.edges,
+            work.readings,
+            (-1.5 - tile_row - np.arange(n_rows)).astype(np.float32),
+            work.nodes,
+            work.cells,
+            work.spans,
+            group.first,
+            out,
+        )
+
+    def _table(
+        self,
+        group: BeamGroup,
+        tile_column: int,
+        tile_row: int,
+        map_column: int,
+        n_columns: int,
+        n_rows: int,
+    ) -> NDArray[np.float64]:
+        part = slice(group.first, group.last)
+        beams = self._beams
+        major, minor = beams.major[part], beams.minor[part]
+        along_x, along_y = (component[part] for component in beams.components())
+        slope = minor / major
+        table = np.empty((len(slope), N_FIELDS))
+        table[:, SLOPE] = slope
+        table[:, LOG_BINS] = np.where(slope < _SHALLOW, _LOG_BINS_SHALLOW, _LOG_BINS)
+        table[(slope == 0) | (slope == 1), LOG_BINS] = 0  # all edges lie at whole u
+        shift = np.floor(slope * (self._x.of_map + self._y.of_map)) + 2
+        table[:, SHIFT] = shift
+        end = tile_column + n_columns
+        table[:, LIFT] = np.floor(shift - slope * (map_column + end)) + tile_row - 2
+        table[:, N_PLACES] = n_rows + np.floor(slope * n_columns) + 6 + BLOCK
+        reach = min(self._max_range_m / self._resolution_m, LARGEST_REGION)
+        table[:, LAST_COLUMN] = end + np.ceil(reach * major) + 1
+        table[:, STEP_X], table[:, STEP_Y] = (step[part] for step in beams.steps())
+        with np.errstate(divide="ignore"):
+            table[:, PER_X], table[:, PER_Y] = 1 / along_x, 1 / along_y
+            table[:, METRES_MAJOR] = self._resolution_m / major
+            table[:, METRES_MINOR] = self._resolution_m / minor
+            table[:, METRES_X] = self._resolution_m / along_x
+            table[:, METRES_Y] = self._resolution_m / along_y
+        return table
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """A tile and its region along one axis of the map."""
+
+    tile_begin: int
+    tile_end: int
+    begin: int
+    end: int
+    of_map: int
+
+    @property
+    def length(self) -> int:
+        """Cells of the tile."""
+        return self.tile_end - self.tile_begin
+
+    def before_tile(self, mirrored: bool) -> int:
+        """Cells of the region before the tile."""
+        return self.end - self.tile_end if mirrored else self.tile_begin - self.begin
+
+    def on_map(self, mirrored: bool) -> int:
+        """Where the region begins, counted in the map, from its other end if mirrored."""
+        return self.of_map - self.end if mirrored else self.begin

@@ -1,0 +1,129 @@
+import os
+import subprocess
+import sys
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.grid import OccupancyGrid
+from pgm_places.sensing.ray_casting import cast_cells
+from pgm_places.sensing.sensor import Sensor, SensorNoise
+from tests.sensing.test_ray_casting import random_grid
+
+ROOM = OccupancyGrid(np.zeros((60, 80), np.int8), resolution_m=0.1)
+REACH = 20.0  # no wall of the room is out of reach
+
+
+def scans(noise: SensorNoise | None, grid: OccupancyGrid = ROOM) -> NDArray[np.float32]:
+    return cast_cells(grid, Sensor(120, REACH, noise=noise))
+
+
+def test_silent_noise_changes_nothing() -> None:
+    np.testing.assert_array_equal(scans(SensorNoise(seed=3)), scans(None))
+
+
+def test_gaussian_noise_has_its_mean_and_deviation() -> None:
+    sigma = 0.01  # no true range is below five sigma, so that nothing is clipped
+    error = scans(SensorNoise(sigma_m=sigma, seed=1)) - scans(None)
+    n = error.size
+    assert abs(error.mean()) < 5 * sigma / sqrt(n)
+    assert abs(error.std() / sigma - 1) < 5 / sqrt(2 * n)
+    within = [np.mean(np.abs(error) < k * sigma) for k in (1, 2, 3)]
+    np.testing.assert_allclose(within, [0.6827, 0.9545, 0.9973], rtol=0, atol=0.003)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2], ids=["rows", "columns", "beams"])
+def test_gaussian_noise_of_neighbours_is_not_correlated(axis: int) -> None:
+    error = (scans(SensorNoise(sigma_m=0.01, seed=4)) - scans(None)).astype(np.float64)
+    error = np.moveaxis(error.reshape(60, 80, 120), axis, 0) / 0.01
+    products = error[1:] * error[:-1]
+    assert abs(products.mean()) < 5 / sqrt(products.size)
+
+
+@pytest.mark.parametrize("p_max", [0.02, 0.3])
+def test_maximum_readings_come_as_often_as_stated(p_max: float) -> None:
+    noisy, true = scans(SensorNoise(p_max=p_max, seed=2)), scans(None)
+    at_maximum = noisy == np.float32(REACH)
+    n = noisy.size
+    assert abs(at_maximum.mean() - p_max) < 5 * sqrt(p_max * (1 - p_max) / n)
+    np.testing.assert_array_equal(noisy[~at_maximum], true[~at_maximum])
+
+
+def test_random_readings_are_uniform_up_to_the_maximum() -> None:
+    noisy, true = scans(SensorNoise(p_random=0.25, seed=9)), scans(None)
+    changed = noisy[noisy != true]
+    assert abs(changed.size / noisy.size - 0.25) < 5 * sqrt(0.25 * 0.75 / noisy.size)
+    counts, _ = np.histogram(changed, bins=20, range=(0, REACH))
+    expected = changed.size / 20
+    assert np.sum((counts - expected) ** 2) / expected < 60  # chi-square of 19: p about 1e-6
+
+
+def test_readings_stay_between_nothing_and_the_maximum() -> None:
+    noisy = scans(SensorNoise(sigma_m=30.0, p_random=0.1, seed=6))
+    assert noisy.min() == 0.0
+    assert noisy.max() == np.float32(REACH)
+
+
+def test_beams_that_meet_nothing_get_no_gaussian_noise() -> None:
+    sensor = Sensor(16, 0.01, noise=SensorNoise(sigma_m=1.0))
+    np.testing.assert_array_equal(cast_cells(ROOM, sensor), np.float32(0.01))
+
+
+def test_noise_depends_on_the_seed_the_cell_and_the_beam_only() -> None:
+    grid = random_grid(2, (40, 50), occupied=0.05)
+    noise = SensorNoise(0.3, 0.1, 0.05, seed=2**63 + 12345)
+    sensor = Sensor(32, 12.0, noise=noise)
+    everywhere = cast_cells(grid, sensor, n_threads=1)
+    np.testing.assert_array_equal(cast_cells(grid, sensor, n_threads=3), everywhere)
+    mask = np.zeros(grid.shape, np.bool_)
+    mask[5:20, 30:] = True
+    np.testing.assert_array_equal(cast_cells(grid, sensor, mask=mask), everywhere[mask[grid.free]])
+
+
+@pytest.mark.parametrize("seed", [1, 2**32, 2**63])
+def test_another_seed_gives_other_noise(seed: int) -> None:
+    first, other = scans(SensorNoise(0.01)), scans(SensorNoise(0.01, seed=seed))
+    assert np.mean(first == other) < 0.001
+
+
+SCRIPT = """
+import numpy as np
+from pgm_places.grid import OccupancyGrid
+from pgm_places.sensing._cell_caster import CellCaster
+from pgm_places.sensing.ray_casting import cast_cells, cast_poses
+from pgm_places.sensing.sensor import Sensor, SensorNoise
+cells = np.zeros((7, 8), np.int8)
+cells[3, 2:5] = 100
+cells[5, 6] = -1
+grid = OccupancyGrid(cells, 0.5)
+exact, noisy = Sensor(24, 3.0), Sensor(24, 3.0, noise=SensorNoise(0.1, 0.2, 0.1, seed=2**40 + 3))
+CellCaster._sweep_pays = lambda *_: True
+scans = [cast_cells(grid, sensor) for sensor in (exact, noisy)]
+CellCaster._sweep_pays = lambda *_: False
+scans.insert(0, cast_cells(grid, exact))
+scans.append(cast_poses(grid, [[1.2, 0.7, 0.3], [2.0, 1.6, 0.0]], [0.0, 1.0], max_range_m=2.0))
+for scan in scans:
+    print(scan.tobytes().hex())
+"""
+
+
+def test_without_a_compiler_the_ranges_are_the_same() -> None:
+    def scans(disable: str) -> list[NDArray[np.float32]]:
+        printed = subprocess.run(
+            [sys.executable, "-W", "error", "-c", SCRIPT],
+            env=os.environ | {"NUMBA_DISABLE_JIT": disable},
+            cwd=Path(__file__).parents[2],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        return [np.frombuffer(bytes.fromhex(line), np.float32) for line in printed.splitlines()]
+
+    for plain, compiled, is_exact in zip(
+        scans("1"), scans("0"), (True, True, False, False), strict=True
+    ):
+        # Sines and logarithms may differ in their last bit.
+        np.testing.assert_allclose(plain, compiled, rtol=0 if is_exact else 1e-5, atol=0)
