@@ -8,7 +8,7 @@ that the shift to the mean loses at most five of sixteen digits.
 
 from typing import Any
 
-from pgm_places._jit import njit
+from pgm_places._jit import inlined, njit
 from pgm_places._lanes import (
     absolute,
     any_lane,
@@ -22,10 +22,9 @@ from pgm_places._lanes import (
     square_root,
     store,
 )
-from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES, first_column
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.laser import first_column
 
-N_BEAMS = CANONICAL_BEAMS
-N_FEATURES = len(LASER_FEATURES)
 N_GAPS = N_BEAMS - 1
 RATIO_OFFSET_M = 1e-4
 LEAST_LENGTH_M = 1e-9
@@ -38,7 +37,7 @@ F2, F8, F27, F28, F32 = (first_column(id) for id in ("f2", "f8", "f27", "f28", "
 def spread_features(rho: Any, n_tiles: int, values: Any) -> None:
     """Write f2, f2_sd, f8, f8_sd, f28, f28_sd and f32."""
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
+        top = tile * TILE_ROWS
         pivot = load(rho, top)
         before = pivot
         jump_pivot = absolute(pivot - load(rho, top + 1))
@@ -50,7 +49,7 @@ def spread_features(rho: Any, n_tiles: int, values: Any) -> None:
         power_3 = splat(0.0)
         power_4 = splat(0.0)
         for beam in range(N_BEAMS):
-            after = load(rho, top + beam + 1 if beam < N_BEAMS - 1 else top)
+            after = load(rho, top + beam + 1)
             jump = absolute(before - after) - jump_pivot
             jump_1 = jump_1 + jump
             jump_2 = fma(jump, jump, jump_2)
@@ -92,7 +91,7 @@ def spread_features(rho: Any, n_tiles: int, values: Any) -> None:
 def cut_features(rho: Any, n_tiles: int, cuts: Any, columns: Any, values: Any) -> None:
     """Write f3 for each of the ``cuts`` (in metres, ascending) to its column."""
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
+        top = tile * TILE_ROWS
         reached = -1  # the cut beyond which no beam of the tile reaches, once it was computed
         for c in range(cuts.size):
             row = tile * N_FEATURES + columns[c]
@@ -105,7 +104,7 @@ def cut_features(rho: Any, n_tiles: int, cuts: Any, columns: Any, values: Any) -
             total = splat(0.0)
             longest = first
             for beam in range(N_BEAMS):
-                length = load(rho, top + beam + 1 if beam < N_BEAMS - 1 else top)
+                length = load(rho, top + beam + 1)
                 after = smallest(length, cut)
                 total = total + absolute(before - after)
                 longest = largest(longest, length)
@@ -116,65 +115,83 @@ def cut_features(rho: Any, n_tiles: int, cuts: Any, columns: Any, values: Any) -
 
 
 @njit
-def gap_features(rho: Any, n_tiles: int, gaps: Any, columns: Any, sums: Any, values: Any) -> None:
-    """Write f14 and f33 for each of the ``gaps`` (ascending): ``columns`` (G, 2), ``sums`` (G,)."""
+def gap_features(rho: Any, n_tiles: int, gaps: Any, columns: Any, kept: Any, values: Any) -> None:
+    """Write f14 and f33 for each of the ``gaps`` (ascending) to ``columns`` (G, 2).
+
+    Rows in which no lane exceeds the smallest gap, which are most, are set aside at once; ``kept``
+    (361 rows of float64) is room for the others.
+    """
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
-        for g in range(gaps.size):
-            store(sums, g, splat(0.0))
+        top = tile * TILE_ROWS
         before = load(rho, top)
+        n_kept = 0
         for beam in range(N_BEAMS):
-            after = load(rho, top + beam + 1 if beam < N_BEAMS - 1 else top)
+            after = load(rho, top + beam + 1)
             jump = absolute(before - after)
             before = after
-            for g in range(gaps.size):
-                wide = jump > gaps[g]
-                if not any_lane(wide):
-                    break
-                count = load(sums, g)
-                store(sums, g, select(wide, count + 1.0, count))
-        _write_counts(sums, columns, tile * N_FEATURES, values)
+            store(kept, n_kept, jump)
+            n_kept += any_lane(jump > gaps[0])
+        for g in range(gaps.size):
+            count = splat(0.0)
+            n_before, n_kept = n_kept, 0
+            for k in range(n_before):
+                jump = load(kept, k)
+                beyond = jump > gaps[g]
+                count = select(beyond, count + 1.0, count)
+                store(kept, n_kept, jump)
+                n_kept += any_lane(beyond)
+            _write_count(count, columns, g, tile * N_FEATURES, values)
 
 
-@njit
-def _write_counts(sums: Any, columns: Any, row: int, values: Any) -> None:
-    for t in range(columns.shape[0]):
-        count = load(sums, t)
-        store(values, row + columns[t, 0], narrow(count))
-        store(values, row + columns[t, 1], narrow(count / N_GAPS))
+@inlined
+def _write_count(count: Any, columns: Any, t: int, row: int, values: Any) -> None:
+    store(values, row + columns[t, 0], narrow(count))
+    store(values, row + columns[t, 1], narrow(count / N_GAPS))
 
 
 @njit
 def ratio_features(
-    rho: Any, n_tiles: int, bounds: Any, columns: Any, sums: Any, values: Any
+    rho: Any, n_tiles: int, bounds: Any, columns: Any, kept: Any, values: Any
 ) -> None:
-    """Write f27 and f27_sd, and f30 and f34 for each of the ``bounds`` (descending)."""
+    """Write f27 and f27_sd, and f30 and f34 for each of the ``bounds`` (descending).
+
+    The largest bound is counted at once, the others on the rows that reach below the second one,
+    for which ``kept`` (361 rows of float64) is room.
+    """
+    largest_bound = bounds[0] if bounds.size > 0 else 0.0
+    second_bound = bounds[1] if bounds.size > 1 else 0.0
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
-        for b in range(bounds.size):
-            store(sums, b, splat(0.0))
+        top = tile * TILE_ROWS
         before = load(rho, top) + RATIO_OFFSET_M
+        after = load(rho, top + 1) + RATIO_OFFSET_M
+        pivot = smallest(before, after) / largest(before, after)
         total = splat(0.0)
         squares = splat(0.0)
-        pivot = splat(0.0)
+        count = splat(0.0)
+        n_kept = 0
         for beam in range(N_BEAMS):
-            length = load(rho, top + beam + 1 if beam < N_BEAMS - 1 else top)
-            after = length + RATIO_OFFSET_M
+            after = load(rho, top + beam + 1) + RATIO_OFFSET_M
             ratio = smallest(before, after) / largest(before, after)
             before = after
-            if beam == 0:
-                pivot = ratio
-            y = ratio - pivot
-            total = total + y
-            squares = fma(y, y, squares)
-            for b in range(bounds.size):
-                low = ratio < bounds[b]
-                if not any_lane(low):
-                    break
-                count = load(sums, b)
-                store(sums, b, select(low, count + 1.0, count))
-        _write_counts(sums, columns, tile * N_FEATURES, values)
+            apart = ratio - pivot
+            total = total + apart
+            squares = fma(apart, apart, squares)
+            count = select(ratio < largest_bound, count + 1.0, count)
+            store(kept, n_kept, ratio)
+            n_kept += any_lane(ratio < second_bound)
+        row = tile * N_FEATURES
+        for b in range(bounds.size):
+            if b > 0:
+                count = splat(0.0)
+                n_before, n_kept = n_kept, 0
+                for k in range(n_before):
+                    ratio = load(kept, k)
+                    beyond = ratio < bounds[b]
+                    count = select(beyond, count + 1.0, count)
+                    store(kept, n_kept, ratio)
+                    n_kept += any_lane(beyond)
+            _write_count(count, columns, b, row, values)
         mean = total / N_BEAMS
         variance = largest(squares / N_BEAMS - mean * mean, splat(0.0))
-        store(values, tile * N_FEATURES + F27, narrow(pivot + mean))
-        store(values, tile * N_FEATURES + F27 + 1, narrow(square_root(variance)))
+        store(values, row + F27, narrow(pivot + mean))
+        store(values, row + F27 + 1, narrow(square_root(variance)))

@@ -5,12 +5,14 @@ With ``u_k`` the unit vector along edge ``k``, ``a_k = u_{k-1} - u_k`` the turn 
 
     c_n = L / (2 pi n)^2 * sum_k a_k w_k^n .
 
-Orders are reached from ten centres ``c = +-10.5, +-30.5, ... +-90.5`` by steps
-``s = 0.5, 1.5, ... 9.5``: with ``a_k w_k^c = A_k`` the four real sums of the products of
-``Re A, Im A`` with ``cos(s theta), sin(s theta)`` give both ``c_{c+s}`` and ``c_{c-s}``, and all 200
-orders need 400 products a vertex. A pair (centre, step) is a *cell*. Vertices are handled in chunks
-that stay in the first-level cache. Positions along the outline and the first powers are float64,
-the cells' sums float32; orders 1 and -1, by which the others are divided, are summed in float64.
+Orders are reached from the centres ``c = 0, +-29, +-58, +-87`` by the steps ``s = 0..14``: with
+``a_k w_k^c = A_k`` the four real sums of the products of ``Re A, Im A`` with ``cos(s theta)`` and
+``sin(s theta)`` give both ``c_{c+s}`` and ``c_{c-s}``, so that an order costs two products a vertex
+and little more than two powers are formed for ten orders. A pair (centre, step) is a *cell*.
+
+Vertices are handled in chunks that stay in the first-level cache. Positions along the outline are
+float64, as are the sums of the orders 1 and -1, by which all others are divided; the cells' sums
+are float32.
 """
 
 import math
@@ -21,143 +23,166 @@ import numpy as np
 from pgm_places._jit import inlined, njit
 from pgm_places._lanes import (
     absolute,
+    add_to,
     fma,
     load,
     narrow,
+    nearest_integer,
     select,
     splat,
     square_root,
     store,
     widen,
 )
-from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES, first_column
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.laser import first_column
+from pgm_places.features.plan import FOURIER_BLOCK, FOURIER_REACH
 
-N_BEAMS = CANONICAL_BEAMS
-N_FEATURES = len(LASER_FEATURES)
-CHUNK = 24
+CHUNK = 12
+N_STEPS = FOURIER_REACH + 1
+STRIDE_ORDER = 2.0 * FOURIER_REACH + 1.0
 LEAST_EDGE_M = 1e-12
 LEAST_LENGTH_M = 1e-9
-FIRST_CENTRE, BETWEEN_CENTRES, N_CENTRES, N_STEPS = 10.5, 20, 5, 10
-BLOCK = 5
-"""Cells of one centre that are summed in one pass over a chunk."""
+ONE, MINUS_ONE, TWO = np.float32(1.0), np.float32(-1.0), np.float32(2.0)
 
 F17 = first_column("f17")
 
-# Rows of float32 planes to work in: turns, steps, one centre and its mirror image, its power
-TURNS = 0
-STEPS = TURNS + 2 * N_BEAMS
+# Rows of the float32 planes to work in, real parts or cosines before imaginary parts or sines: the
+# sides u_k of the whole outline; of a chunk the turns a_k, the steps, the turns times one centre's
+# power and times its conjugate, that power, and the power from centre to centre.
+SIDES = 0
+TURNS = SIDES + 2 * N_BEAMS
+STEPS = TURNS + 2 * CHUNK
 CENTRES = STEPS + 2 * N_STEPS * CHUNK
 POWER = CENTRES + 4 * CHUNK
 STRIDE = POWER + 2 * CHUNK
 WORK_ROWS = STRIDE + 2 * CHUNK
 
+SUM_ROWS = 4 * 7 * N_STEPS
+"""Four sums for each cell; seven centres reach order 100."""
+
 
 @inlined
-def _turns(rho: Any, top: int, directions: Any, edges: Any, work: Any) -> None:
-    """Write real and imaginary part of a_k to rows k and 360 + k."""
+def _sides(rho: Any, top: int, directions: Any, edges: Any, work: Any) -> None:
+    """Write the unit vectors along the edges; 0 for an edge without length."""
     before = load(rho, top)
     x_before = before * directions[0, 0]
     y_before = before * directions[0, 1]
-    u_before = narrow(splat(0.0))
-    v_before = narrow(splat(0.0))
     for beam in range(N_BEAMS):
-        other = beam + 1 if beam < N_BEAMS - 1 else 0
+        other = beam + 1
         after = load(rho, top + other)
         x = after * directions[other, 0]
         y = after * directions[other, 1]
         edge = load(edges, top + beam)
         seen = edge > LEAST_EDGE_M
-        scale = narrow(select(seen, splat(1.0), splat(0.0))) / narrow(
-            select(seen, edge, splat(1.0))
-        )
-        u = narrow(x - x_before) * scale
-        v = narrow(y - y_before) * scale
-        store(work, TURNS + beam, u_before - u)
-        store(work, TURNS + N_BEAMS + beam, v_before - v)
+        scale = ONE / narrow(select(seen, edge, splat(1e30)))
+        store(work, SIDES + beam, narrow(x - x_before) * scale)
+        store(work, SIDES + N_BEAMS + beam, narrow(y - y_before) * scale)
         x_before = x
         y_before = y
-        u_before = u
-        v_before = v
-    store(work, TURNS, u_before + load(work, TURNS))
-    store(work, TURNS + N_BEAMS, v_before + load(work, TURNS + N_BEAMS))
 
 
 @inlined
-def _powers(
-    edges: Any, top: int, start: int, inverse_length: Any, n_steps: int, first: Any, work: Any
-) -> None:
-    """Fill the tables of a chunk; add its vertices to the sums of orders 1 and -1.
+def _sine(x: Any) -> Any:
+    """sin(pi x) for ``|x| <= 1/2``, float64, error below 3e-11."""
+    y = x * x
+    p = fma(y, splat(-0.007028386369347573), splat(0.08205040178581838))
+    p = fma(y, p, splat(-0.599252197819169))
+    p = fma(y, p, splat(2.5501633189466246))
+    p = fma(y, p, splat(-5.167712764624521))
+    return x * fma(y, p, splat(3.14159265353629))
 
-    Rows of ``first`` (float64): the place along the outline, then sums of Re a cos, Im a sin,
-    Im a cos, Re a sin of theta.
+
+@inlined
+def _cosine(x: Any) -> Any:
+    """cos(pi x) for ``|x| <= 1/2``, float64, error below 3e-10."""
+    y = x * x
+    p = fma(y, splat(-0.02439632429741323), splat(0.23493731378366647))
+    p = fma(y, p, splat(-1.3352120030432615))
+    p = fma(y, p, splat(4.058709159555605))
+    p = fma(y, p, splat(-4.934802137078794))
+    return fma(y, p, splat(0.9999999997799038))
+
+
+@inlined
+def _add_first_orders(
+    edges: Any, top: int, start: int, inverse_length: Any, deep: bool, first: Any, work: Any
+) -> None:
+    """Write turns and first powers of a chunk, and the stride from centre to centre if deep.
+
+    Rows of ``first`` (float64) go on from chunk to chunk: the place along the outline, then the
+    sums of Re a cos, Im a sin, Im a cos, Re a sin of theta.
     """
     place = load(first, 0)
-    s1 = load(first, 1)
-    s2 = load(first, 2)
-    s3 = load(first, 3)
-    s4 = load(first, 4)
+    re_cos = load(first, 1)
+    im_sin = load(first, 2)
+    im_cos = load(first, 3)
+    re_sin = load(first, 4)
+    before = start - 1 if start > 0 else N_BEAMS - 1
+    u_before = load(work, SIDES + before)
+    v_before = load(work, SIDES + N_BEAMS + before)
     for i in range(CHUNK):
-        # g in [-1/2, 1/2], sin and cos of pi g by polynomials with errors below 1e-12
-        g = fma(place, inverse_length, splat(-0.5))
+        u = load(work, SIDES + start + i)
+        v = load(work, SIDES + N_BEAMS + start + i)
+        store(work, TURNS + i, u_before - u)
+        store(work, TURNS + CHUNK + i, v_before - v)
+        re = widen(u_before) - widen(u)
+        im = widen(v_before) - widen(v)
+        u_before = u
+        v_before = v
+        turns = place * inverse_length
         place = place + load(edges, top + start + i)
-        g2 = g * g
-        sine = fma(g2, splat(0.00044749407097697256), splat(-0.007364006876014174))
-        sine = fma(g2, sine, splat(0.08214479503403711))
-        sine = fma(g2, sine, splat(-0.5992644339768505))
-        sine = fma(g2, sine, splat(2.5501640359085505))
-        sine = fma(g2, sine, splat(-5.16771277998797))
-        half_cos = g * fma(g2, sine, splat(3.141592653589635)) * -1.0  # cos(theta / 2)
-        cosine = fma(g2, splat(0.0018400045111775399), splat(-0.025776327680796393))
-        cosine = fma(g2, cosine, splat(0.23532543973196876))
-        cosine = fma(g2, cosine, splat(-1.3352623156650678))
-        cosine = fma(g2, cosine, splat(4.058712107560673))
-        cosine = fma(g2, cosine, splat(-4.934802200250329))
-        half_sin = fma(g2, cosine, splat(0.9999999999992494))  # sin(theta / 2)
-        cos1 = fma(half_sin * -2.0, half_sin, splat(1.0))
-        sin1 = 2.0 * half_sin * half_cos
-        turn_re = widen(load(work, TURNS + start + i))
-        turn_im = widen(load(work, TURNS + N_BEAMS + start + i))
-        s1 = fma(turn_re, cos1, s1)
-        s2 = fma(turn_im, sin1, s2)
-        s3 = fma(turn_im, cos1, s3)
-        s4 = fma(turn_re, sin1, s4)
-        if n_steps > 0:
-            cos2 = fma(sin1 * -2.0, sin1, splat(1.0))
-            sin2 = 2.0 * sin1 * cos1
-            cos4 = fma(sin2 * -2.0, sin2, splat(1.0))
-            sin4 = 2.0 * sin2 * cos2
-            cos8 = fma(sin4 * -2.0, sin4, splat(1.0))
-            sin8 = 2.0 * sin4 * cos4
-            cos10 = fma(cos8, cos2, sin8 * sin2 * -1.0)
-            sin10 = fma(sin8, cos2, cos8 * sin2)
-            store(work, STRIDE + i, narrow(fma(sin10 * -2.0, sin10, splat(1.0))))
-            store(work, STRIDE + CHUNK + i, narrow(2.0 * sin10 * cos10))
-            store(work, POWER + i, narrow(fma(cos10, half_cos, sin10 * half_sin * -1.0)))
-            store(work, POWER + CHUNK + i, narrow(fma(sin10, half_cos, cos10 * half_sin)))
-            c = narrow(half_cos)
-            s = narrow(half_sin)
-            c1 = narrow(cos1)
-            s1_ = narrow(sin1)
-            for step in range(n_steps):
-                store(work, STEPS + 2 * step * CHUNK + i, c)
-                store(work, STEPS + (2 * step + 1) * CHUNK + i, s)
-                t = fma(s, c1, c * s1_)
-                c = fma(c, c1, s * s1_ * np.float32(-1.0))
-                s = t
+        # half of theta, less a quarter turn, lies between -1/2 and 1/2 times pi
+        half_sin = _cosine(turns - 0.5)
+        half_cos = _sine(turns - 0.5)  # its negative
+        cosine = fma(half_sin * -2.0, half_sin, splat(1.0))
+        sine = half_sin * half_cos * -2.0
+        re_cos = fma(re, cosine, re_cos)
+        im_sin = fma(im, sine, im_sin)
+        im_cos = fma(im, cosine, im_cos)
+        re_sin = fma(re, sine, re_sin)
+        store(work, STEPS + 2 * CHUNK + i, narrow(cosine))
+        store(work, STEPS + 3 * CHUNK + i, narrow(sine))
+        if deep:
+            x = turns * STRIDE_ORDER
+            x = x - nearest_integer(x)
+            half_sin_f = narrow(_sine(x))
+            half_cos_f = narrow(_cosine(x))
+            cosine_f = fma(half_sin_f * MINUS_ONE, half_sin_f * TWO, narrow(splat(1.0)))
+            sine_f = half_sin_f * half_cos_f * TWO
+            store(work, STRIDE + i, cosine_f)
+            store(work, STRIDE + CHUNK + i, sine_f)
+            store(work, POWER + i, cosine_f)
+            store(work, POWER + CHUNK + i, sine_f)
     store(first, 0, place)
-    store(first, 1, s1)
-    store(first, 2, s2)
-    store(first, 3, s3)
-    store(first, 4, s4)
+    store(first, 1, re_cos)
+    store(first, 2, im_sin)
+    store(first, 3, im_cos)
+    store(first, 4, re_sin)
 
 
 @inlined
-def _centre(start: int, work: Any) -> None:
-    """Write a_k w_k^c and a_k w_k^-c of a chunk; move the power on to the next centre."""
-    minus = np.float32(-1.0)
+def _steps(n_steps: int, work: Any) -> None:
+    """Write cosine and sine of 2 theta to n_steps theta for a chunk."""
     for i in range(CHUNK):
-        turn_re = load(work, TURNS + start + i)
-        turn_im = load(work, TURNS + N_BEAMS + start + i)
+        c1 = load(work, STEPS + 2 * CHUNK + i)
+        s1 = load(work, STEPS + 3 * CHUNK + i)
+        c = c1
+        s = s1
+        for step in range(2, n_steps + 1):
+            t = fma(s, c1, c * s1)
+            c = fma(c, c1, s * s1 * MINUS_ONE)
+            s = t
+            store(work, STEPS + 2 * step * CHUNK + i, c)
+            store(work, STEPS + (2 * step + 1) * CHUNK + i, s)
+
+
+@inlined
+def _centre(work: Any) -> None:
+    """Write a_k w_k^c and a_k w_k^-c of a chunk; move the power on to the next centre."""
+    for i in range(CHUNK):
+        turn_re = load(work, TURNS + i)
+        turn_im = load(work, TURNS + CHUNK + i)
         c = load(work, POWER + i)
         s = load(work, POWER + CHUNK + i)
         re_cos = turn_re * c
@@ -170,87 +195,119 @@ def _centre(start: int, work: Any) -> None:
         store(work, CENTRES + 3 * CHUNK + i, im_cos + re_sin)
         c1 = load(work, STRIDE + i)
         s1 = load(work, STRIDE + CHUNK + i)
-        store(work, POWER + i, fma(c, c1, s * s1 * minus))
+        store(work, POWER + i, fma(c, c1, s * s1 * MINUS_ONE))
         store(work, POWER + CHUNK + i, fma(s, c1, c * s1))
-
-
-@inlined
-def _add_to(sums: Any, cell: int, p: Any, q: Any, u: Any, v: Any) -> None:
-    store(sums, 4 * cell, load(sums, 4 * cell) + p)
-    store(sums, 4 * cell + 1, load(sums, 4 * cell + 1) + q)
-    store(sums, 4 * cell + 2, load(sums, 4 * cell + 2) + u)
-    store(sums, 4 * cell + 3, load(sums, 4 * cell + 3) + v)
 
 
 @inlined
 def _sum_block(work: Any, centre: int, cell: int, steps: Any, sums: Any) -> None:
     """Add a chunk to five cells of one centre; twenty sums stay in registers."""
     zero = narrow(splat(0.0))
-    p0, q0, u0, v0 = zero, zero, zero, zero
-    p1, q1, u1, v1 = zero, zero, zero, zero
-    p2, q2, u2, v2 = zero, zero, zero, zero
-    p3, q3, u3, v3 = zero, zero, zero, zero
-    p4, q4, u4, v4 = zero, zero, zero, zero
-    row0 = STEPS + 2 * CHUNK * steps[cell]
-    row1 = STEPS + 2 * CHUNK * steps[cell + 1]
-    row2 = STEPS + 2 * CHUNK * steps[cell + 2]
-    row3 = STEPS + 2 * CHUNK * steps[cell + 3]
-    row4 = STEPS + 2 * CHUNK * steps[cell + 4]
+    p0 = q0 = u0 = v0 = zero
+    p1 = q1 = u1 = v1 = zero
+    p2 = q2 = u2 = v2 = zero
+    p3 = q3 = u3 = v3 = zero
+    p4 = q4 = u4 = v4 = zero
+    cos0 = STEPS + 2 * CHUNK * steps[cell]
+    cos1 = STEPS + 2 * CHUNK * steps[cell + 1]
+    cos2 = STEPS + 2 * CHUNK * steps[cell + 2]
+    cos3 = STEPS + 2 * CHUNK * steps[cell + 3]
+    cos4 = STEPS + 2 * CHUNK * steps[cell + 4]
     for i in range(CHUNK):
         re = load(work, centre + i)
         im = load(work, centre + CHUNK + i)
-        c = load(work, row0 + i)
-        s = load(work, row0 + CHUNK + i)
-        p0, q0, u0, v0 = fma(re, c, p0), fma(im, s, q0), fma(im, c, u0), fma(re, s, v0)
-        c = load(work, row1 + i)
-        s = load(work, row1 + CHUNK + i)
-        p1, q1, u1, v1 = fma(re, c, p1), fma(im, s, q1), fma(im, c, u1), fma(re, s, v1)
-        c = load(work, row2 + i)
-        s = load(work, row2 + CHUNK + i)
-        p2, q2, u2, v2 = fma(re, c, p2), fma(im, s, q2), fma(im, c, u2), fma(re, s, v2)
-        c = load(work, row3 + i)
-        s = load(work, row3 + CHUNK + i)
-        p3, q3, u3, v3 = fma(re, c, p3), fma(im, s, q3), fma(im, c, u3), fma(re, s, v3)
-        c = load(work, row4 + i)
-        s = load(work, row4 + CHUNK + i)
-        p4, q4, u4, v4 = fma(re, c, p4), fma(im, s, q4), fma(im, c, u4), fma(re, s, v4)
-    _add_to(sums, cell, p0, q0, u0, v0)
-    _add_to(sums, cell + 1, p1, q1, u1, v1)
-    _add_to(sums, cell + 2, p2, q2, u2, v2)
-    _add_to(sums, cell + 3, p3, q3, u3, v3)
-    _add_to(sums, cell + 4, p4, q4, u4, v4)
+        row = cos0 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p0 = fma(re, c, p0)
+        q0 = fma(im, s, q0)
+        u0 = fma(im, c, u0)
+        v0 = fma(re, s, v0)
+        row = cos1 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p1 = fma(re, c, p1)
+        q1 = fma(im, s, q1)
+        u1 = fma(im, c, u1)
+        v1 = fma(re, s, v1)
+        row = cos2 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p2 = fma(re, c, p2)
+        q2 = fma(im, s, q2)
+        u2 = fma(im, c, u2)
+        v2 = fma(re, s, v2)
+        row = cos3 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p3 = fma(re, c, p3)
+        q3 = fma(im, s, q3)
+        u3 = fma(im, c, u3)
+        v3 = fma(re, s, v3)
+        row = cos4 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p4 = fma(re, c, p4)
+        q4 = fma(im, s, q4)
+        u4 = fma(im, c, u4)
+        v4 = fma(re, s, v4)
+    row = 4 * cell
+    add_to(sums, row, p0)
+    add_to(sums, row + 1, q0)
+    add_to(sums, row + 2, u0)
+    add_to(sums, row + 3, v0)
+    add_to(sums, row + 4, p1)
+    add_to(sums, row + 5, q1)
+    add_to(sums, row + 6, u1)
+    add_to(sums, row + 7, v1)
+    add_to(sums, row + 8, p2)
+    add_to(sums, row + 9, q2)
+    add_to(sums, row + 10, u2)
+    add_to(sums, row + 11, v2)
+    add_to(sums, row + 12, p3)
+    add_to(sums, row + 13, q3)
+    add_to(sums, row + 14, u3)
+    add_to(sums, row + 15, v3)
+    add_to(sums, row + 16, p4)
+    add_to(sums, row + 17, q4)
+    add_to(sums, row + 18, u4)
+    add_to(sums, row + 19, v4)
 
 
 @inlined
 def _sum_cell(work: Any, centre: int, cell: int, step: int, sums: Any) -> None:
     """Add a chunk to one cell."""
     zero = narrow(splat(0.0))
-    p, q, u, v = zero, zero, zero, zero
-    row = STEPS + 2 * CHUNK * step
+    p = q = u = v = zero
+    first = STEPS + 2 * CHUNK * step
     for i in range(CHUNK):
         re = load(work, centre + i)
         im = load(work, centre + CHUNK + i)
-        c = load(work, row + i)
-        s = load(work, row + CHUNK + i)
-        p, q, u, v = fma(re, c, p), fma(im, s, q), fma(im, c, u), fma(re, s, v)
-    _add_to(sums, cell, p, q, u, v)
+        row = first + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p = fma(re, c, p)
+        q = fma(im, s, q)
+        u = fma(im, c, u)
+        v = fma(re, s, v)
+    add_to(sums, 4 * cell, p)
+    add_to(sums, 4 * cell + 1, q)
+    add_to(sums, 4 * cell + 2, u)
+    add_to(sums, 4 * cell + 3, v)
 
 
 @njit
-def _sum_cells(start: int, bounds: Any, steps: Any, work: Any, sums: Any) -> None:
-    """Add a chunk to all cells: those of centre row ``j`` are ``bounds[j]..bounds[j + 1] - 1``.
-
-    Rows alternate between a centre and its mirror image.
-    """
+def _sum_cells(bounds: Any, steps: Any, work: Any, sums: Any) -> None:
+    """Add a chunk to all cells: those of centre row ``r`` are ``bounds[r]..bounds[r + 1] - 1``."""
     n_rows = bounds.size - 1
     for row in range(n_rows):
-        if row % 2 == 0:
-            _centre(start, work)
-        centre = CENTRES + 2 * CHUNK * (row % 2)
+        if row % 2 == 1:
+            _centre(work)
+        centre = CENTRES + (0 if row % 2 == 1 else 2 * CHUNK) if row > 0 else TURNS
         cell = bounds[row]
-        while cell + BLOCK <= bounds[row + 1]:
+        while cell + FOURIER_BLOCK <= bounds[row + 1]:
             _sum_block(work, centre, cell, steps, sums)
-            cell += BLOCK
+            cell += FOURIER_BLOCK
         while cell < bounds[row + 1]:
             _sum_cell(work, centre, cell, steps[cell], sums)
             cell += 1
@@ -266,8 +323,10 @@ def _write_orders(
     s2 = load(first, 2)
     s3 = load(first, 3)
     s4 = load(first, 4)
-    plus_re, plus_im = s1 + s2, s3 - s4
-    minus_re, minus_im = s1 - s2, s3 + s4
+    plus_re = s1 + s2
+    plus_im = s3 - s4
+    minus_re = s1 - s2
+    minus_im = s3 + s4
     plus = square_root(plus_re * plus_re + plus_im * plus_im)
     minus = square_root(minus_re * minus_re + minus_im * minus_im)
     scale = length * (0.25 / (math.pi * math.pi))
@@ -319,14 +378,18 @@ def fourier_features(
 ) -> None:
     """Write f17 to f19_2, and f16 for each of the ``orders``.
 
-    ``edges`` and ``shape`` come from ``outline_features``. The cells of centre row ``j`` are
-    ``bounds[j]..bounds[j + 1] - 1``, ``steps`` their steps, all below ``n_steps``. A row of
+    ``edges`` and ``shape`` come from ``outline_features``. The cells of centre row ``r`` are
+    ``bounds[r]..bounds[r + 1] - 1``, ``steps`` their steps, all up to ``n_steps``. A row of
     ``orders`` holds an order, its cell, 1 for centre + step or -1 for centre - step, its column.
     ``first`` (5 rows of float64), ``work`` and ``sums`` (float32) are planes to work in.
     """
+    deep = bounds.size > 2
+    for i in range(CHUNK):
+        store(work, STEPS + i, narrow(splat(1.0)))
+        store(work, STEPS + CHUNK + i, narrow(splat(0.0)))
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
-        _turns(rho, top, directions, edges, work)
+        top = tile * TILE_ROWS
+        _sides(rho, top, directions, edges, work)
         for row in range(5):
             store(first, row, splat(0.0))
         for row in range(4 * steps.size):
@@ -334,6 +397,7 @@ def fourier_features(
         length = load(shape, 4 * tile + 1)
         inverse_length = 1.0 / select(length > LEAST_LENGTH_M, length, splat(1.0))
         for start in range(0, N_BEAMS, CHUNK):
-            _powers(edges, top, start, inverse_length, n_steps, first, work)
-            _sum_cells(start, bounds, steps, work, sums)
+            _add_first_orders(edges, top, start, inverse_length, deep, first, work)
+            _steps(n_steps, work)
+            _sum_cells(bounds, steps, work, sums)
         _write_orders(4 * tile + 1, tile * N_FEATURES, shape, first, sums, orders, values)

@@ -7,9 +7,10 @@ several equally low ones that with the smallest angle to the first. The first mi
 of its run of equal beams (the run that is met first, if there are several).
 """
 
+import math
 from typing import Any
 
-from pgm_places._jit import njit
+from pgm_places._jit import inlined, njit
 from pgm_places._lanes import (
     LANES,
     absolute,
@@ -23,40 +24,44 @@ from pgm_places._lanes import (
     square_root,
     store,
 )
-from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
 
-N_BEAMS = CANONICAL_BEAMS
-N_FEATURES = len(LASER_FEATURES)
+STEP_RAD = 2.0 * math.pi / N_BEAMS
 UNREACHED_M = 1e300
 
 
-@njit
+@inlined
 def _first_minimum(rho: Any, top: int, found: Any) -> None:
     """Write to rows 0..2 of ``found``: its length, its first beam, the middle of its run."""
-    lowest = splat(UNREACHED_M)
-    start = splat(0.0)
-    end = splat(0.0)
-    trailing = splat(0.0)
+    lowest = load(rho, top)
+    for beam in range(1, N_BEAMS):
+        lowest = smallest(load(rho, top + beam), lowest)
+    # first and last beam of the first and of the last run of beams of that length
+    start = splat(-1.0)
+    end = splat(-1.0)
+    last_start = splat(-1.0)
+    last_end = splat(-2.0)
     for beam in range(N_BEAMS):
-        length = load(rho, top + beam)
-        lower = length < lowest
-        tied = length == lowest
-        start = select(lower, splat(float(beam)), start)
-        end = select(lower | (tied & (end == beam - 1.0)), splat(float(beam)), end)
-        trailing = select(lower, splat(1.0), select(tied, trailing + 1.0, splat(0.0)))
-        lowest = smallest(length, lowest)
-    behind = select(start == 0.0, trailing, splat(0.0))
-    middle = (start + end - behind) / 2.0
+        tied = load(rho, top + beam) == lowest
+        if any_lane(tied):
+            here = splat(float(beam))
+            start = select(tied & (start < 0.0), here, start)
+            end = select(tied & ((end < 0.0) | (end == here - 1.0)), here, end)
+            last_start = select(tied & (last_end != here - 1.0), here, last_start)
+            last_end = select(tied, here, last_end)
+    wraps = (start == 0.0) & (last_end == N_BEAMS - 1.0)
+    middle = (select(wraps, last_start - N_BEAMS, start) + end) / 2.0
     store(found, 0, lowest)
     store(found, 1, start)
     store(found, 2, select(middle < 0.0, middle + N_BEAMS, middle))
 
 
-@njit
-def _left_barriers(rho: Any, top: int, start: Any, left: Any, found: Any) -> None:
-    """Write the longest beam from the first minimum on to ``left``; row 3: before it.
+@inlined
+def _longest_ahead(rho: Any, top: int, start: Any, ahead: Any, found: Any) -> None:
+    """Write the longest beam from the first minimum up to each beam to ``ahead``.
 
-    Rows of ``left`` before the first minimum lack the beams at the end of the scan: row 4.
+    Rows before the first minimum lack the beams from it to the end of the scan, whose longest goes
+    to row 4 of ``found``; the longest before it goes to row 3.
     """
     longest = splat(0.0)
     before = splat(0.0)
@@ -65,46 +70,66 @@ def _left_barriers(rho: Any, top: int, start: Any, left: Any, found: Any) -> Non
         here = start == beam
         before = select(here, longest, before)
         longest = select(here, length, largest(longest, length))
-        store(left, beam, longest)
+        store(ahead, beam, longest)
     store(found, 3, before)
     store(found, 4, longest)
 
 
-@njit
-def _second_minima(
-    rho: Any, top: int, prominences: Any, left: Any, found: Any, best: Any
-) -> None:
-    """Write length and angle (in beams) of each second minimum to rows 2 p and 2 p + 1."""
+@inlined
+def _keep_candidates(
+    rho: Any, top: int, least: float, found: Any, ahead: Any, kept: Any, beams: Any
+) -> int:
+    """Set aside the beams that may be second minima in some lane, and count them.
+
+    Their barriers go to ``kept``, -1 in the lanes where the beam is no local minimum (a beam with
+    a lower neighbour is never the lowest behind a barrier), their numbers to ``beams``.
+    """
     start = load(found, 1)
-    middle = load(found, 2)
     at_the_end = load(found, 4)
-    n = prominences.size
-    for p in range(n):
-        store(best, 2 * p, splat(UNREACHED_M))
-        store(best, 2 * p + 1, splat(0.0))
-    highest_best = splat(UNREACHED_M)
-    right = load(found, 3)
+    behind = load(found, 3)
+    n_kept = 0
+    after = load(rho, top)
+    length = load(rho, top + N_BEAMS - 1)
     for step in range(N_BEAMS):
         beam = N_BEAMS - 1 - step
-        length = load(rho, top + beam)
-        right = select(start == beam + 1.0, length, largest(right, length))
-        ahead = load(left, beam)
-        ahead = select(start > beam, largest(ahead, at_the_end), ahead)
-        barrier = smallest(ahead, right) - length
-        if not any_lane((barrier >= prominences[0]) & (length <= highest_best)):
-            continue
-        offset = absolute(middle - beam)
-        offset = smallest(offset, N_BEAMS - offset)
-        for p in range(n):
-            behind = barrier >= prominences[p]
-            if not any_lane(behind):
-                break
-            low = load(best, 2 * p)
-            near = load(best, 2 * p + 1)
-            better = behind & ((length < low) | ((length == low) & (offset < near)))
-            store(best, 2 * p, select(better, length, low))
-            store(best, 2 * p + 1, select(better, offset, near))
-        highest_best = load(best, 2 * n - 2)
+        before = load(rho, top + (beam - 1 if beam > 0 else N_BEAMS - 1))
+        behind = select(start == beam + 1.0, length, largest(behind, length))
+        longest = load(ahead, beam)
+        longest = select(start > beam, largest(longest, at_the_end), longest)
+        barrier = smallest(longest, behind) - length
+        low = (length <= before) & (length <= after)
+        barrier = select(low, barrier, splat(-1.0))
+        store(kept, n_kept, barrier)
+        beams[n_kept] = beam
+        n_kept += any_lane(barrier >= least)
+        after = length
+        length = before
+    return n_kept
+
+
+@inlined
+def _drop_dominated(
+    rho: Any, top: int, least: float, most: float, n_kept: int, kept: Any, beams: Any
+) -> int:
+    """Drop candidates that cannot be lowest for any prominence, and count the others.
+
+    Behind a barrier of ``most``, the largest prominence, a beam competes for every prominence, so
+    that in its lane no longer beam can win.
+    """
+    nowhere = splat(UNREACHED_M)
+    deepest = nowhere
+    for k in range(n_kept):
+        length = load(rho, top + beams[k])
+        deepest = smallest(deepest, select(load(kept, k) >= most, length, nowhere))
+    n_before = n_kept
+    n_kept = 0
+    for k in range(n_before):
+        beam = beams[k]
+        barrier = select(load(rho, top + beam) <= deepest, load(kept, k), splat(-1.0))
+        store(kept, n_kept, barrier)
+        beams[n_kept] = beam
+        n_kept += any_lane(barrier >= least)
+    return n_kept
 
 
 @njit
@@ -114,33 +139,55 @@ def minima_features(
     prominences: Any,
     columns: Any,
     chords: Any,
-    left: Any,
     found: Any,
-    best: Any,
+    ahead: Any,
+    kept: Any,
+    beams: Any,
     values: Any,
 ) -> None:
     """Write f25 and f26 for each of the ``prominences`` (ascending) to ``columns`` (P, 2).
 
-    ``chords`` (361,) holds ``4 sin(a / 2)^2`` of the angle of each number of half beams; ``left``
-    (360), ``found`` (5) and ``best`` (2 P) are planes of float64 to work in.
+    ``chords`` (361,) holds ``4 sin(a / 2)^2`` of the angle of each number of half beams. ``found``
+    (5 rows), ``ahead`` and ``kept`` (361 rows) of float64 and ``beams`` (361 integers) are room to
+    work in.
     """
-    radians = splat(2.0 * 3.141592653589793 / N_BEAMS)
+    zero = splat(0.0)
+    nowhere = splat(UNREACHED_M)
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
+        top = tile * TILE_ROWS
         _first_minimum(rho, top, found)
-        _left_barriers(rho, top, load(found, 1), left, found)
-        _second_minima(rho, top, prominences, left, found, best)
+        _longest_ahead(rho, top, load(found, 1), ahead, found)
+        least = prominences[0]
+        most = prominences[prominences.size - 1]
+        n_kept = _keep_candidates(rho, top, least, found, ahead, kept, beams)
+        n_kept = _drop_dominated(rho, top, least, most, n_kept, kept, beams)
         lowest = load(found, 0)
+        middle = load(found, 2)
         for p in range(prominences.size):
-            second = load(best, 2 * p)
-            offset = load(best, 2 * p + 1)
+            second = nowhere
+            n_before, n_kept = n_kept, 0
+            for k in range(n_before):
+                barrier = load(kept, k)
+                beam = beams[k]
+                hidden = barrier >= prominences[p]
+                second = smallest(second, select(hidden, load(rho, top + beam), nowhere))
+                store(kept, n_kept, barrier)
+                beams[n_kept] = beam
+                n_kept += any_lane(hidden)
+            offset = nowhere
+            for k in range(n_kept):
+                equal = (load(rho, top + beams[k]) == second) & (load(kept, k) >= prominences[p])
+                apart = absolute(middle - beams[k])
+                apart = smallest(apart, N_BEAMS - apart)
+                offset = smallest(offset, select(equal, apart, nowhere))
+            seen = second < nowhere
+            offset = select(seen, offset, zero)
+            store(found, 3, offset)
             for lane in range(LANES):
-                left[0, lane] = chords[int(2.0 * best[2 * p + 1, lane])]
-            seen = second < UNREACHED_M
+                found[4, lane] = chords[int(2.0 * found[3, lane])]
             second = select(seen, second, lowest)
-            apart = second - lowest
-            distance = square_root(apart * apart + lowest * second * load(left, 0))
+            drop = second - lowest
+            distance = square_root(drop * drop + lowest * second * load(found, 4))
             row = tile * N_FEATURES
-            zero = splat(0.0)
             store(values, row + columns[p, 0], narrow(select(seen, distance, zero)))
-            store(values, row + columns[p, 1], narrow(select(seen, offset * radians, zero)))
+            store(values, row + columns[p, 1], narrow(select(seen, offset * STEP_RAD, zero)))

@@ -21,10 +21,9 @@ from pgm_places._lanes import (
     square_root,
     store,
 )
-from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES, first_column
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.laser import first_column
 
-N_BEAMS = CANONICAL_BEAMS
-N_FEATURES = len(LASER_FEATURES)
 STEP_RAD = 2.0 * math.pi / N_BEAMS
 SINE = math.sin(STEP_RAD)
 CHORD_SQUARED = 4.0 * math.sin(STEP_RAD / 2.0) ** 2
@@ -45,7 +44,7 @@ def outline_features(
 ) -> None:
     """Write f5, f6, f7, f31, the lengths of the ``edges`` and area, perimeter and centroid."""
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
+        top = tile * TILE_ROWS
         before = load(rho, top)
         x_before = before * directions[0, 0]
         y_before = before * directions[0, 1]
@@ -54,7 +53,7 @@ def outline_features(
         first_y = splat(0.0)
         length = splat(0.0)
         for beam in range(N_BEAMS):
-            other = beam + 1 if beam < N_BEAMS - 1 else 0
+            other = beam + 1
             after = load(rho, top + other)
             x = after * directions[other, 0]
             y = after * directions[other, 1]
@@ -101,7 +100,7 @@ def outline_features(
 def centroid_features(rho: Any, n_tiles: int, directions: Any, shape: Any, values: Any) -> None:
     """Write f9, f9_sd, f29 and f29_sd; ``shape`` comes from ``outline_features``."""
     for tile in range(n_tiles):
-        top = tile * N_BEAMS
+        top = tile * TILE_ROWS
         centre_x = load(shape, tile * SHAPE_ROWS + CENTRE_X)
         centre_y = load(shape, tile * SHAPE_ROWS + CENTRE_Y)
         pivot = splat(0.0)
@@ -138,7 +137,7 @@ def moment_features(
 ) -> None:
     """Write f21[1..7], f22 and f23; ``work`` has seven rows of float64 to work in."""
     for tile in range(n_tiles):
-        _moments_about_sensor(rho, tile * N_BEAMS, directions, work)
+        _moments_about_sensor(rho, tile * TILE_ROWS, directions, work)
         area = load(shape, tile * SHAPE_ROWS + AREA)
         centre_x = load(shape, tile * SHAPE_ROWS + CENTRE_X)
         centre_y = load(shape, tile * SHAPE_ROWS + CENTRE_Y)
@@ -160,29 +159,31 @@ def _moments_about_sensor(rho: Any, top: int, directions: Any, work: Any) -> Non
     and so on; c is the product of the two lengths times the sine of the angle between them.
     """
     before = load(rho, top)
-    x = before * directions[0, 0]
-    y = before * directions[0, 1]
-    xx_before, yy_before, xy_before = x * x, y * y, x * y
-    xxy_before, xyy_before = xx_before * y, x * yy_before
-    x_before, y_before = x, y
-    m20 = splat(0.0)
-    m02 = splat(0.0)
-    m11 = splat(0.0)
-    m30 = splat(0.0)
-    m03 = splat(0.0)
-    m21 = splat(0.0)
-    m12 = splat(0.0)
+    x_before = before * directions[0, 0]
+    y_before = before * directions[0, 1]
+    xx_before = x_before * x_before
+    yy_before = y_before * y_before
+    xy_before = x_before * y_before
+    xxy_before = xx_before * y_before
+    xyy_before = x_before * yy_before
+    m20 = m02 = m11 = m30 = m03 = m21 = m12 = splat(0.0)
     for beam in range(N_BEAMS):
-        other = beam + 1 if beam < N_BEAMS - 1 else 0
+        other = beam + 1
         after = load(rho, top + other)
         x = after * directions[other, 0]
         y = after * directions[other, 1]
-        xx, yy, xy = x * x, y * y, x * y
-        xxy, xyy = xx * y, x * yy
+        xx = x * x
+        yy = y * y
+        xy = x * y
+        xxy = xx * y
+        xyy = x * yy
         c = before * after
-        sx, sy = x_before + x, y_before + y
-        sxx, syy = sx * sx, sy * sy
-        xx_both, yy_both = xx_before + xx, yy_before + yy
+        sx = x_before + x
+        sy = y_before + y
+        sxx = sx * sx
+        syy = sy * sy
+        xx_both = xx_before + xx
+        yy_both = yy_before + yy
         m20 = fma(c, sxx + xx_both, m20)
         m02 = fma(c, syy + yy_both, m02)
         m11 = fma(c, fma(sx, sy, xy_before + xy), m11)
@@ -190,9 +191,14 @@ def _moments_about_sensor(rho: Any, top: int, directions: Any, work: Any) -> Non
         m03 = fma(c * sy, yy_both, m03)
         m21 = fma(c, fma(sxx, sy, 2.0 * (xxy_before + xxy)), m21)
         m12 = fma(c, fma(syy, sx, 2.0 * (xyy_before + xyy)), m12)
-        before, x_before, y_before = after, x, y
-        xx_before, yy_before, xy_before = xx, yy, xy
-        xxy_before, xyy_before = xxy, xyy
+        before = after
+        x_before = x
+        y_before = y
+        xx_before = xx
+        yy_before = yy
+        xy_before = xy
+        xxy_before = xxy
+        xyy_before = xyy
     store(work, 0, m20 * (SINE / 24.0))
     store(work, 1, m02 * (SINE / 24.0))
     store(work, 2, m11 * (SINE / 24.0))
@@ -208,7 +214,9 @@ def _invariants(area: Any, cx: Any, cy: Any, work: Any, row: int, values: Any) -
     zero = splat(0.0)
     solid = area > LEAST_AREA_M2
     safe = select(solid, area, splat(1.0))
-    m20, m02, m11 = load(work, 0), load(work, 1), load(work, 2)
+    m20 = load(work, 0)
+    m02 = load(work, 1)
+    m11 = load(work, 2)
     second = safe * safe
     third = second * square_root(safe)
     e20 = (m20 - area * cx * cx) / second
@@ -218,9 +226,12 @@ def _invariants(area: Any, cx: Any, cy: Any, work: Any, row: int, values: Any) -
     e03 = (load(work, 4) - cy * (3.0 * m02 - 2.0 * area * cy * cy)) / third
     e21 = (load(work, 5) - 2.0 * cx * (m11 - area * cx * cy) - cy * m20) / third
     e12 = (load(work, 6) - 2.0 * cy * (m11 - area * cx * cy) - cx * m02) / third
-    p, q = e30 + e12, e21 + e03
-    r, s = e30 - 3.0 * e12, 3.0 * e21 - e03
-    pp, qq = p * p, q * q
+    p = e30 + e12
+    q = e21 + e03
+    r = e30 - 3.0 * e12
+    s = 3.0 * e21 - e03
+    pp = p * p
+    qq = q * q
     apart = e20 - e02
     spread = apart * apart + 4.0 * e11 * e11
     u = p * (pp - 3.0 * qq)

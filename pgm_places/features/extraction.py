@@ -1,7 +1,6 @@
 """The laser features of scans, computed for any choice of columns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,15 +15,16 @@ from pgm_places.features._beam_kernels import (
     ratio_features,
     spread_features,
 )
-from pgm_places.features._fourier_kernels import WORK_ROWS, fourier_features
+from pgm_places.features._fourier_kernels import fourier_features
 from pgm_places.features._minima_kernels import minima_features
 from pgm_places.features._polygon_kernels import (
-    SHAPE_ROWS,
     centroid_features,
     moment_features,
     outline_features,
 )
 from pgm_places.features._tile_kernels import load_tiles, write_rows
+from pgm_places.features._tiles import N_BEAMS, TILE_ROWS
+from pgm_places.features._workspace import Workspace
 from pgm_places.features.beams import (
     InvalidBeams,
     check_invalid,
@@ -33,8 +33,10 @@ from pgm_places.features.beams import (
     clean_beams,
     resample_beams,
 )
-from pgm_places.features.laser import CANONICAL_BEAMS, LASER_FEATURES
+from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.features.plan import FeaturePlan, plan_features
+
+Columns = Sequence[int] | NDArray[np.integer[Any]]
 
 __all__ = ["extract", "extract_one", "resample_beams"]
 
@@ -42,96 +44,154 @@ TILES_PER_GROUP = 4
 """Tiles that one kernel call handles: their planes stay in the second-level cache."""
 
 SCANS_PER_GROUP = TILES_PER_GROUP * LANES
-GROUPS_PER_TASK = 4
+SCANS_PER_TASK = 4 * SCANS_PER_GROUP
 
 
 def _directions() -> NDArray[np.float64]:
-    angles = 2.0 * np.pi * np.arange(CANONICAL_BEAMS) / CANONICAL_BEAMS
+    angles = 2.0 * np.pi * (np.arange(TILE_ROWS) % N_BEAMS) / N_BEAMS
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def _chords() -> NDArray[np.float64]:
     """``4 sin(a / 2)^2`` for the angle ``a`` of 0, 1, 2, ... half beams, up to half a turn."""
-    return 4.0 * np.sin(np.pi * np.arange(CANONICAL_BEAMS + 1) / (2.0 * CANONICAL_BEAMS)) ** 2
+    return 4.0 * np.sin(np.pi * np.arange(N_BEAMS + 1) / (2.0 * N_BEAMS)) ** 2
 
 
 DIRECTIONS = _directions()
 CHORDS = _chords()
 
 
-def _planes64(rows: int) -> Any:
-    return field(default_factory=lambda: aligned_planes(rows, np.float64))
-
-
-def _planes32(rows: int) -> Any:
-    return field(default_factory=lambda: aligned_planes(rows, np.float32))
-
-
-@dataclass(frozen=True, eq=False)
-class _Workspace:
-    """The planes that one thread works in; about a megabyte."""
-
-    rho: NDArray[np.float64] = _planes64(TILES_PER_GROUP * CANONICAL_BEAMS)
-    edges: NDArray[np.float64] = _planes64(TILES_PER_GROUP * CANONICAL_BEAMS)
-    shape: NDArray[np.float64] = _planes64(TILES_PER_GROUP * SHAPE_ROWS)
-    values: NDArray[np.float32] = _planes32(TILES_PER_GROUP * len(LASER_FEATURES))
-    left: NDArray[np.float64] = _planes64(CANONICAL_BEAMS)
-    sums: NDArray[np.float64] = _planes64(32)
-    found: NDArray[np.float64] = _planes64(8)
-    turns: NDArray[np.float32] = _planes32(WORK_ROWS)
-    cells: NDArray[np.float32] = _planes32(400)
-
-
 def extract(
     ranges: ArrayLike,
     *,
     max_range_m: float,
-    columns: Sequence[int] | NDArray[np.integer] | None = None,
+    columns: Columns | None = None,
     n_threads: int | None = None,
     out: NDArray[np.float32] | None = None,
     invalid: InvalidBeams = "max-range",
 ) -> NDArray[np.float32]:
-    """(N, F) features of N scans, one row a scan, one column for each entry of ``columns``."""
+    """(N, F) features of N scans, one row a scan, one column for each entry of ``columns``.
+
+    Parameters
+    ----------
+    ranges : (N, M) float32 or float64
+        Beam lengths in metres, beam ``i`` at the angle ``2 pi i / M``, over the full circle.
+        Scans of other than 360 beams are resampled to 360 first: see ``resample_beams``.
+    max_range_m : float
+        The sensor's maximum range. Beams that are NaN, infinite, negative or at least as long have
+        no answer.
+    columns : sequence of F int, optional
+        Which columns of ``LASER_FEATURES`` to compute, without repetition, in any order; all 321
+        if not given. Only what they need is computed, and a value has the same bits whether it is
+        computed alone or with others.
+    n_threads : int, optional
+        Any number gives the same bits.
+    out : (N, F) float32, optional
+        Where to write the result.
+    invalid : {"max-range", "interpolate"}
+        Beams without an answer count as ``max_range_m`` long, or lie on a straight line between
+        their neighbours with an answer: see ``clean_beams``.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+
+    Definitions are in ``LASER_FEATURES`` and the manual; a scan that leaves one without meaning (an
+    area of 0, say) gets 0 there, never NaN. Values are computed in float64 and rounded to float32,
+    except the sums of ``f16``, which are float32. Memory beyond the result is about a megabyte for
+    each thread.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> circle = np.full((1, 360), 2.0)
+    >>> from pgm_places.features.laser import laser_feature_names
+    >>> names = laser_feature_names()
+    >>> area, compactness = names.index("f5"), names.index("f22")
+    >>> extract(circle, max_range_m=30.0, columns=[area, compactness]).round(3)
+    array([[12.566,  1.   ]], dtype=float32)
+    """
     array = check_ranges(ranges)
     limit = float(array.dtype.type(check_max_range(max_range_m)))
     check_invalid(invalid)
     plan = plan_features(_check_columns(columns))
-    result = _check_out(out, (len(array), len(plan.columns)))
-    ready = invalid == "max-range" and array.shape[1] == CANONICAL_BEAMS
-    per_task = GROUPS_PER_TASK * SCANS_PER_GROUP
-    idle: list[_Workspace] = []
+    result = _check_out(out, (len(array), len(plan.columns)), array)
+    as_they_are = invalid == "max-range" and array.shape[1] == N_BEAMS
+    idle: list[Workspace] = []
 
     def work(task: int) -> None:
-        space = idle.pop() if idle else _Workspace()
-        first, last = task * per_task, min((task + 1) * per_task, len(array))
-        scans = array[first:last]
-        if not ready:
+        space = idle.pop() if idle else Workspace(TILES_PER_GROUP)
+        part = slice(task * SCANS_PER_TASK, (task + 1) * SCANS_PER_TASK)
+        scans = array[part]
+        if not as_they_are:
             scans = clean_beams(scans, max_range_m=max_range_m, invalid=invalid)
-            scans = resample_beams(scans, CANONICAL_BEAMS)
-        for start in range(0, len(scans), SCANS_PER_GROUP):
-            stop = min(start + SCANS_PER_GROUP, len(scans))
-            load_tiles(scans, start, stop, limit, space.rho)
-            n_tiles = -(-(stop - start) // LANES)
-            _beam_families(plan, space, n_tiles)
-            _polygon_families(plan, space, n_tiles)
-            write_rows(space.values, plan.columns, start, stop, result[first:last])
+            scans = resample_beams(scans, N_BEAMS)
+        rows = result[part]
+        if rows.flags.c_contiguous:
+            _extract_part(np.ascontiguousarray(scans), limit, plan, space, rows)
+        else:
+            contiguous = np.empty(rows.shape, np.float32)
+            _extract_part(np.ascontiguousarray(scans), limit, plan, space, contiguous)
+            rows[:] = contiguous
         idle.append(space)
 
-    run_tasks(work, -(-len(array) // per_task), n_threads=n_threads)
+    run_tasks(work, -(-len(array) // SCANS_PER_TASK), n_threads=n_threads)
     return result
 
 
-def _beam_families(plan: FeaturePlan, space: _Workspace, n_tiles: int) -> None:
+def extract_one(
+    ranges: ArrayLike,
+    *,
+    max_range_m: float,
+    columns: Columns | None = None,
+    invalid: InvalidBeams = "max-range",
+) -> NDArray[np.float32]:
+    """(F,) features of one scan of M beams, the same bits as its row of ``extract``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> extract_one(np.full(720, 2.0), max_range_m=30.0, columns=[12])
+    array([2.], dtype=float32)
+    """
+    scan = np.asarray(ranges)
+    if scan.ndim != 1:
+        raise InputError(f"ranges of one scan must have shape (beams,), got {scan.shape}")
+    rows = extract(
+        scan[np.newaxis], max_range_m=max_range_m, columns=columns, n_threads=1, invalid=invalid
+    )
+    return rows[0]
+
+
+def _extract_part(
+    scans: NDArray[Any],
+    limit: float,
+    plan: FeaturePlan,
+    space: Workspace,
+    rows: NDArray[np.float32],
+) -> None:
+    block = aligned_planes(LANES, scans.dtype)
+    for start in range(0, len(scans), SCANS_PER_GROUP):
+        stop = min(start + SCANS_PER_GROUP, len(scans))
+        n_tiles = -(-(stop - start) // LANES)
+        load_tiles(scans, start, stop, limit, space.rows, block, space.rho)
+        _beam_families(plan, space, n_tiles)
+        _polygon_families(plan, space, n_tiles)
+        write_rows(space.values, plan.columns, start, stop, space.rows, space.places, rows)
+
+
+def _beam_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     rho, values = space.rho, space.values
     if plan.spread:
         spread_features(rho, n_tiles, values)
     if plan.cuts is not None:
         cut_features(rho, n_tiles, plan.cuts.parameters, plan.cuts.columns, values)
     if plan.gaps is not None:
-        gap_features(rho, n_tiles, plan.gaps.parameters, plan.gaps.columns, space.sums, values)
+        gap_features(rho, n_tiles, plan.gaps.parameters, plan.gaps.columns, space.kept, values)
     if plan.ratios is not None:
         bounds = plan.ratios
-        ratio_features(rho, n_tiles, bounds.parameters, bounds.columns, space.sums, values)
+        ratio_features(rho, n_tiles, bounds.parameters, bounds.columns, space.kept, values)
     if plan.minima is not None:
         minima = plan.minima
         minima_features(
@@ -140,21 +200,22 @@ def _beam_families(plan: FeaturePlan, space: _Workspace, n_tiles: int) -> None:
             minima.parameters,
             minima.columns,
             CHORDS,
-            space.left,
-            space.found,
-            space.sums,
+            space.few,
+            space.ahead,
+            space.kept,
+            space.beams,
             values,
         )
 
 
-def _polygon_families(plan: FeaturePlan, space: _Workspace, n_tiles: int) -> None:
+def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
     rho, values, shape = space.rho, space.values, space.shape
     if plan.outline:
         outline_features(rho, n_tiles, DIRECTIONS, space.edges, shape, values)
     if plan.centroid:
         centroid_features(rho, n_tiles, DIRECTIONS, shape, values)
     if plan.moments:
-        moment_features(rho, n_tiles, DIRECTIONS, shape, space.found, values)
+        moment_features(rho, n_tiles, DIRECTIONS, shape, space.few, values)
     if plan.fourier is not None:
         fourier = plan.fourier
         fourier_features(
@@ -167,26 +228,14 @@ def _polygon_families(plan: FeaturePlan, space: _Workspace, n_tiles: int) -> Non
             fourier.bounds,
             fourier.steps,
             fourier.orders,
-            space.found,
-            space.turns,
+            space.few,
+            space.outline,
             space.cells,
             values,
         )
 
 
-def extract_one(
-    ranges: ArrayLike,
-    *,
-    max_range_m: float,
-    columns: Sequence[int] | NDArray[np.integer] | None = None,
-    invalid: InvalidBeams = "max-range",
-) -> NDArray[np.float32]:
-    """(F,) features of one scan of M beams."""
-    one = np.asarray(ranges)[np.newaxis]
-    return extract(one, max_range_m=max_range_m, columns=columns, n_threads=1, invalid=invalid)[0]
-
-
-def _check_columns(columns: Sequence[int] | NDArray[np.integer] | None) -> tuple[int, ...]:
+def _check_columns(columns: Columns | None) -> tuple[int, ...]:
     n_known = len(LASER_FEATURES)
     if columns is None:
         return tuple(range(n_known))
@@ -201,11 +250,15 @@ def _check_columns(columns: Sequence[int] | NDArray[np.integer] | None) -> tuple
     return numbers
 
 
-def _check_out(out: NDArray[Any] | None, shape: tuple[int, int]) -> NDArray[np.float32]:
+def _check_out(
+    out: NDArray[Any] | None, shape: tuple[int, int], ranges: NDArray[Any]
+) -> NDArray[np.float32]:
     if out is None:
         return np.empty(shape, np.float32)
     if out.shape != shape or out.dtype != np.float32 or not out.flags.writeable:
         raise InputError(
             f"out must be a writeable float32 array of shape {shape}, got {out.dtype} {out.shape}"
         )
+    if np.may_share_memory(out, ranges):
+        raise InputError("out must not share memory with ranges, which are never modified")
     return out

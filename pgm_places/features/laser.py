@@ -37,9 +37,6 @@ PROMINENCES_M = tuple(k / 10 for k in range(1, 11))
 FOURIER_ORDERS = (*range(-100, 0), *range(2, 101))
 HU_INVARIANTS = (1, 2, 3, 4, 5, 6, 7)
 
-FOURIER_FIRST_CENTRE, FOURIER_BETWEEN_CENTRES = 10.5, 20
-"""Orders 1..20 lie around 10.5, 21..40 around 30.5, and so on; see the Fourier kernel."""
-
 _CODE = "Mozos' published code and its parameter list"
 _CODE_ONLY = "Mozos' published code (not in its parameter list)"
 _CUTS = "formula: Mozos' published code; cut lengths: a later port, extended"

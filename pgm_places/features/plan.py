@@ -7,13 +7,22 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.features.laser import (
-    FOURIER_BETWEEN_CENTRES,
-    FOURIER_FIRST_CENTRE,
-    LASER_FEATURES,
-)
+from pgm_places.features.laser import LASER_FEATURES
 
-__all__ = ["FeaturePlan", "FourierPlan", "Thresholds", "plan_features"]
+__all__ = [
+    "FOURIER_BLOCK",
+    "FOURIER_REACH",
+    "FeaturePlan",
+    "FourierPlan",
+    "Thresholds",
+    "plan_features",
+]
+
+FOURIER_REACH = 14
+"""Orders are reached from the centres 0, +-29, +-58, +-87 by steps of up to 14."""
+
+FOURIER_BLOCK = 5
+"""Steps from one centre that the kernel takes together; a rest of three or four is filled up."""
 
 Columns = NDArray[np.int64]
 
@@ -120,38 +129,58 @@ def _thresholds(
     rows = [[_column_of()[family, p] for family in families] for p in parameters]
     table = np.array(rows, np.int64).reshape(len(parameters), len(families))
     return Thresholds(
-        np.array(parameters, np.float64), np.ascontiguousarray(table[:, 0]) if len(families) == 1 else table
+        np.array(parameters, np.float64),
+        np.ascontiguousarray(table[:, 0]) if len(families) == 1 else table,
     )
 
 
 def _cell(order: int) -> tuple[int, int, int]:
-    """Centre row, step number, and side of the centre of an order other than 0.
+    """Centre row, step and side of the centre of an order.
 
-    Row ``2 j`` is the centre ``10.5 + 20 j``, row ``2 j + 1`` its mirror image.
+    Row 0 is the centre 0, row ``2 g - 1`` the centre ``(2 R + 1) g`` with the reach ``R``, and row
+    ``2 g`` its mirror image.
     """
-    group = (abs(order) - 1) // FOURIER_BETWEEN_CENTRES
-    beyond = abs(order) - (FOURIER_FIRST_CENTRE + FOURIER_BETWEEN_CENTRES * group)
-    row = 2 * group + (order < 0)
+    span = 2 * FOURIER_REACH + 1
+    group = (abs(order) + FOURIER_REACH) // span
+    beyond = abs(order) - span * group
+    row = 0 if group == 0 else 2 * group - (order > 0)
     side = 1 if (beyond > 0) == (order > 0) else -1
-    return row, int(abs(beyond)), side
+    return row, abs(beyond), side
+
+
+def _filled(steps: set[int]) -> list[int]:
+    """The steps of one centre, filled up to whole blocks where that costs less than single ones."""
+    rest = len(steps) % FOURIER_BLOCK
+    if rest >= 3:
+        spare = (step for step in range(FOURIER_REACH + 1) if step not in steps)
+        steps = steps | {next(spare) for _ in range(FOURIER_BLOCK - rest)}
+    return sorted(steps)
 
 
 def _fourier(columns: tuple[int, ...]) -> FourierPlan | None:
     specs = [(column, LASER_FEATURES[column]) for column in columns]
     if not any(spec.id[:3] in {"f16", "f17", "f18", "f19"} for _, spec in specs):
         return None
-    wanted = [(int(spec.parameter), column) for column, spec in specs if spec.id == "f16" and spec.parameter]
-    cells = sorted({_cell(order)[:2] for order, _ in wanted if order != -1})
-    number = {cell: k for k, cell in enumerate(cells)}
+    wanted = [
+        (int(spec.parameter), column)
+        for column, spec in specs
+        if spec.id == "f16" and spec.parameter is not None
+    ]
+    # orders 1 and -1 are summed apart
+    needed = [_cell(order)[:2] for order, _ in wanted if order != -1]
+    n_rows = 1 + max((row for row, _ in needed), default=-1)
+    rows = [_filled({step for r, step in needed if r == row}) for row in range(n_rows)]
+    number = {
+        (row, step): k
+        for k, (row, step) in enumerate((r, step) for r in range(n_rows) for step in rows[r])
+    }
     orders = []
     for order, column in wanted:
         row, step, side = _cell(order)
         orders.append((order, number.get((row, step), 0), side, column))
-    n_rows = 2 * (1 + max((row for row, _ in cells), default=-2) // 2)
-    bounds = np.searchsorted([row for row, _ in cells], np.arange(n_rows + 1))
     return FourierPlan(
-        n_steps=1 + max((step for _, step in cells), default=-1),
-        bounds=bounds.astype(np.int64),
-        steps=np.array([step for _, step in cells], np.int64),
+        n_steps=max((step for _, step in number), default=0),
+        bounds=np.cumsum([0, *map(len, rows)]),
+        steps=np.array([step for _, step in number], np.int64),
         orders=np.array(orders, np.int64).reshape(len(orders), 4),
     )

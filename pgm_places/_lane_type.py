@@ -1,0 +1,167 @@
+"""The vector type of :mod:`pgm_places._lanes` as numba sees it: type, operators, intrinsics."""
+# numba calls generators and templates with a fixed list of arguments:
+# ruff: noqa: ARG001, ARG002, ARG005
+
+import operator
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from llvmlite import ir
+from numba import config, types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+__all__ = ["LANES", "Emit", "LanesType", "compiled", "llvm_call", "splat_value"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+LANES = 16
+
+
+class LanesType(types.Type):  # type: ignore[misc]
+    """Sixteen floats, or sixteen truth values where ``scalar`` is boolean."""
+
+    def __init__(self, scalar: types.Type) -> None:
+        self.scalar = scalar
+        super().__init__(name=f"Lanes({scalar})")
+
+
+_ELEMENTS = {
+    types.float32: ir.FloatType(),
+    types.float64: ir.DoubleType(),
+    types.boolean: ir.IntType(1),
+}
+
+
+@register_model(LanesType)
+class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, lanes_type: LanesType) -> None:
+        vector = ir.VectorType(_ELEMENTS[lanes_type.scalar], LANES)
+        super().__init__(manager, lanes_type, vector)
+
+
+MASK = LanesType(types.boolean)
+
+Emit = Callable[[Any, Any, Any, Any], Any]
+
+
+def compiled(rule: Callable[..., tuple[Any, Emit]]) -> Callable[[F], F]:
+    """Replace a NumPy function by the vector instruction that ``rule`` emits in kernels.
+
+    ``rule`` takes the argument types and gives the signature and the code generator.
+    """
+
+    def decorate(plain: F) -> F:
+        if config.DISABLE_JIT:
+            return plain
+
+        # intrinsic wants a function with exactly the arguments of the call
+        count = plain.__code__.co_argcount
+        if count == 1:
+            made = intrinsic(lambda context, a: rule(a))
+        elif count == 2:
+            made = intrinsic(lambda context, a, b: rule(a, b))
+        elif count == 3:
+            made = intrinsic(lambda context, a, b, c: rule(a, b, c))
+        else:
+            made = intrinsic(lambda context, a, b, c, d, e, f: rule(a, b, c, d, e, f))
+        return made
+
+    return decorate
+
+
+def splat_value(builder: Any, vector: Any, value: Any) -> Any:
+    undefined = ir.Constant(vector, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, undefined, zeros)
+
+
+def llvm_call(name: str) -> Emit:
+    """The generator of a call of LLVM's element-wise function of that name."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = args[0].type
+        suffix = "f32" if isinstance(vector.element, ir.FloatType) else "f64"
+        kind = ir.FunctionType(vector, [vector] * len(args))
+        call = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}{suffix}")
+        return builder.call(call, args)
+
+    return emit
+
+
+def _register_operator(function: Any, emit_lanes: Callable[..., Any], gives_mask: bool) -> None:
+    """Let ``function`` take two vectors, or a vector and a number, which is put in every lane."""
+
+    class Template(AbstractTemplate):  # type: ignore[misc]
+        key = function
+
+        def generic(self, args: Any, kws: Any) -> Any:
+            lanes = [a for a in args if isinstance(a, LanesType)]
+            if len(args) != 2 or not lanes:
+                return None
+            numbers = [a for a in args if not isinstance(a, LanesType)]
+            if any(a != lanes[0] for a in lanes) or any(
+                not isinstance(a, types.Float | types.Integer) for a in numbers
+            ):
+                return None
+            return signature(MASK if gives_mask else lanes[0], *args)
+
+    infer_global(function)(Template)
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        lanes_type = next(a for a in sig.args if isinstance(a, LanesType))
+        vector = context.get_value_type(lanes_type)
+        spread = [
+            value
+            if isinstance(kind, LanesType)
+            else splat_value(builder, vector, context.cast(builder, value, kind, lanes_type.scalar))
+            for kind, value in zip(sig.args, args, strict=True)
+        ]
+        return emit_lanes(builder, *spread)
+
+    for pair in (
+        (LanesType, LanesType),
+        (LanesType, types.Number),
+        (types.Number, LanesType),
+    ):
+        lower_builtin(function, *pair)(lower)
+
+
+def _register_operators() -> None:
+    arithmetic = {
+        operator.add: "fadd",
+        operator.sub: "fsub",
+        operator.mul: "fmul",
+        operator.truediv: "fdiv",
+    }
+    for function, name in arithmetic.items():
+        _register_operator(
+            function, lambda builder, a, b, name=name: getattr(builder, name)(a, b), False
+        )
+    for function, sign in {
+        operator.lt: "<",
+        operator.le: "<=",
+        operator.gt: ">",
+        operator.ge: ">=",
+        operator.eq: "==",
+        operator.ne: "!=",
+    }.items():
+        _register_operator(
+            function,
+            lambda builder, a, b, sign=sign: (
+                builder.fcmp_unordered(sign, a, b)
+                if sign == "!="
+                else builder.fcmp_ordered(sign, a, b)
+            ),
+            True,
+        )
+    for function, name in {operator.and_: "and_", operator.or_: "or_"}.items():
+        _register_operator(
+            function, lambda builder, a, b, name=name: getattr(builder, name)(a, b), True
+        )
+
+
+if not config.DISABLE_JIT:
+    _register_operators()

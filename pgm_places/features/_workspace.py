@@ -1,0 +1,32 @@
+"""The planes that one thread works in while it extracts features."""
+
+import numpy as np
+
+from pgm_places._lanes import LANES, aligned_planes
+from pgm_places.features._fourier_kernels import SUM_ROWS, WORK_ROWS
+from pgm_places.features._polygon_kernels import SHAPE_ROWS
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+
+__all__ = ["Workspace"]
+
+
+class Workspace:
+    """Planes for a number of tiles; a quarter of a megabyte for each and a little more.
+
+    ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
+    the features; the others are room for single kernels.
+    """
+
+    def __init__(self, n_tiles: int) -> None:
+        self.rho = aligned_planes(n_tiles * TILE_ROWS, np.float64)
+        self.edges = aligned_planes(n_tiles * TILE_ROWS, np.float64)
+        self.shape = aligned_planes(n_tiles * SHAPE_ROWS, np.float64)
+        self.values = aligned_planes(n_tiles * N_FEATURES, np.float32)
+        self.ahead = aligned_planes(N_BEAMS + 1, np.float64)
+        self.kept = aligned_planes(N_BEAMS + 1, np.float64)
+        self.few = aligned_planes(8, np.float64)
+        self.outline = aligned_planes(WORK_ROWS, np.float32)
+        self.cells = aligned_planes(SUM_ROWS, np.float32)
+        self.rows = np.tile(np.arange(LANES), 2)
+        self.places = np.arange(LANES)
+        self.beams = np.zeros(N_BEAMS + 1, np.intp)
