@@ -134,7 +134,7 @@ def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], floa
         method=solver,
     )
     marginals = np.clip(result.x[: model.unary.size].reshape(model.unary.shape), 0.0, 1.0)
-    marginals /= marginals.sum(axis=1, keepdims=True)
+    marginals = marginals / marginals.sum(axis=1, keepdims=True) + 0.0  # no negative zeros
     if upper is not None:
         bound = _associative_bound(model, -scale * result.ineqlin.marginals)
     else:

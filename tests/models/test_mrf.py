@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from hypothesis import given
+
+from pgm_places.backends import build
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.graph import LabelGraph
+from pgm_places.labeling import Status
+from pgm_places.models.mrf import PottsField
+from pgm_places.problem import LabelingProblem
+from tests.reference.energy import Model, best_score
+from tests.strategies import models
+
+
+def problem_of(model: Model) -> LabelingProblem:
+    graph = LabelGraph.from_edges(len(model.unary), model.edges)
+    names = [f"label {k}" for k in range(model.unary.shape[1])]
+    return LabelingProblem(graph, names, unary=model.unary)
+
+
+@given(models(("associative",)))
+def test_no_labelling_scores_more_than_the_bound(model: Model) -> None:
+    found = PottsField(weight=0.5, certify=True).infer(problem_of(model))
+    same = Model(model.unary, model.edges, np.full((len(model.edges), model.unary.shape[1]), 0.5))
+    assert found.bound is not None
+    assert found.bound >= best_score(same) - 1e-9
+    if found.status is Status.EXACT:
+        assert found.score == pytest.approx(best_score(same), rel=0, abs=1e-6)
+
+
+@given(models(("associative",)))
+def test_weight_zero_is_the_independent_method(model: Model) -> None:
+    problem = problem_of(model)
+    found = PottsField(weight=0.0).infer(problem)
+    np.testing.assert_array_equal(found.labels, build("independent").infer(problem).labels)
+
+
+def test_specks_go_and_regions_stay() -> None:
+    truth = np.zeros((20, 20), np.int64)
+    truth[:, 10:] = 1
+    noisy = np.where(np.random.default_rng(0).random((20, 20)) < 0.15, 1 - truth, truth)
+    unary = np.log(np.where(noisy.reshape(-1, 1) == [[0, 1]], 0.8, 0.2))
+    graph = LabelGraph.from_grid(np.ones((20, 20), np.bool_))
+    found = PottsField(weight=1.0).infer(LabelingProblem(graph, ["left", "right"], unary=unary))
+    wrong = found.labels.reshape(20, 20) != truth
+    assert (noisy != truth).sum() > 40
+    assert wrong.sum() <= 4
+    assert not wrong[:, :8].any()
+    assert not wrong[:, 12:].any()
+
+
+def test_decoders_are_options() -> None:
+    assert build("potts", {"inference": "trw-s", "weight": 2.0}).inference == "trw-s"
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"inference": "graph-cuts"}, "unknown decoder 'graph-cuts'. did you mean 'graph-cut'"),
+        ({"weight": np.inf}, "weight must be a finite number, got inf"),
+        ({"wieght": 1.0}, "has no option 'wieght'. did you mean 'weight'"),
+    ],
+)
+def test_bad_options_are_refused(options: dict[str, object], text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        build("potts", options)
+
+
+def test_problems_without_unaries_are_refused() -> None:
+    graph = LabelGraph.from_edges(1, [])
+    problem = LabelingProblem(graph, ["a", "b"], node_features=np.zeros((1, 2)))
+    with pytest.raises(InputError, match="'potts' needs unary log-probabilities"):
+        PottsField().infer(problem)
+
+
+def test_negative_weights_are_for_other_decoders() -> None:
+    graph = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
+    unary = np.array([[0.0, 0.1, 0.0]] * 3)
+    problem = LabelingProblem(graph, ["a", "b", "c"], unary=unary)
+    with pytest.raises(InputError, match="agreement must be at least 0"):
+        PottsField(weight=-1.0).infer(problem)
+    found = PottsField(weight=-1.0, inference="exact").infer(problem)
+    assert found.labels[0] != found.labels[1] != found.labels[2]

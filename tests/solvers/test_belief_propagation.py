@@ -1,0 +1,104 @@
+from typing import Literal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.solvers._pairwise_kernels import pass_max, pass_sum
+from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.pairwise import pairwise_model
+from tests.reference.energy import Model, best_score, distribution, score
+from tests.strategies import models, quarters
+
+KINDS: tuple[Literal["sum-product", "max-product"], ...] = ("sum-product", "max-product")
+
+
+@given(models(forest=True))
+def test_sums_are_exact_on_forests(model: Model) -> None:
+    found = belief_propagation(*model.arrays, tolerance=1e-10)
+    assert found.converged
+    np.testing.assert_allclose(found.beliefs, distribution(model)[0], rtol=0, atol=1e-8)
+
+
+@given(models(forest=True, forbid=False), st.sampled_from([0.3, 0.7]))
+def test_maxima_are_exact_on_forests_where_the_best_is_unique(model: Model, damping: float) -> None:
+    spread = np.random.default_rng(0).uniform(0, 1e-3, model.unary.shape)
+    model = Model(model.unary + spread, *model.arrays[1:])
+    found = belief_propagation(
+        *model.arrays, kind="max-product", damping=damping, tolerance=1e-9, max_iterations=500
+    )
+    np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-3)
+
+
+@given(
+    arrays(np.float64, (2, 3), elements=quarters),
+    arrays(np.bool_, 3),
+    st.booleans(),
+)
+def test_agreement_and_tables_pass_the_same_messages(
+    values: NDArray[np.float64], barred: NDArray[np.bool_], backwards: bool
+) -> None:
+    sent, agreement = values[0].copy(), values[1:]
+    sent[barred] = -np.inf
+    nodes = np.zeros((2, 3))
+    compact = pairwise_model(nodes, [(0, 1)], agreement).terms
+    full = compact._replace(tables=np.diag(agreement[0])[None], associative=False)
+    for send in (pass_max, pass_sum):
+        first, second = np.empty(3), np.empty(3)
+        send(sent, np.int64(0), backwards, compact, first)
+        send(sent, np.int64(0), backwards, full, second)
+        np.testing.assert_allclose(first, second, rtol=0, atol=1e-12)
+
+
+@given(models(), st.sampled_from(KINDS))
+def test_beliefs_are_probabilities_and_the_score_is_the_labels(
+    model: Model, kind: Literal["sum-product", "max-product"]
+) -> None:
+    found = belief_propagation(*model.arrays, kind=kind, damping=0.3)
+    np.testing.assert_allclose(found.beliefs.sum(axis=1), 1.0, rtol=0, atol=1e-9)
+    assert not found.beliefs[model.unary == -np.inf].any()
+    np.testing.assert_allclose(
+        found.score, score(model, tuple(found.labels.tolist())), rtol=0, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("gap", [30.0, 700.0, 5000.0])
+def test_sums_hold_far_apart_labels(gap: float) -> None:
+    """One label far ahead, rewards as large: nothing may vanish in an exponential."""
+    unary = np.array([[gap, 0.0, -gap], [0.0, 0.5, 0.0]])
+    model = Model(unary, np.array([(0, 1)]), np.array([[-gap, gap - 1, 2 * gap]]))
+    found = belief_propagation(*model.arrays)
+    np.testing.assert_allclose(found.beliefs, distribution(model)[0], rtol=0, atol=1e-9)
+
+
+def test_messages_that_circle_are_reported() -> None:
+    triangle = [(0, 1), (0, 2), (1, 2)]
+    differ = np.array([[-40.0, 0.0], [0.0, -40.0]])
+    found = belief_propagation(
+        [[0.0, 0.1], [0.0, 0.2], [0.1, 0.0]], triangle, pairwise=differ, max_iterations=7
+    )
+    assert not found.converged
+    assert found.n_iterations == len(found.history) == 7
+
+
+def test_messages_that_prove_it_impossible_are_refused() -> None:
+    with pytest.raises(InputError, match="together forbid every label at node"):
+        belief_propagation(np.zeros((2, 2)), [(0, 1)], pairwise=np.full((2, 2), -np.inf))
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"kind": "min-sum"}, "kind must be 'sum-product' or 'max-product', got 'min-sum'"),
+        ({"damping": 1.0}, "damping must be at least 0 and less than 1, got 1.0"),
+        ({"tolerance": -1.0}, "tolerance must be at least 0, got -1.0"),
+        ({"max_iterations": 0}, "max_iterations must be at least 1, got 0"),
+    ],
+)
+def test_bad_options_are_refused(changed: dict[str, object], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        belief_propagation(np.zeros((2, 2)), [(0, 1)], **changed)  # type: ignore[arg-type]

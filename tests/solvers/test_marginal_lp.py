@@ -1,0 +1,106 @@
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.optimize
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgm_places.errors import InputError, SolverError
+from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.marginal_lp import solve_marginal_lp
+from tests.reference.energy import Model, best_score, score
+from tests.strategies import models
+
+FRUSTRATED = Model(
+    np.zeros((3, 2)), np.array([(0, 1), (0, 2), (1, 2)]), pairwise=np.array([[-1.0, 0], [0, -1]])
+)
+"""A triangle whose nodes all want to differ with two labels: the relaxation answers one half."""
+
+
+@given(models(), st.booleans())
+def test_bound_is_above_every_labelling(model: Model, eliminate: bool) -> None:
+    found = solve_marginal_lp(*model.arrays, eliminate=eliminate)
+    assert found.bound >= best_score(model) - 1e-9
+    np.testing.assert_allclose(
+        found.score, score(model, tuple(found.labels.tolist())), rtol=0, atol=1e-9
+    )
+    np.testing.assert_allclose(found.node_marginals.sum(axis=1), 1.0, rtol=0, atol=1e-9)
+    if found.integral:
+        np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-5)
+
+
+@given(models(forest=True))
+def test_on_forests_it_is_viterbi(model: Model) -> None:
+    found = solve_marginal_lp(*model.arrays)
+    best = forest_maximum(*model.arrays).score
+    np.testing.assert_allclose(found.bound, best, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found.score, best, rtol=0, atol=1e-6)
+
+
+@given(models(("associative",), n_labels=st.just(2)))
+def test_two_associative_labels_are_solved(model: Model) -> None:
+    found = solve_marginal_lp(*model.arrays)
+    np.testing.assert_allclose(found.bound, best_score(model), rtol=0, atol=1e-6)
+
+
+@given(models(("associative",)))
+def test_both_forms_have_the_same_value(model: Model) -> None:
+    assert model.agreement is not None
+    tables = np.zeros((len(model.edges), *(model.unary.shape[1],) * 2))
+    tables[:, range(model.unary.shape[1]), range(model.unary.shape[1])] = model.agreement
+    lifted = tables - np.ones(tables.shape[1:]) * np.arange(tables.shape[1])[:, None]
+    unary = model.unary.copy()
+    np.add.at(unary, model.edges[:, 0], np.arange(tables.shape[1]))
+    compact = solve_marginal_lp(*model.arrays, eliminate=False)
+    full = solve_marginal_lp(unary, model.edges, pairwise=lifted, eliminate=False)
+    np.testing.assert_allclose(full.bound, compact.bound, rtol=0, atol=1e-6)
+
+
+@given(models(("associative", "tables"), forbid=False), st.randoms(use_true_random=False))
+def test_numbering_of_nodes_and_labels_does_not_matter(model: Model, random: Any) -> None:
+    n_nodes, n_labels = model.unary.shape
+    order = np.array(random.sample(range(n_nodes), n_nodes), np.int64)
+    names = np.array(random.sample(range(n_labels), n_labels), np.int64)
+    place = np.argsort(order)
+    agreement = None if model.agreement is None else model.agreement[:, names]
+    pairwise = None if model.pairwise is None else model.pairwise[..., names, :][..., names]
+    edges = place[model.edges] if len(model.edges) else model.edges
+    moved = solve_marginal_lp(model.unary[order][:, names], edges, agreement, pairwise)
+    found = solve_marginal_lp(*model.arrays)
+    np.testing.assert_allclose(moved.bound, found.bound, rtol=0, atol=1e-6)
+
+
+def test_a_fractional_solution_is_reported() -> None:
+    found = solve_marginal_lp(*FRUSTRATED.arrays)
+    assert not found.integral
+    assert found.bound == pytest.approx(0.0, abs=1e-9)
+    assert found.score == -3.0
+
+
+def test_scale_of_the_potentials_does_not_matter() -> None:
+    unary, edges = np.array([[0.0, 3e9], [2e9, 0.0]]), [(0, 1)]
+    large = solve_marginal_lp(unary, edges, [[3e9, 3e9]], eliminate=False)
+    small = solve_marginal_lp(unary * 1e-18, edges, [[3e-9, 3e-9]], eliminate=False)
+    assert large.labels.tolist() == small.labels.tolist() == [1, 1]
+    np.testing.assert_allclose(large.bound, 6e9, rtol=1e-9)
+    np.testing.assert_allclose(small.bound, 6e-9, rtol=1e-9)
+
+
+def test_problems_without_a_labelling_are_refused() -> None:
+    never = np.full((2, 2), -np.inf)
+    with pytest.raises(InputError, match="pairwise forbids every labelling"):
+        solve_marginal_lp(np.zeros((2, 2)), [(0, 1)], pairwise=never)
+
+
+def test_unknown_solvers_are_refused() -> None:
+    with pytest.raises(InputError, match="solver must be 'highs', 'highs-ds' or 'highs-ipm'"):
+        solve_marginal_lp(np.zeros((2, 2)), [(0, 1)], solver="simplex")  # type: ignore[arg-type]
+
+
+def test_anything_but_an_optimum_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    stopped = SimpleNamespace(status=1, message="iteration limit reached")
+    monkeypatch.setattr(scipy.optimize, "linprog", lambda *_, **__: stopped)
+    with pytest.raises(SolverError, match=r"status 1 \(iteration limit reached\); try 'trw-s'"):
+        solve_marginal_lp(*FRUSTRATED.arrays)

@@ -1,0 +1,152 @@
+from itertools import product
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import maximum_flow
+
+from pgm_places.errors import InputError
+from pgm_places.solvers.max_flow import minimum_cut
+from tests.reference.energy import cut_value
+from tests.strategies import edge_lists, quarters
+
+Network = tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+]
+
+
+@st.composite
+def networks(draw: st.DrawFn) -> Network:
+    n_nodes = draw(st.integers(0, 6))
+    edges = draw(edge_lists(n_nodes))
+    capacity = quarters.map(lambda value: max(value, 0.0))
+
+    def drawn(size: int) -> NDArray[np.float64]:
+        return draw(arrays(np.float64, size, elements=capacity))
+
+    return drawn(n_nodes), drawn(n_nodes), edges, drawn(len(edges)), drawn(len(edges))
+
+
+def random_network(seed: int, n_nodes: int, n_edges: int) -> Network:
+    rng = np.random.default_rng(seed)
+    edges = rng.integers(0, n_nodes, (n_edges, 2))
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    source, sink = rng.integers(0, 30, (2, n_nodes)) * (rng.random((2, n_nodes)) < 0.4)
+    forward, backward = rng.integers(0, 12, (2, len(edges)))
+    return (
+        source.astype(float),
+        sink.astype(float),
+        edges,
+        forward.astype(float),
+        backward.astype(float),
+    )
+
+
+def arc_list(network: Network) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Tails, heads and whole capacities, the source numbered N and the sink N + 1."""
+    source, sink, edges, forward, backward = network
+    nodes = np.arange(len(source))
+    tail = np.concatenate([nodes * 0 + len(nodes), nodes, edges[:, 0], edges[:, 1]])
+    head = np.concatenate([nodes, nodes * 0 + len(nodes) + 1, edges[:, 1], edges[:, 0]])
+    return tail, head, np.concatenate([source, sink, forward, backward]).astype(np.int64)
+
+
+@given(networks())
+def test_value_and_side_are_those_of_the_cheapest_of_all_cuts(network: Network) -> None:
+    cut = minimum_cut(*network)
+    sides = list(product((False, True), repeat=len(network[0])))
+    values = [cut_value(*network, side) for side in sides]
+    assert cut.value == min(values)
+    assert cut_value(*network, tuple(cut.source_side.tolist())) == cut.value
+    cheapest = [side for side, value in zip(sides, values, strict=True) if value == cut.value]
+    assert cut.source_side.tolist() == np.all(cheapest, axis=0).tolist()
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(("n_nodes", "n_edges"), [(30, 60), (60, 600), (400, 1500)])
+def test_value_is_that_of_scipy(seed: int, n_nodes: int, n_edges: int) -> None:
+    network = random_network(seed, n_nodes, n_edges)
+    tail, head, capacity = arc_list(network)
+    graph = sp.csr_array((capacity.astype(np.int32), (tail, head)), shape=(n_nodes + 2,) * 2)
+    cut = minimum_cut(*network)
+    assert cut.value == maximum_flow(graph, n_nodes, n_nodes + 1).flow_value
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_value_is_that_of_ortools(seed: int) -> None:
+    ortools = pytest.importorskip("ortools.graph.python.max_flow")
+    network = random_network(seed, 400, 1500)
+    tail, head, capacity = arc_list(network)
+    solver = ortools.SimpleMaxFlow()
+    solver.add_arcs_with_capacity(tail.astype(np.int32), head.astype(np.int32), capacity)
+    solver.solve(400, 401)
+    assert minimum_cut(*network).value == solver.optimal_flow()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_float_capacities_are_cut_as_well_as_their_integer_multiples(seed: int) -> None:
+    source, sink, edges, forward, backward = random_network(seed, 200, 800)
+    whole = minimum_cut(source, sink, edges, forward, backward)
+    tenth = minimum_cut(source / 10, sink / 10, edges, forward / 10, backward / 10)
+    np.testing.assert_allclose(tenth.value, whole.value / 10, rtol=1e-12)
+
+
+def test_numbering_of_nodes_and_direction_of_edges_do_not_matter() -> None:
+    source, sink, edges, forward, backward = random_network(5, 100, 400)
+    order = np.random.default_rng(5).permutation(100)
+    cut = minimum_cut(source, sink, edges, forward, backward)
+    place = np.argsort(order)
+    moved = minimum_cut(source[order], sink[order], place[edges][:, ::-1], backward, forward)
+    assert moved.value == cut.value
+    np.testing.assert_array_equal(moved.source_side, cut.source_side[order])
+
+
+def test_parallel_edges_add_up() -> None:
+    once = minimum_cut([9.0, 0.0], [0.0, 9.0], [(0, 1)], [5.0], [0.0])
+    twice = minimum_cut([9.0, 0.0], [0.0, 9.0], [(0, 1), (1, 0)], [2.0, 0.0], [0.0, 3.0])
+    assert twice.value == once.value == 5.0
+
+
+def test_graph_without_nodes_is_cut_for_nothing() -> None:
+    cut = minimum_cut([], [], [], [], [])
+    assert cut.value == 0.0
+    assert len(cut.source_side) == 0
+
+
+def test_node_between_terminals_passes_the_smaller_capacity() -> None:
+    assert minimum_cut([3.0], [2.0], [], [], []).value == 2.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"source": [-1.0, 0.0]}, r"source_capacity must be at least 0, got -1.0 at index 0"),
+        (
+            {"sink": [0.0, np.inf]},
+            r"sink_capacity must hold finite numbers, got inf at index \(1",
+        ),
+        ({"sink": [0.0]}, r"sink_capacity must have shape \(2,\), got \(1,\)"),
+        ({"forward": [np.nan]}, r"forward must hold finite numbers, got nan"),
+        ({"backward": [1.0, 2.0]}, r"backward must have shape \(1,\), got \(2,\)"),
+        ({"edges": [(0, 2)]}, r"edges must hold integers from 0 to 1, got 2 at index \(0, 1\)"),
+        ({"edges": [(1, 1)]}, r"edge 0 joins node 1 to itself"),
+    ],
+)
+def test_bad_networks_are_refused(changed: dict[str, object], text: str) -> None:
+    network = {
+        "source": [1.0, 0.0],
+        "sink": [0.0, 1.0],
+        "edges": [(0, 1)],
+        "forward": [1.0],
+        "backward": [1.0],
+    } | changed
+    with pytest.raises(InputError, match=text):
+        minimum_cut(*network.values())  # type: ignore[arg-type]

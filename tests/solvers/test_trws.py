@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgm_places.errors import InputError
+from pgm_places.solvers._trws_kernels import agreement_pass, share_of_nodes, table_pass
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.marginal_lp import solve_marginal_lp
+from pgm_places.solvers.trws import trws
+from tests.reference.energy import Model, best_score, score
+from tests.solvers.test_expansion import grid_model
+from tests.strategies import models
+
+
+@given(models(), st.booleans())
+def test_bound_is_above_every_labelling_and_score_is_the_labels(
+    model: Model, eliminate: bool
+) -> None:
+    found = trws(*model.arrays, eliminate=eliminate)
+    best = best_score(model)
+    assert found.bound >= best - 1e-9
+    assert found.bound >= found.score
+    np.testing.assert_allclose(
+        found.score, score(model, tuple(found.labels.tolist())), rtol=0, atol=1e-9
+    )
+
+
+@given(models(forest=True), st.booleans())
+def test_forests_are_solved(model: Model, eliminate: bool) -> None:
+    found = trws(*model.arrays, eliminate=eliminate)
+    np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found.bound, found.score, rtol=0, atol=1e-5)
+
+
+@given(models(("associative",), n_labels=st.just(2)))
+def test_bound_is_tight_for_two_associative_labels(model: Model) -> None:
+    found = trws(*model.arrays, max_iterations=2000, tolerance=1e-8)
+    np.testing.assert_allclose(found.bound, best_score(model), rtol=0, atol=1e-3)
+
+
+@given(models())
+def test_bound_is_that_of_the_linear_relaxation_or_above(model: Model) -> None:
+    found = trws(*model.arrays, eliminate=False)
+    relaxed = solve_marginal_lp(*model.arrays, eliminate=False)
+    assert found.bound >= relaxed.bound - 1e-6
+
+
+@given(models(), st.booleans())
+def test_bound_never_rises_and_score_never_falls(model: Model, eliminate: bool) -> None:
+    history = trws(*model.arrays, eliminate=eliminate).history
+    assert (np.diff(history[:, 0]) >= 0).all()
+    assert (np.diff(history[:, 1]) <= 0).all()
+
+
+@given(models(forbid=False), st.integers(0, 999))
+def test_direction_of_edges_and_constants_do_not_matter(model: Model, seed: int) -> None:
+    shift = np.random.default_rng(seed).integers(-8, 8, len(model.unary)) / 4
+    pairwise = None if model.pairwise is None else model.pairwise.swapaxes(-1, -2)
+    turned = trws(
+        model.unary + shift[:, None], model.edges[:, ::-1], model.agreement, pairwise, tolerance=0
+    )
+    found = trws(*model.arrays, tolerance=0)
+    np.testing.assert_allclose(turned.bound, found.bound + shift.sum(), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(turned.score, found.score + shift.sum(), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_agreement_and_tables_pass_the_same_messages(seed: int) -> None:
+    model = grid_model(seed, 3, 12, 15)
+    agreement = np.asarray(model.agreement) - 0.5
+    tables = np.zeros((len(model.edges), 3, 3))
+    tables[:, range(3), range(3)] = agreement
+    arcs = adjacency(len(model.unary), model.edges).arcs
+    share = np.empty(len(model.unary))
+    share_of_nodes(arcs, share)
+    compact, full = np.zeros(agreement.shape), np.zeros(agreement.shape)
+    for upwards in (True, False, True, False):
+        taken = agreement_pass(upwards, model.unary, agreement, arcs, share, compact)
+        also = table_pass(upwards, model.unary, tables, 1, arcs, share, full)
+        np.testing.assert_allclose(also, taken, rtol=1e-12)
+        np.testing.assert_allclose(full, compact, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_elimination_keeps_the_best_score_between_score_and_bound(seed: int) -> None:
+    model = grid_model(seed, 3)
+    whole = trws(*model.arrays, eliminate=False)
+    smaller = trws(*model.arrays, eliminate=True)
+    assert smaller.bound >= whole.score
+    assert whole.bound >= smaller.score
+    assert smaller.bound <= whole.bound * (1 + 1e-5)
+
+
+def test_a_labelling_to_beat_is_returned_where_none_is_better() -> None:
+    model = grid_model(1, 3)
+    good = trws(*model.arrays)
+    again = trws(*model.arrays, initial=good.labels, max_iterations=1)
+    assert again.score >= good.score
+    np.testing.assert_array_equal(again.labels, good.labels)
+
+
+def test_each_iteration_is_reported_with_the_bound() -> None:
+    seen: list[tuple[int, float]] = []
+    found = trws(*grid_model(1, 3).arrays, on_iteration=lambda *step: seen.append(step))
+    assert [step for step, _ in seen] == list(range(1, found.n_iterations + 1))
+    assert [bound for _, bound in seen] == found.history[:, 1].tolist()
+
+
+def test_the_limit_is_reported() -> None:
+    found = trws(*grid_model(1, 3).arrays, max_iterations=2)
+    assert (found.n_iterations, found.converged) == (2, False)
+
+
+def test_graphs_without_a_labelling_are_refused() -> None:
+    never = np.full((2, 2), -np.inf)
+    with pytest.raises(InputError, match="pairwise forbids every labelling"):
+        trws(np.zeros((3, 2)), [(0, 1), (1, 2)], pairwise=never)
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"max_iterations": 0}, "max_iterations must be at least 1, got 0"),
+        ({"tolerance": -1.0}, "tolerance must be at least 0, got -1.0"),
+        ({"tolerance": np.nan}, "tolerance must be at least 0, got nan"),
+        ({"unary": [[np.nan, 0.0]] * 2}, "unary must hold finite numbers or -inf, got nan"),
+        ({"edges": [(0, 0)]}, "edge 0 joins node 0 to itself"),
+    ],
+)
+def test_bad_problems_are_refused(changed: dict[str, object], text: str) -> None:
+    problem: dict[str, object] = {"unary": [[0.0, 1.0]] * 2, "edges": [(0, 1)]}
+    with pytest.raises(InputError, match=text):
+        trws(**(problem | changed))  # type: ignore[arg-type]
