@@ -26,7 +26,7 @@ def test_defaults_are_filled_in() -> None:
     assert config.sensor.n_beams == 360
     assert config.classifier.n_rounds == 100
     assert config.methods[0].id == "independent"
-    assert config.methods[0].unary == "laser"
+    assert config.methods[0].unary == "auto"
     assert config.test == []
 
 
@@ -69,7 +69,13 @@ def test_other_keys_of_a_method_are_its_options() -> None:
         (changed(methods=[{"name": "independent"}] * 2), "give each its own id"),
         (changed(methods={"name": "independent"}), "write [[methods]] above each"),
         (changed(methods=[{"id": "x"}]), "methods[0] has no name"),
-        (changed(methods=[{"name": "independent", "unary": "context"}]), "add a [context] table"),
+        (
+            changed(
+                context={"half_widths_m": []},
+                methods=[{"name": "independent", "unary": "context"}],
+            ),
+            "a method has unary = 'context' but [context] half_widths_m is empty",
+        ),
         (
             changed(classifier={"order": ["corridor", "kitchen"]}),
             "classifier.order must name each of ['corridor', 'room'] once",

@@ -12,6 +12,7 @@ __all__ = ["write_demo"]
 CONFIG = """\
 # One building: learn on its left part, label its right part with every method.
 title = "Generated building, left part to right part"
+resolution_m = 0.1  # a quarter of the map's own cells: quicker; take the line out to compare
 
 [labels]
 names = [{names}]

@@ -12,6 +12,11 @@ from PIL import Image
 from tests.cli.conftest import Run
 
 
+def pixels(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image)
+
+
 def test_compare_writes_results_and_report(building: Path, run: Run) -> None:
     out = building / "out"
     code, text, _ = run("compare", building / "config.toml", "--out", out, "--quiet")
@@ -43,19 +48,16 @@ def test_train_then_label(building: Path, run: Run) -> None:
     )
     assert code == 0
     assert "% free" in text
-    source = Image.open(
-        building / "map.png" if (building / "map.png").exists() else building / "map.pgm"
-    )
-    written = Image.open(out / "labels.png")
-    assert written.size == source.size
+    source, written = pixels(building / "map.png"), pixels(out / "labels.png")
+    assert written.shape == source.shape
     summary = json.loads((out / "summary.json").read_text())
     assert summary["method"] == "relaxation"
     names = {path.name for path in out.iterdir()}
     assert {"labels.yaml", "overview.png", "probability_doorway.png"} <= names
 
-    truth, found = np.asarray(Image.open(building / "labels.png")), np.asarray(written)
+    truth = pixels(building / "labels.png")
     known = truth > 0
-    assert (truth[known] == found[known]).mean() > 0.85
+    assert (truth[known] == written[known]).mean() > 0.85
 
 
 def test_label_by_another_method(building: Path, run: Run) -> None:
