@@ -1,0 +1,252 @@
+"""Hidden Markov chains on arrays: filter, smoother and most probable path.
+
+Observations that the model says cannot happen are left out, as if nothing had been seen in that
+step, and their steps are reported; beliefs never become NaN.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError
+
+__all__ = [
+    "ChainBeliefs",
+    "ChainPath",
+    "best_path",
+    "filter_step",
+    "filtered_beliefs",
+    "smoothed_beliefs",
+]
+
+STEPS_AT_ONCE = 4096  # likelihoods of so many steps stay in cache between exponential and filter
+SUM_TOLERANCE = 1e-6  # of probabilities that must sum to one
+
+
+@dataclass(frozen=True, eq=False)
+class ChainBeliefs:
+    """Beliefs along a chain.
+
+    Parameters
+    ----------
+    beliefs : (T, K) float
+        Probability of each label at each step.
+    log_evidence : float
+        Log-probability of all observations (up to the constants of the likelihoods); ``-inf`` if
+        any is impossible.
+    impossible : (M,) int
+        Steps whose observation has probability 0 given all before.
+    """
+
+    beliefs: NDArray[np.float64]
+    log_evidence: float
+    impossible: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class ChainPath:
+    """The most probable labels along a chain.
+
+    Parameters
+    ----------
+    labels : (T,) int
+        Label index per step.
+    log_probability : float
+        Joint log-probability of labels and observations, without those that are impossible.
+    impossible : (M,) int
+        Steps that no path reaches together with their observation.
+    """
+
+    labels: NDArray[np.int64]
+    log_probability: float
+    impossible: NDArray[np.int64]
+
+
+def filtered_beliefs(
+    initial: ArrayLike,
+    transition: ArrayLike,
+    log_likelihood: ArrayLike,
+    *,
+    actions: ArrayLike | None = None,
+) -> ChainBeliefs:
+    """Beliefs from the observations up to each step (paper eq. 3).
+
+    ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m, u_{t-1}) Bel(m_{t-1})``
+
+    Parameters
+    ----------
+    initial : (K,) float
+        Probabilities of the labels at the first step, before its observation.
+    transition : (K, K) or (A, K, K) float
+        ``transition[..., m, l]`` is the probability of ``l`` after ``m``; one table, or one for
+        each of A actions. Rows sum to 1.
+    log_likelihood : (T, K) float
+        ``log P(z_t | l)`` up to a constant per step; ``-inf`` is probability 0.
+    actions : (T - 1,) int, optional
+        Number of the action between each step and the next; needed where A > 1.
+
+    Examples
+    --------
+    >>> stay = [[0.9, 0.1], [0.1, 0.9]]
+    >>> found = filtered_beliefs([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.5, 0.5]]))
+    >>> found.beliefs.round(3).tolist()
+    [[0.8, 0.2], [0.74, 0.26]]
+    """
+    chain = _check_chain(initial, transition, log_likelihood, actions)
+    return _filter(*chain)
+
+
+def smoothed_beliefs(
+    initial: ArrayLike,
+    transition: ArrayLike,
+    log_likelihood: ArrayLike,
+    *,
+    actions: ArrayLike | None = None,
+) -> ChainBeliefs:
+    """Beliefs from all observations, before and after; arguments as :func:`filtered_beliefs`.
+
+    Examples
+    --------
+    >>> stay = [[0.9, 0.1], [0.1, 0.9]]
+    >>> found = smoothed_beliefs([0.5, 0.5], stay, np.log([[0.5, 0.5], [0.8, 0.2]]))
+    >>> found.beliefs.round(3).tolist()
+    [[0.74, 0.26], [0.8, 0.2]]
+    """
+    from pgm_places.solvers._forward_kernels import smooth_steps
+
+    start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
+    found = _filter(start, arrival, observed, led)
+    smooth_steps(arrival, led, found.beliefs)
+    return found
+
+
+def best_path(
+    initial: ArrayLike,
+    transition: ArrayLike,
+    log_likelihood: ArrayLike,
+    *,
+    actions: ArrayLike | None = None,
+) -> ChainPath:
+    """The labels with the largest joint probability; arguments as :func:`filtered_beliefs`.
+
+    Ties go to the smaller label.
+
+    Examples
+    --------
+    >>> stay = [[0.9, 0.1], [0.1, 0.9]]
+    >>> best_path([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
+    [0, 0, 0]
+    """
+    from pgm_places.solvers._forward_kernels import best_steps
+
+    start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
+    n_steps, n_labels = observed.shape
+    if n_labels > np.iinfo(np.int16).max:
+        raise InputError(f"best_path takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
+    labels = np.zeros(n_steps, np.int64)
+    impossible = np.zeros(n_steps, np.bool_)
+    with np.errstate(divide="ignore"):
+        log_start, log_arrival = np.log(start), np.log(arrival)
+    origin = np.zeros((n_steps, n_labels), np.int16)
+    total = 0.0
+    if n_steps:
+        total = best_steps(log_start, log_arrival, led, observed, origin, labels, impossible)
+    return ChainPath(labels, float(total), np.flatnonzero(impossible))
+
+
+def filter_step(
+    belief: ArrayLike, transition: ArrayLike, log_likelihood: ArrayLike
+) -> tuple[NDArray[np.float64], bool]:
+    """The belief (K,) one step on, and whether the observation was possible at all.
+
+    Parameters
+    ----------
+    belief : (K,) float
+        Belief at the step before.
+    transition : (K, K) float
+        Probability of each label (column) after each (row).
+    log_likelihood : (K,) float
+        ``log P(z | l)`` of the new observation.
+
+    Examples
+    --------
+    >>> belief, possible = filter_step([0.8, 0.2], [[0.9, 0.1], [0.1, 0.9]], np.log([0.5, 0.5]))
+    >>> belief.round(3).tolist(), possible
+    ([0.74, 0.26], True)
+    """
+    row = np.asarray(log_likelihood, np.float64)
+    if row.ndim != 1:
+        raise InputError(f"log_likelihood must have shape (K,), got {row.shape}")
+    start, arrival, observed, led = _check_chain(belief, transition, row[None], None)
+    found = _filter(arrival[0] @ start, arrival, observed, led)
+    return found.beliefs[0], not len(found.impossible)
+
+
+Chain = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
+
+
+def _check_chain(initial: ArrayLike, transition: ArrayLike, observed: Any, actions: Any) -> Chain:
+    """Start (K,), arrival (A, K, K) by label and label before, log-likelihood, action led by."""
+    rows = np.asarray(observed, np.float64)
+    if rows.ndim != 2 or not rows.max(initial=-np.inf) < np.inf:  # also true of NaN; a fast look
+        finite_array("log_likelihood", rows, ("T", "K"), allow_minus_inf=True)
+    n_steps, n_labels = rows.shape
+    start = finite_array("initial", initial, (n_labels,))
+    tables = np.asarray(transition, np.float64)
+    tables = tables[None] if tables.ndim == 2 else tables
+    tables = finite_array("transition", tables, ("A", n_labels, n_labels))
+    _require_distributions("initial", start)
+    _require_distributions("transition", tables)
+    led = np.zeros(n_steps, np.int64)
+    if actions is not None:
+        led[1:] = integer_array("actions", actions, (max(n_steps - 1, 0),), low=0, high=len(tables))
+    elif len(tables) != 1:
+        raise InputError(f"transition has {len(tables)} tables, so actions are needed")
+    arrival = np.ascontiguousarray(tables.transpose(0, 2, 1))
+    return np.array(start), arrival, np.ascontiguousarray(rows), led
+
+
+def _require_distributions(name: str, values: NDArray[np.float64]) -> None:
+    if (values < 0).any() or not np.allclose(
+        values.sum(axis=-1), 1.0, rtol=0.0, atol=SUM_TOLERANCE
+    ):
+        raise InputError(f"{name} must hold probabilities that sum to one in every row")
+
+
+def _filter(
+    start: NDArray[np.float64],
+    arrival: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    led: NDArray[np.int64],
+) -> ChainBeliefs:
+    from pgm_places.solvers._forward_kernels import filter_steps, subtract_best
+
+    n_steps, n_labels = observed.shape
+    beliefs = np.empty((n_steps, n_labels))
+    likelihood = np.empty((min(n_steps, STEPS_AT_ONCE), n_labels))
+    total, scale = np.empty(n_steps), np.empty(n_steps)
+    belief = start.copy()
+    for begin in range(0, n_steps, STEPS_AT_ONCE):
+        part = slice(begin, min(begin + STEPS_AT_ONCE, n_steps))
+        rows, scaled = observed[part], likelihood[: part.stop - begin]
+        subtract_best(rows, scaled, scale[part])
+        np.exp(scaled, out=scaled)
+        filter_steps(
+            belief,
+            begin > 0,
+            arrival,
+            led[part],
+            rows,
+            scaled,
+            beliefs[part],
+            total[part],
+            scale[part],
+        )
+    impossible = np.flatnonzero(total == 0.0)
+    evidence = -np.inf
+    if not len(impossible):
+        evidence = float(np.log(total).sum() + scale.sum())
+    return ChainBeliefs(beliefs, evidence, impossible)

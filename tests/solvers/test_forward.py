@@ -1,0 +1,207 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.solvers import forward
+from pgm_places.solvers.forward import (
+    best_path,
+    filter_step,
+    filtered_beliefs,
+    smoothed_beliefs,
+)
+from tests.reference.chains import joint, marginals
+
+Array = NDArray[np.float64]
+STAY = np.array([[0.9, 0.1], [0.1, 0.9]])
+
+
+def a_chain(
+    seed: int, n_steps: int, k: int, n_actions: int, *, zeros: float
+) -> tuple[Array, Array, Array, list[int]]:
+    """Start, transitions, likelihoods and actions, some entries zero but something possible."""
+    rng = np.random.default_rng(seed)
+
+    def sparse(shape: tuple[int, ...]) -> Array:
+        values: Array = rng.random(shape) + 0.01
+        values[rng.random(shape) < zeros] = 0
+        values[..., 0] += values.sum(axis=-1) == 0
+        return values
+
+    def normal(values: Array) -> Array:
+        return values / values.sum(axis=-1, keepdims=True)
+
+    transition = normal(sparse((n_actions, k, k)))
+    actions = [int(a) for a in rng.integers(0, n_actions, n_steps - 1)]
+    return normal(sparse((k,))), transition, sparse((n_steps, k)), actions
+
+
+def logs(values: Array) -> Array:
+    with np.errstate(divide="ignore"):
+        found: Array = np.log(values)
+    return found
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 5),
+    st.integers(1, 3),
+    st.integers(1, 2),
+    st.sampled_from([0.0, 0.3]),
+)
+def test_everything_is_the_full_enumeration(
+    seed: int, n_steps: int, k: int, n_actions: int, zeros: float
+) -> None:
+    initial, transition, likelihood, actions = a_chain(seed, n_steps, k, n_actions, zeros=zeros)
+    table = joint(initial, transition, likelihood, actions)
+    observed = logs(likelihood)
+    arguments = (initial, transition, observed)
+    filtered = filtered_beliefs(*arguments, actions=actions)
+    smoothed = smoothed_beliefs(*arguments, actions=actions)
+    path = best_path(*arguments, actions=actions)
+    if table.sum() == 0:
+        assert len(filtered.impossible)
+        assert filtered.log_evidence == -np.inf
+        assert len(path.impossible)
+        for found in (filtered, smoothed):
+            np.testing.assert_allclose(found.beliefs.sum(axis=1), 1, rtol=1e-12)
+        return
+    assert not len(filtered.impossible)
+    np.testing.assert_allclose(filtered.log_evidence, np.log(table.sum()), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(smoothed.beliefs, marginals(table), rtol=0, atol=1e-12)
+    for t in range(n_steps):
+        until = joint(initial, transition, likelihood[: t + 1], actions)
+        np.testing.assert_allclose(filtered.beliefs[t], marginals(until)[-1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table[tuple(path.labels)], table.max(), rtol=1e-10)
+    np.testing.assert_allclose(path.log_probability, np.log(table.max()), rtol=0, atol=1e-10)
+
+
+def test_the_last_filtered_belief_is_the_last_smoothed_one() -> None:
+    initial, transition, likelihood, actions = a_chain(1, 300, 5, 2, zeros=0.0)
+    observed = logs(likelihood)
+    one = filtered_beliefs(initial, transition, observed, actions=actions)
+    two = smoothed_beliefs(initial, transition, observed, actions=actions)
+    np.testing.assert_array_equal(one.beliefs[-1], two.beliefs[-1])
+    assert one.log_evidence == two.log_evidence
+
+
+def test_long_chains_are_filtered_in_pieces_without_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:
+    initial, transition, likelihood, actions = a_chain(2, 200, 4, 2, zeros=0.1)
+    observed = logs(likelihood)
+    whole = filtered_beliefs(initial, transition, observed, actions=actions)
+    monkeypatch.setattr(forward, "STEPS_AT_ONCE", 7)
+    pieces = filtered_beliefs(initial, transition, observed, actions=actions)
+    np.testing.assert_array_equal(pieces.beliefs, whole.beliefs)
+    np.testing.assert_array_equal(pieces.impossible, whole.impossible)
+
+
+def test_single_steps_are_the_filter() -> None:
+    initial, transition, likelihood, _ = a_chain(3, 40, 4, 1, zeros=0.0)
+    observed = logs(likelihood)
+    whole = filtered_beliefs(initial, transition, observed).beliefs
+    belief = whole[0]
+    for t in range(1, 40):
+        belief, possible = filter_step(belief, transition[0], observed[t])
+        assert possible
+        np.testing.assert_allclose(belief, whole[t], rtol=1e-9)
+
+
+def test_constants_per_step_only_shift_the_evidence() -> None:
+    initial, transition, likelihood, _ = a_chain(4, 50, 3, 1, zeros=0.2)
+    shift = np.random.default_rng(0).normal(size=(50, 1)) * 300
+    for function in (filtered_beliefs, smoothed_beliefs):
+        one = function(initial, transition, logs(likelihood))
+        two = function(initial, transition, logs(likelihood) + shift)
+        np.testing.assert_allclose(two.beliefs, one.beliefs, rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(two.impossible, one.impossible)
+    path = best_path(initial, transition, logs(likelihood) + shift)
+    np.testing.assert_array_equal(
+        path.labels, best_path(initial, transition, logs(likelihood)).labels
+    )
+
+
+def test_an_impossible_observation_is_reported_and_left_out() -> None:
+    fixed = np.eye(2)
+    observed = logs(np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [0.9, 0.1]]))
+    for function in (filtered_beliefs, smoothed_beliefs):
+        found = function([0.5, 0.5], fixed, observed)
+        assert found.impossible.tolist() == [2]
+        assert found.log_evidence == -np.inf
+        np.testing.assert_array_equal(found.beliefs, np.tile([1.0, 0.0], (4, 1)))
+    path = best_path([0.5, 0.5], fixed, observed)
+    assert path.impossible.tolist() == [2]
+    assert path.labels.tolist() == [0, 0, 0, 0]
+    np.testing.assert_allclose(path.log_probability, np.log(0.5 * 0.5 * 0.9), rtol=1e-12)
+    belief, possible = filter_step([1.0, 0.0], fixed, logs(np.array([0.0, 1.0])))
+    assert not possible
+    assert belief.tolist() == [1.0, 0.0]
+
+
+def test_an_observation_that_nothing_explains_is_impossible_too() -> None:
+    found = filtered_beliefs([0.5, 0.5], STAY, [[0.0, -1.0], [-np.inf, -np.inf], [0.0, 0.0]])
+    assert found.impossible.tolist() == [1]
+    assert np.isfinite(found.beliefs).all()
+
+
+def test_likelihoods_far_apart_are_not_taken_for_impossible() -> None:
+    observed = np.array([[-1000.0, 0.0], [-5000.0, 0.0], [-1e6, -np.inf]])
+    for function in (filtered_beliefs, smoothed_beliefs):
+        found = function([1.0, 0.0], np.eye(2), observed)
+        assert not len(found.impossible)
+        np.testing.assert_allclose(found.log_evidence, -1_006_000.0, rtol=1e-12)
+        np.testing.assert_array_equal(found.beliefs[:, 0], 1)
+
+
+def test_rare_arrivals_do_not_overflow_the_smoother() -> None:
+    rare = 1e-300
+    transition = np.array([[1 - rare, rare, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    observed = np.array([[0.0, -np.inf, -700.0], [-np.inf, 0.0, -np.inf]])
+    found = smoothed_beliefs([0.5, 0.0, 0.5], transition, observed)
+    np.testing.assert_allclose(found.beliefs, [[1, 0, 0], [0, 1, 0]], rtol=0, atol=1e-12)
+
+
+def test_no_steps_and_a_single_label() -> None:
+    assert filtered_beliefs([0.5, 0.5], STAY, np.zeros((0, 2))).beliefs.shape == (0, 2)
+    assert smoothed_beliefs([0.5, 0.5], STAY, np.zeros((0, 2))).log_evidence == 0
+    assert len(best_path([0.5, 0.5], STAY, np.zeros((0, 2))).labels) == 0
+    one = filtered_beliefs([1.0], [[1.0]], [[-3.0], [-4.0]])
+    assert one.beliefs.tolist() == [[1.0], [1.0]]
+    assert one.log_evidence == -7
+
+
+def test_inputs_are_left_alone() -> None:
+    initial, observed = np.array([0.5, 0.5]), np.log([[0.7, 0.3], [0.2, 0.8]])
+    before = observed.copy()
+    smoothed_beliefs(initial, STAY, observed)
+    best_path(initial, STAY, observed)
+    np.testing.assert_array_equal(observed, before)
+    np.testing.assert_array_equal(initial, [0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"initial": [0.5, 0.6]}, "initial must hold probabilities that sum to one"),
+        ({"initial": [1.5, -0.5]}, "initial must hold probabilities"),
+        ({"initial": [1.0]}, "initial must have shape"),
+        ({"transition": [[1.0, 1.0], [0.0, 0.0]]}, "transition must hold probabilities"),
+        ({"transition": np.stack([STAY, STAY])}, "actions are needed"),
+        ({"transition": np.stack([STAY, STAY]), "actions": [2]}, "actions must hold integers"),
+        ({"transition": np.stack([STAY, STAY]), "actions": [0, 1]}, "actions must have shape"),
+        ({"log_likelihood": [[np.nan, 0.0], [0.0, 0.0]]}, "log_likelihood must hold finite"),
+        ({"log_likelihood": [[np.inf, 0.0], [0.0, 0.0]]}, "log_likelihood must hold finite"),
+        ({"log_likelihood": [0.0, 0.0]}, "log_likelihood must have shape"),
+    ],
+)
+def test_bad_input(change: dict[str, object], message: str) -> None:
+    arguments: dict[str, object] = {
+        "initial": [0.5, 0.5],
+        "transition": STAY,
+        "log_likelihood": np.zeros((2, 2)),
+    }
+    for function in (filtered_beliefs, smoothed_beliefs, best_path):
+        with pytest.raises(InputError, match=message):
+            function(**{**arguments, **change})  # type: ignore[arg-type]
