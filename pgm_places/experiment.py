@@ -274,6 +274,7 @@ def _run_method(
         evaluations=tuple(evaluations),
         evaluation=Evaluation.merged(evaluations),
         seconds={"learn": method.seconds, "infer": infer_seconds},
+        learned=dict(getattr(method.backend, "summary", None) or {}),
     )
 
 

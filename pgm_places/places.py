@@ -1,5 +1,7 @@
 """Label the places of a map: the object that most users need."""
 
+import inspect
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +19,7 @@ from pgm_places.labeling import Labeling
 from pgm_places.labelled_map import LabelledMap, require_examples
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.problem import LabelingProblem
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import CellScores, UnaryModel, fit_unary
 
@@ -30,8 +32,8 @@ class PlaceMethod:
 
     Parameters
     ----------
-    backend : Backend
-        Any method of :mod:`pgm_places.backends`.
+    backend : Backend or str
+        Any method of :mod:`pgm_places.backends`, or its name.
     unary : {"laser", "context"}
         The list on laser features alone (the paper's), or the one that also sees its neighbourhood.
     seconds : float
@@ -43,6 +45,8 @@ class PlaceMethod:
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
+        if isinstance(self.backend, str):
+            object.__setattr__(self, "backend", build(self.backend))
         if self.unary not in ("laser", "context"):
             raise ConfigError(f"unary must be 'laser' or 'context', got {self.unary!r}")
 
@@ -154,9 +158,9 @@ class PlaceLabeler:
                     self._problem(graph, part, method.unary)
                     for graph, part in zip(graphs, scores, strict=True)
                 ]
-                with progress.stage(f"learning {name}"):
+                with progress.stage(f"learning {name}") as stage:
                     start = time.perf_counter()
-                    backend = method.backend.fit(problems, truths)
+                    backend = _fitted(method.backend, problems, truths, stage)
                     seconds = time.perf_counter() - start
                 method = PlaceMethod(backend, method.unary, seconds)
             fitted[name] = method
@@ -240,6 +244,25 @@ class PlaceLabeler:
             unary=values,
             node_features=np.asarray(scores.node_features, np.float64),
         )
+
+
+def _fitted(
+    backend: Any,
+    problems: Sequence[LabelingProblem],
+    truths: Sequence[NDArray[np.int64]],
+    stage: Stage,
+) -> Any:
+    """The fitted backend; one that reports its iterations is shown to do so."""
+    if "on_iteration" not in inspect.signature(backend.fit).parameters:
+        return backend.fit(problems, truths)
+
+    def show(step: Any) -> None:
+        gap = max(float(step.gap), 1e-6)
+        # Learners close the gap about geometrically: show its logarithm, down to 0.1 %.
+        fraction = min(max(-math.log10(gap) / 3, 0.0), 1.0)
+        stage.update(fraction, f"gap {100 * gap:.2g} %, {step.n_cuts} cuts")
+
+    return backend.fit(problems, truths, on_iteration=show)
 
 
 def _as_method(method: Any) -> PlaceMethod:

@@ -1,0 +1,197 @@
+"""PlaceLabeler: learning, labelling, scores, saving, and what it refuses."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, Sensor, evaluate
+from pgm_places.datasets import generate_building
+from pgm_places.errors import ConfigError, InputError, LabelError, ModelFileError, NotFittedError
+from pgm_places.io.model_files import load_folder, save_folder
+from pgm_places.label_map import label_map
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.place_files import load_labeler, save_labeler
+from pgm_places.places import PlaceMethod
+from pgm_places.unary import contiguous_blocks
+
+NAMES = ("corridor", "room", "doorway")
+
+
+@pytest.fixture(scope="module")
+def known() -> LabelledMap:
+    building = generate_building(size="small")
+    return LabelledMap(building.grid, building.labels, name="small")
+
+
+@pytest.fixture(scope="module")
+def labeler(known: LabelledMap) -> PlaceLabeler:
+    methods = {
+        "adaboost": "independent",
+        "relaxation": "relaxation",
+        "amn": PlaceMethod("amn", "context"),
+    }
+    unfitted = PlaceLabeler(
+        NAMES,
+        methods,
+        classifier=DecisionListClassifier(n_rounds=20, order="rarest-first"),
+        context_m=(0.3, 1.5),
+        n_folds=3,
+    )
+    return unfitted.fit([known])
+
+
+@pytest.mark.parametrize("method", ["adaboost", "relaxation", "amn"])
+def test_labels_the_map_it_learned_from(
+    labeler: PlaceLabeler, known: LabelledMap, method: str
+) -> None:
+    labeling = labeler.label(known.grid, method=method)
+    truth = known.truth(known.graph())
+    assert len(labeling.labels) == known.grid.free.sum()
+    assert evaluate(truth, labeling.labels, NAMES).balanced_accuracy > 0.75
+
+
+def test_adaboost_alone_is_the_argmax_of_its_histogram(
+    labeler: PlaceLabeler, known: LabelledMap
+) -> None:
+    _, scores = labeler.scores(known.grid)
+    labeling = labeler.label(known.grid, method="adaboost")
+    assert (labeling.labels == scores.laser.argmax(axis=1)).all()
+    np.testing.assert_allclose(np.exp(scores.laser).sum(axis=1), 1.0, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_threads_do_not_change_a_bit(
+    labeler: PlaceLabeler, known: LabelledMap, n_threads: int
+) -> None:
+    _, scores = labeler.scores(known.grid, n_threads=n_threads)
+    _, reference = labeler.scores(known.grid, n_threads=2)
+    assert (scores.laser == reference.laser).all()
+    assert scores.context is not None
+    assert reference.context is not None
+    assert (scores.context == reference.context).all()
+    assert (scores.node_features == reference.node_features).all()
+
+
+def test_a_window_gives_the_same_scores_for_its_cells(
+    labeler: PlaceLabeler, known: LabelledMap
+) -> None:
+    mask = np.zeros(known.grid.shape, np.bool_)
+    mask[:, : known.grid.shape[1] // 2] = True
+    _, whole = labeler.scores(known.grid, methods=["adaboost"])
+    graph, part = labeler.scores(known.grid, mask=mask, methods=["adaboost"])
+    inside = mask[known.grid.free]
+    assert graph.n_nodes == inside.sum()
+    assert (part.laser == whole.laser[inside]).all()
+
+
+def test_saved_and_loaded_labels_the_same(
+    labeler: PlaceLabeler, known: LabelledMap, tmp_path: Path
+) -> None:
+    save_labeler(tmp_path / "model", labeler, record={"why": "a test"})
+    loaded, record = load_labeler(tmp_path / "model")
+    assert record == {"why": "a test"}
+    assert list(loaded.methods) == list(labeler.methods)
+    for method in labeler.methods:
+        before, after = (one.label(known.grid, method=method) for one in (labeler, loaded))
+        assert (before.labels == after.labels).all()
+        assert before.score == after.score
+
+
+def spoil_kind(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
+    manifest["kind"] = "cake"
+
+
+def spoil_features(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
+    manifest["feature_set"] = "other"
+
+
+def spoil_column(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
+    arrays["unary/node_columns"] = np.array([400])
+
+
+def spoil_backend(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
+    manifest["methods"][0]["backend"] = "os:system"
+
+
+def spoil_option(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
+    manifest["methods"][1]["options"]["iterations"] = "many"
+
+
+def spoil_missing(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
+    del manifest["label_names"]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [spoil_kind, spoil_features, spoil_column, spoil_backend, spoil_option, spoil_missing],
+)
+def test_a_spoiled_model_is_refused(spoil, labeler: PlaceLabeler, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    save_labeler(tmp_path / "model", labeler)
+    manifest, arrays = load_folder(tmp_path / "model")
+    arrays = dict(arrays)
+    spoil(manifest, arrays)
+    for key in ("arrays", "schema", "sha256", "version"):
+        manifest.pop(key, None)
+    save_folder(tmp_path / "spoiled", manifest, arrays)
+    with pytest.raises(ModelFileError):
+        load_labeler(tmp_path / "spoiled")
+
+
+def test_a_finer_map_is_coarsened_and_painted_back(
+    labeler: PlaceLabeler, known: LabelledMap
+) -> None:
+    fine = OccupancyGrid(
+        known.grid.cells.repeat(2, axis=0).repeat(2, axis=1), known.grid.resolution_m / 2
+    )
+    result = label_map(labeler, fine, method="adaboost")
+    assert result.labels.shape == fine.shape
+    assert ((result.labels >= 0) == fine.free).all()
+    assert "coarsened by 2 and painted back" in result.warnings[0]
+    coarse = label_map(labeler, known.grid, method="adaboost")
+    assert (result.labels[::2, ::2] == coarse.labels).mean() > 0.99
+
+
+def test_another_resolution_is_warned_about(labeler: PlaceLabeler, known: LabelledMap) -> None:
+    odd = dataclasses.replace(known.grid, resolution_m=known.grid.resolution_m * 1.3)
+    assert "expect worse labels" in label_map(labeler, odd, method="adaboost").warnings[0]
+
+
+def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler) -> None:
+    with pytest.raises(NotFittedError, match="call fit"):
+        PlaceLabeler(NAMES).label(known.grid)
+    with pytest.raises(LabelError, match="no training cell is labelled 'kitchen' in small"):
+        PlaceLabeler((*NAMES, "kitchen")).fit([known])
+    with pytest.raises(LabelError, match="label index 2 but there are only 2 labels"):
+        PlaceLabeler(NAMES[:2]).fit([known])
+    with pytest.raises(ConfigError, match="did you mean 'adaboost'"):
+        labeler.label(known.grid, method="adabost")
+    with pytest.raises(ConfigError, match="unary must be 'laser' or 'context', got 'lidar'"):
+        PlaceMethod("independent", "lidar")
+    with pytest.raises(ConfigError, match="context_m is empty"):
+        PlaceLabeler(NAMES, {"amn": PlaceMethod("amn", "context")})
+    other = dataclasses.replace(known.grid, resolution_m=0.3)
+    with pytest.raises(InputError, match="training maps must have one resolution"):
+        PlaceLabeler(NAMES).fit([known, LabelledMap(other, known.labels, name="other")])
+    with pytest.raises(LabelError, match="labels must be integers of the map's shape"):
+        LabelledMap(known.grid, known.labels[1:])
+
+
+def test_blocks_are_stripes_of_equal_size() -> None:
+    cells = np.argwhere(np.ones((4, 30), np.bool_))
+    blocks = contiguous_blocks(cells, 3)
+    assert np.bincount(blocks).tolist() == [40, 40, 40]
+    assert (np.diff(blocks[cells[:, 0] == 0]) >= 0).all()
+
+
+def test_noise_changes_scans_but_not_from_run_to_run(known: LabelledMap) -> None:
+    from pgm_places import SensorNoise
+
+    noisy = Sensor(noise=SensorNoise(sigma_m=0.05, p_random=0.01, p_max=0.01, seed=3))
+    plain = PlaceLabeler(NAMES, classifier=DecisionListClassifier(5, order="rarest-first"))
+    first, second = (
+        dataclasses.replace(plain, sensor=noisy).fit([known]).label(known.grid) for _ in range(2)
+    )
+    assert (first.labels == second.labels).all()
+    assert (first.labels != plain.fit([known]).label(known.grid).labels).any()
