@@ -28,6 +28,7 @@ __all__ = [
     "MapConfig",
     "MethodConfig",
     "SensorConfig",
+    "TopologyConfig",
     "load_config",
     "parse_config",
 ]
@@ -140,6 +141,20 @@ class ContextConfig(_Record):
     half_widths_m: list[Annotated[float, Field(gt=0)]] = list(CONTEXT_M)
 
 
+class TopologyConfig(_Record):
+    """When a region of a labelled map is taken for an error (paper section 6.2).
+
+    Rooms and corridors below ``min_area_m2``, doorways below ``min_doorway_area_m2``, and, where
+    ``doorways_join_two``, doorways that touch fewer than two regions take a neighbour's label.
+    """
+
+    correct: bool = True
+    min_area_m2: Annotated[float, Field(ge=0)] = 1.0
+    min_doorway_area_m2: Annotated[float, Field(ge=0)] = 0.1
+    doorways_join_two: bool = True
+    doorway_label: str = "doorway"
+
+
 class MethodConfig(_Record):
     """A method by name, what to call it, which unary it gets, and its options (all other keys).
 
@@ -164,6 +179,7 @@ class ExperimentConfig(_Record):
     sensor: SensorConfig = SensorConfig()
     classifier: ClassifierConfig = ClassifierConfig()
     context: ContextConfig = ContextConfig()
+    topology: TopologyConfig = TopologyConfig()
     train: Annotated[list[MapConfig], Field(min_length=1)]
     test: list[MapConfig] = []
     methods: Annotated[list[MethodConfig], Field(min_length=1)]

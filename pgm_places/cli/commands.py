@@ -86,6 +86,7 @@ def run_label(
     quiet: bool,
 ) -> None:
     """``pgm-places label``."""
+    from pgm_places.cli.places import rules_of, write_places
     from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.map_server import load_map
     from pgm_places.label_map import label_map
@@ -93,7 +94,7 @@ def run_label(
     from pgm_places.report.label_files import write_labels
 
     progress = make_progress(quiet=quiet)
-    labeler, _ = load_labeler(model)
+    labeler, record = load_labeler(model)
     labeler.method(method)  # an unknown method shows before the work
     with progress.stage("map"):
         loaded = load_map(map_yaml, unknown_value=unknown_value)
@@ -106,6 +107,19 @@ def run_label(
         progress.warn(message)
     with progress.stage("files and picture"):
         written = write_labels(result, loaded, out)
+    rules, correct = rules_of(record)
     typer.echo(result.summary())
+    with progress.stage("places"):
+        written += write_places(
+            out,
+            f"{loaded.yaml_path.stem}: {result.method}",
+            grid=loaded.grid,
+            labels=result.labels,
+            label_names=result.label_names,
+            beliefs=result.labeling.beliefs,
+            layout=result.layout,
+            rules=rules,
+            correct=correct,
+        )
     for path in written:
         typer.echo(f"wrote {path}")

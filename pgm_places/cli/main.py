@@ -114,6 +114,84 @@ def label(
 
 
 @app.command()
+def topology(
+    labels: Annotated[
+        Path, typer.Argument(metavar="LABELS.png", help="Labels, with their names file beside.")
+    ],
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map they belong to.")],
+    out: Out,
+    names: Annotated[
+        Path | None, typer.Option(help="Names file; LABELS.yaml or labels.yaml by default.")
+    ] = None,
+    min_area: Annotated[
+        float, typer.Option(min=0, help="Least area of a room or a corridor in m².")
+    ] = 1.0,
+    min_doorway_area: Annotated[
+        float, typer.Option(min=0, help="Least area of a doorway in m².")
+    ] = 0.1,
+    doorway: Annotated[str, typer.Option(help="Which label is the doorway.")] = "doorway",
+    correct: Annotated[
+        bool, typer.Option("--correct/--as-it-is", help="Correct regions that are errors.")
+    ] = True,
+    unknown_value: Annotated[
+        int | None,
+        typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the places of a labelled map and how they are connected."""
+    from pgm_places.cli.places import run_topology
+    from pgm_places.topology.corrections import CorrectionRules
+
+    run_topology(
+        labels,
+        map_yaml,
+        out,
+        names_path=names,
+        unknown_value=unknown_value,
+        rules=CorrectionRules(min_area, min_doorway_area, doorway_label=doorway),
+        correct=correct,
+        quiet=quiet,
+    )
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Written by label or topology.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            help="nav2-route, regions, zones, keepout, speed-percent, speed-m-s, binary, graphml, "
+            "node-link, dot or geotiff."
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the files; DIR by default.")
+    ] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A mask's value of a class or place: room=100. Repeatable."),
+    ] = None,
+) -> None:
+    """Write the places for other tools: Nav2, QGIS, graph editors."""
+    from pgm_places.cli.places import run_export
+
+    run_export(folder, to, out, values or [])
+
+
+@app.command(context_settings={"ignore_unknown_options": True})  # a position may be negative
+def where(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Written by label or topology.")],
+    x: Annotated[float, typer.Argument(metavar="X", help="Metres in the map frame.")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="Metres in the map frame.")],
+) -> None:
+    """Say which place a position lies in; exit code 1 where there is none."""
+    from pgm_places.cli.places import run_where
+
+    run_where(folder, x, y)
+
+
+@app.command()
 def doctor(
     map_yaml: Annotated[
         Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")

@@ -11,7 +11,7 @@ from pgm_places._checks import nearest_name
 from pgm_places.errors import LabelError
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
 
-__all__ = ["LabelValues", "default_values", "read_label_values"]
+__all__ = ["LabelValues", "default_values", "listed_names", "read_label_values"]
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,20 @@ def read_label_values(
     return LabelValues(
         file.path, tuple(wanted), tuple(values[name] for name in wanted), frozenset(ignored)
     )
+
+
+def listed_names(image_path: Path | str, names_path: Path | str | None = None) -> tuple[str, ...]:
+    """The labels that the names file of a label image lists, in the order of their values.
+
+    Raises
+    ------
+    LabelError
+        The file is missing or damaged.
+    """
+    path = Path(image_path).expanduser()
+    file = read_yaml(_names_file(path, names_path), LabelError, "label names")
+    values = _values(file)
+    return tuple(sorted(values, key=values.__getitem__))
 
 
 def _names_file(image_path: Path, names_path: Path | str | None) -> Path:

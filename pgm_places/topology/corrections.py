@@ -1,5 +1,6 @@
 """The paper's heuristic corrections of regions (section 6.2), each one listed."""
 
+import dataclasses
 import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import Components, connected_components
 
-__all__ = ["Correction", "CorrectionRules", "correct_regions"]
+__all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class CorrectionRules:
 class Correction:
     """One region that took the label of a neighbour.
 
-    ``cell_rc`` is a cell of the region, ``reason`` is ``"too small"`` or ``"joins nothing"``.
+    ``cell_rc`` is a cell of the region, ``reason`` is ``"too small"`` or ``"joins nothing"``, or
+    ``"touches nothing"`` where it lost its label: ``became`` is then empty.
     """
 
     cell_rc: tuple[int, int]
@@ -90,13 +92,54 @@ def correct_regions(
     return table[pieces.piece].astype(np.int16, copy=False), log
 
 
+def drop_islands(
+    labels: NDArray[np.int16],
+    label_names: Sequence[str],
+    resolution_m: float,
+    rules: CorrectionRules | None = None,
+) -> tuple[NDArray[np.int16], list[Correction]]:
+    """The raster without wrong regions that touch no other, and what was dropped.
+
+    Such specks, free cells inside furniture or behind windows, have no neighbour whose label they
+    could take; no robot gets there.
+    """
+    merging = _Merging(
+        connected_components(np.asarray(labels, np.int16)),
+        label_names,
+        resolution_m**2,
+        rules or CorrectionRules(),
+    )
+    table = np.append(merging.final_labels(), np.int16(-1))
+    log = []
+    for region in range(len(merging.label)):
+        if not merging.borders[region] and merging.is_wrong(region):
+            label = merging.label[region]
+            table[region] = -1
+            log.append(
+                dataclasses.replace(
+                    merging.entry(
+                        labels.shape[1],
+                        region,
+                        merging.size[region],
+                        label,
+                        label,
+                        "touches nothing",
+                    ),
+                    became="",
+                )
+            )
+    if not log:
+        return labels, log
+    return table[merging.pieces.piece].astype(np.int16, copy=False), log
+
+
 class _Merging:
     """Regions as nodes of a graph of borders; correcting one merges nodes, not rasters."""
 
     def __init__(
         self, pieces: Components, names: Sequence[str], cell_m2: float, rules: CorrectionRules
     ) -> None:
-        self.names, self.cell_m2, self.rules = names, cell_m2, rules
+        self.pieces, self.names, self.cell_m2, self.rules = pieces, names, cell_m2, rules
         self.label: list[int] = pieces.label.tolist()
         self.size: list[int] = pieces.size.tolist()
         self.parent = list(range(pieces.count))
@@ -128,8 +171,10 @@ class _Merging:
 
     def reason(self, region: int) -> str:
         """Why a region is wrong; empty where it is not, or has nothing to become."""
-        if not self.borders[region]:
-            return ""
+        return self.is_wrong(region) if self.borders[region] else ""
+
+    def is_wrong(self, region: int) -> str:
+        """Why a region is wrong, whether or not anything can be done about it."""
         rules = self.rules
         is_doorway = self.names[self.label[region]] == rules.doorway_label
         limit = rules.min_doorway_area_m2 if is_doorway else rules.min_area_m2

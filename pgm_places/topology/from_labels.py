@@ -11,7 +11,12 @@ from pgm_places.grid import OccupancyGrid
 from pgm_places.layout import GridLayout
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import connected_components
-from pgm_places.topology.corrections import Correction, CorrectionRules, correct_regions
+from pgm_places.topology.corrections import (
+    Correction,
+    CorrectionRules,
+    correct_regions,
+    drop_islands,
+)
 from pgm_places.topology.naming import KnownPlaces, identify, name_places
 from pgm_places.topology.passages import find_passages
 from pgm_places.topology.regions import describe_regions
@@ -48,7 +53,7 @@ def topological_map(
     rules : CorrectionRules, optional
         When a region is an error; the paper's thresholds by default.
     correct : bool
-        Whether errors are corrected at all.
+        Whether errors are corrected at all, and those that touch nothing dropped.
     beliefs : (N, K) float, optional
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
@@ -82,6 +87,8 @@ def topological_map(
     corrections: list[Correction] = []
     if correct:
         raster, corrections = correct_regions(raster, names, grid.resolution_m, rules)
+        raster, dropped = drop_islands(raster, names, grid.resolution_m, rules)
+        corrections += dropped
     pieces = connected_components(raster)
     clearance = squared_clearance(~grid.free)
     probability = None

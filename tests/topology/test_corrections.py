@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import connected_components
-from pgm_places.topology.corrections import CorrectionRules, correct_regions
+from pgm_places.topology.corrections import CorrectionRules, correct_regions, drop_islands
 from tests.reference.topology import corrected
 
 NAMES = ("corridor", "room", "doorway")
@@ -73,6 +73,22 @@ def test_an_island_keeps_its_label() -> None:
     corrected, log = correct_regions(raster, NAMES, 0.05)
     assert corrected[1, 1] == 2
     assert log == []
+
+
+def test_islands_are_dropped_on_demand() -> None:
+    raster = floor()
+    raster[6, 11] = -1
+    raster = np.pad(raster, ((0, 3), (0, 0)), constant_values=-1)
+    raster[9, 2:4], raster[9, 8] = 1, 2
+    before = raster.copy()
+    found, log = drop_islands(raster, NAMES, 0.5)
+    assert (raster == before).all()
+    assert [(c.was, c.became, c.area_m2, c.reason) for c in log] == [
+        ("room", "", 0.5, "touches nothing"),
+        ("doorway", "", 0.25, "touches nothing"),
+    ]
+    assert (found[9] == -1).all()
+    assert (found[:9] == raster[:9]).all()
 
 
 @settings(deadline=None)  # the first call compiles

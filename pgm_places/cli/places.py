@@ -1,0 +1,111 @@
+"""Commands about places: topology, export and where."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.errors import InputError
+from pgm_places.topology.corrections import CorrectionRules
+
+__all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
+
+
+def rules_of(record: Mapping[str, Any]) -> tuple[CorrectionRules, bool]:
+    """The correction rules in a model's record, and whether to correct; else the paper's."""
+    options = dict(record.get("config", {}).get("topology", {}))
+    correct = bool(options.pop("correct", True))
+    return CorrectionRules(**options), correct
+
+
+def write_places(out: Path, title: str, **options: Any) -> list[Path]:
+    """Build a topological map and write it beside an earlier one, whose ids it keeps; the paths.
+
+    ``options`` are those of ``topological_map``, the grid among them.
+    """
+    from pgm_places.io.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
+    from pgm_places.report.topology_output import topology_summary, write_topology
+    from pgm_places.topology.from_labels import topological_map
+
+    known = load_topology(out).known_places if (out / TOPOLOGY_FILE).exists() else None
+    found = topological_map(known=known, own_names=read_own_names(out), **options)
+    written = write_topology(out, options["grid"], found, title=title)
+    typer.echo(topology_summary(found))
+    return written
+
+
+def run_topology(
+    labels_path: Path,
+    map_yaml: Path,
+    out: Path,
+    *,
+    names_path: Path | None,
+    unknown_value: int | None,
+    rules: CorrectionRules,
+    correct: bool,
+    quiet: bool,
+) -> None:
+    """``pgm-places topology``."""
+    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.label_image import load_labels
+    from pgm_places.io.label_values import listed_names
+    from pgm_places.io.map_server import load_map
+
+    progress = make_progress(quiet=quiet)
+    with progress.stage("map and labels"):
+        loaded = load_map(map_yaml, unknown_value=unknown_value)
+        names = listed_names(labels_path, names_path)
+        labels = load_labels(labels_path, names, grid=loaded.grid, names_path=names_path)
+    for message in loaded.warnings:
+        progress.warn(message)
+    check_writable_folder(out)
+    with progress.stage("places"):
+        written = write_places(
+            out,
+            map_yaml.stem,
+            grid=loaded.grid,
+            labels=labels,
+            label_names=names,
+            rules=rules,
+            correct=correct,
+        )
+    for path in written:
+        typer.echo(f"wrote {path}")
+
+
+def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:
+    """``pgm-places export``."""
+    from pgm_places.io.exports import export
+    from pgm_places.io.topology_files import load_topology
+
+    topology = load_topology(folder)
+    for path in export(topology, to, out or folder, values=_values(values) or None):
+        typer.echo(f"wrote {path}")
+
+
+def _values(texts: Sequence[str]) -> dict[str, int]:
+    """``["room=100"]`` as ``{"room": 100}``."""
+    values = {}
+    for text in texts:
+        name, equals, number = text.rpartition("=")
+        if not equals or not name or not number.strip().isdecimal():
+            raise InputError(f"--set wants NAME=NUMBER, such as room=100, got {text!r}")
+        values[name.strip()] = int(number)
+    return values
+
+
+def run_where(folder: Path, x_m: float, y_m: float) -> None:
+    """``pgm-places where``."""
+    from pgm_places.io.topology_files import load_topology
+
+    topology = load_topology(folder)
+    region = topology.region_at(x_m, y_m)
+    if region is None:
+        typer.echo("nowhere: no place at this position")
+        raise typer.Exit(1)
+    near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
+    sure = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
+    typer.echo(f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{sure})")
+    typer.echo(f"next to: {near}")

@@ -1,0 +1,112 @@
+"""Places from the command line: found, kept, exported, asked for."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Run
+
+
+@pytest.fixture
+def places(building: Path, run: Run) -> Path:
+    """A folder that the topology command wrote."""
+    out = building / "places"
+    code, text, _ = run(
+        "topology", building / "labels.png", building / "map.yaml", "--out", out, "-q"
+    )
+    assert code == 0
+    assert "places: " in text
+    return out
+
+
+def test_topology_writes_files_and_a_picture(places: Path) -> None:
+    names = {path.name for path in places.iterdir()}
+    assert names == {"topology.json", "regions.png", "regions.geojson", "topology.png"}
+    found = json.loads((places / "topology.json").read_text())
+    assert {region["label"] for region in found["regions"]} == {"corridor", "room", "doorway"}
+    assert found["connections"]
+
+
+def test_a_second_run_keeps_ids_and_takes_the_users_names(
+    building: Path, places: Path, run: Run
+) -> None:
+    before = json.loads((places / "topology.json").read_text())["regions"]
+    (places / "place_names.yaml").write_text(f"{before[0]['id']}: my place\n")
+    assert (
+        run("topology", building / "labels.png", building / "map.yaml", "-o", places, "-q")[0] == 0
+    )
+    after = json.loads((places / "topology.json").read_text())["regions"]
+    assert [region["id"] for region in after] == [region["id"] for region in before]
+    assert after[0]["name"] == "my place"
+    assert [region["name"] for region in after[1:]] == [region["name"] for region in before[1:]]
+    assert (places / "place_names.yaml").read_text().endswith("my place\n")
+
+
+def test_where(places: Path, run: Run) -> None:
+    region = json.loads((places / "topology.json").read_text())["regions"][0]
+    code, text, _ = run("where", places, *region["anchor_m"])
+    assert code == 0
+    assert region["name"] in text
+    assert "next to: " in text
+    code, text, _ = run("where", places, -1000, -1000)
+    assert code == 1
+    assert "nowhere" in text
+
+
+@pytest.mark.parametrize(
+    ("to", "options", "names"),
+    [
+        ("nav2-route", [], ["nav2_route.geojson"]),
+        ("zones", [], ["zones.png", "zones.yaml", "zones_params.yaml"]),
+        ("keepout", ["--set", "room=100"], ["keepout.png"]),
+        ("graphml", [], ["places.graphml"]),
+        ("geotiff", [], ["regions.tif", "labels.tif"]),
+    ],
+)
+def test_export(to: str, options: list[str], names: list[str], places: Path, run: Run) -> None:
+    out = places / "exported"
+    code, text, _ = run("export", places, "--to", to, "--out", out, *options)
+    assert code == 0
+    for name in names:
+        assert (out / name).exists()
+        assert name in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["export", "--to", "nav2"], "did you mean 'nav2-route'"),
+        (["export", "--to", "keepout"], "needs values"),
+        (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
+        (["export", "--to", "keepout", "--set", "rom=3"], "no place is called 'rom'"),
+        (["export", "--to", "keepout", "--set", "room=101"], "must be 0 to 100, got 101"),
+        (["export", "--to", "dot", "--set", "room=1"], "has no values to set"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, run: Run) -> None:
+    code, _, error = run(arguments[0], places, *arguments[1:])
+    assert code == 2
+    assert words in error
+    assert len(error.strip().splitlines()) == 1
+
+
+def test_a_folder_without_places(tmp_path: Path, run: Run) -> None:
+    code, _, error = run("where", tmp_path, 0, 0)
+    assert code == 2
+    assert "topology.json" in error
+
+
+def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> None:
+    config = building / "config.toml"
+    config.write_text(config.read_text() + "\n[topology]\nmin_area_m2 = 1e6\n")
+    code, _, error = run("train", config, "--out", building / "model", "-q")
+    assert (code, error) == (0, "")
+    out = building / "labelled"
+    code, text, _ = run("label", building / "map.yaml", "-m", building / "model", "-o", out, "-q")
+    assert code == 0
+    assert "corrections" in text
+    found = json.loads((out / "topology.json").read_text())
+    assert all(region["confidence"] is not None for region in found["regions"])
+    assert {"regions.geojson", "regions.png", "topology.png"} <= {p.name for p in out.iterdir()}
+    assert sum(region["label"] != "doorway" for region in found["regions"]) <= 1
