@@ -184,15 +184,7 @@ class AssociativeMarkovNetwork:
             Maps and labelings that do not belong together, or features that are missing.
         """
         known = labelled_parts(problems, labelings)
-        parts = parse_node_features(self.node_features)
-        raw = [node_features(problem, parts) for problem, _ in known]
-        if len({features.shape[1] for features in raw}) > 1:
-            raise InputError(
-                "training maps must have the same number of node features, got "
-                f"{[features.shape[1] for features in raw]}"
-            )
-        scaling = Standardization.of(np.concatenate(raw))
-        tasks = self._max_margin_problems(known, [scaling.apply(features) for features in raw])
+        scaling, tasks = self._prepared(known)
         penalties = self._penalties()
         search = None
         options = self._learner_options()
@@ -220,18 +212,33 @@ class AssociativeMarkovNetwork:
             penalty_search=search,
         )
 
-    def _max_margin_problems(
-        self,
-        known: Sequence[tuple[LabelingProblem, NDArray[np.int64]]],
-        features: Sequence[NDArray[np.float64]],
+    def learning_problems(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> list[MaxMarginProblem]:
+        """The max-margin problems, one per map, that :meth:`fit` hands to the learner.
+
+        They have the first C where there are several.
+        """
+        return self._prepared(labelled_parts(problems, labelings))[1]
+
+    def _prepared(
+        self, known: Sequence[tuple[LabelingProblem, NDArray[np.int64]]]
+    ) -> tuple[Standardization, list[MaxMarginProblem]]:
+        parts = parse_node_features(self.node_features)
+        raw = [node_features(problem, parts) for problem, _ in known]
+        if len({features.shape[1] for features in raw}) > 1:
+            raise InputError(
+                "training maps must have the same number of node features, got "
+                f"{[features.shape[1] for features in raw]}"
+            )
+        scaling = Standardization.of(np.concatenate(raw))
         names = known[0][0].label_names
         class_weight = "none" if self.loss == "hamming" else self.class_weight
         losses = node_losses(np.concatenate([truth for _, truth in known]), names, class_weight)
         ends = np.cumsum([len(truth) for _, truth in known])[:-1]
-        return [
+        tasks = [
             MaxMarginProblem(
-                nodes,
+                scaling.apply(features),
                 problem.graph.edges,
                 edge_features(problem, self.edge_features),
                 truth,
@@ -239,10 +246,11 @@ class AssociativeMarkovNetwork:
                 loss,
                 self._penalties()[0],
             )
-            for (problem, truth), nodes, loss in zip(
-                known, features, np.split(losses, ends), strict=True
+            for (problem, truth), features, loss in zip(
+                known, raw, np.split(losses, ends), strict=True
             )
         ]
+        return scaling, tasks
 
     def _learner_options(self) -> LearnerOptions:
         return LearnerOptions(
