@@ -92,6 +92,10 @@ class Relaxation:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ConfigError(f"{name} must be a number of at least 0, got {value}")
+        if self.compatibility is not None:
+            shape = np.shape(self.compatibility)
+            if len(shape) != 3 or shape[1] != shape[2] or shape[1] < 2:
+                raise InputError(f"compatibility must have shape (D, K + 1, K + 1), got {shape}")
 
     # ------------------------------------------------------------------ learning
 

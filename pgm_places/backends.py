@@ -22,6 +22,7 @@ from pgm_places.problem import LabelingProblem
 __all__ = ["BACKENDS", "Backend", "Learnable", "backend_class", "backend_names", "build", "learned"]
 
 BACKENDS: Mapping[str, str] = {
+    "hmm": "pgm_places.models.hmm:HiddenMarkovModel",
     "independent": "pgm_places.models.independent:Independent",
     "relaxation": "pgm_places.models.relaxation:Relaxation",
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",

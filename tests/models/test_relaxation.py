@@ -253,6 +253,11 @@ def test_bad_options(options: dict[str, Any], message: str) -> None:
         build("relaxation", options)
 
 
+def test_damaged_coefficients_are_refused() -> None:
+    with pytest.raises(InputError, match="compatibility must have shape"):
+        Relaxation(compatibility=np.zeros((4, 4)))
+
+
 def test_bad_problems() -> None:
     problem, truth = a_problem(0.0)
     chain = LabelGraph.from_trajectory(np.zeros((5, 2)))

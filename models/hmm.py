@@ -1,0 +1,293 @@
+"""Hidden Markov model: places along a trajectory follow each other as they did in training."""
+
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, integer_array, nearest_name
+from pgm_places.backends import learned
+from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.graph import LabelGraph
+from pgm_places.labeling import Labeling, Status
+from pgm_places.potentials import Potentials, score
+from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.forward import best_path, filter_step, filtered_beliefs, smoothed_beliefs
+from pgm_places.solvers.relaxation import starting_beliefs
+
+__all__ = ["HiddenMarkovModel"]
+
+logger = logging.getLogger(__name__)
+
+CHOICES = {
+    "mode": ("filter", "smooth", "viterbi"),
+    "observation": ("hard", "soft", "posterior"),
+    "start": ("uniform", "learned"),
+}
+MOVE, STAY = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenMarkovModel:
+    """Labels the steps of a trajectory: what the classifier says, and which place follows which.
+
+    ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m) Bel(m_{t-1})`` (paper section 5, eq. 3). The
+    transition model, and how often the classifier takes one label for another, are counted on
+    labelled trajectories. Only chains can be labelled: ``LabelGraph.from_trajectory``.
+
+    Parameters
+    ----------
+    mode : {"filter", "smooth", "viterbi"}
+        Beliefs from the steps so far, as online; from all steps; or the most probable sequence.
+    observation : {"hard", "soft", "posterior"}
+        The likelihood ``P(z | l)`` of what the classifier says. ``hard`` looks up its best label in
+        the confusions of training (the paper's); ``soft`` averages that over its probabilities z;
+        ``posterior`` is z over the share of each label in training, which trusts z as it is.
+    start : {"uniform", "learned"}
+        Belief before the first step: the same for all labels (the paper's), or as trajectories
+        began in training.
+    smoothing : float
+        Added to every count.
+    stay_below_m : float
+        A robot that moved less than this between two steps is taken to be at the same place; needs
+        positions. 0 never does.
+
+    Examples
+    --------
+    >>> graph = LabelGraph.from_trajectory(np.arange(12.0).reshape(6, 2))
+    >>> truth = np.array([0, 0, 0, 1, 1, 1])
+    >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])
+    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log(z))
+    >>> model = HiddenMarkovModel("smooth", "posterior").fit([problem], [truth])
+    >>> model.infer(problem).labels.tolist()
+    [0, 0, 0, 1, 1, 1]
+    """
+
+    mode: str = "filter"
+    observation: str = "hard"
+    start: str = "uniform"
+    smoothing: float = 1.0
+    stay_below_m: float = 0.0
+    transition: NDArray[np.float64] | None = learned()
+    """(K, K) probability of each label (column) after each (row), where the robot moved."""
+    confusion: NDArray[np.float64] | None = learned()
+    """(K, K) probability of the classifier's best label (column) at each true one (row)."""
+    initial: NDArray[np.float64] | None = learned()
+    """(K,) probability of each label at the first step."""
+    prior: NDArray[np.float64] | None = learned()
+    """(K,) share of each label in training."""
+
+    def __post_init__(self) -> None:
+        for name, allowed in CHOICES.items():
+            value = getattr(self, name)
+            if value not in allowed:
+                raise ConfigError(
+                    f"{name} must not be {value!r}. {nearest_name(str(value), list(allowed))}"
+                )
+        for name in ("smoothing", "stay_below_m"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ConfigError(f"{name} must be a number of at least 0, got {value}")
+
+    # ------------------------------------------------------------------ learning
+
+    def fit(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> Self:
+        """A new one with the statistics of labelled trajectories.
+
+        A transition counts where two steps in a row are labelled (and the robot moved), a confusion
+        wherever a step is labelled. A label without any example gets equal probabilities.
+
+        Raises
+        ------
+        InputError
+            A problem that is no chain, has no unary, or other labels than the first; no labelled
+            step at all.
+        """
+        if not problems or len(problems) != len(labelings):
+            raise InputError(
+                "fit wants at least one problem and as many labelings, got "
+                f"{len(problems)} and {len(labelings)}"
+            )
+        names, n_labels = problems[0].label_names, problems[0].n_labels
+        moves = np.full((n_labels, n_labels), float(self.smoothing))
+        seen = moves.copy()
+        first = np.full(n_labels, float(self.smoothing))
+        share = first.copy()
+        for problem, labels in zip(problems, labelings, strict=True):
+            if problem.label_names != names:
+                raise InputError(
+                    f"problems have different labels: {list(names)} and {list(problem.label_names)}"
+                )
+            unary = _chain_unary(problem)
+            n_steps = problem.graph.n_nodes
+            truth = integer_array("labels", labels, (n_steps,), low=-1, high=n_labels)
+            known = np.flatnonzero(truth >= 0)
+            pair = (truth[:-1] >= 0) & (truth[1:] >= 0)
+            pair &= self._actions(problem.graph) == MOVE
+            np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), 1)
+            np.add.at(seen, (truth[known], unary[known].argmax(axis=1)), 1)
+            np.add.at(share, truth[known], 1)
+            first[truth[known[:1]]] += 1
+        if share.sum() == self.smoothing * n_labels:
+            raise InputError("no step is labelled; there is nothing to learn from")
+        return replace(
+            self,
+            transition=_normalised(moves),
+            confusion=_normalised(seen),
+            initial=_normalised(first),
+            prior=_normalised(share),
+        )
+
+    # ------------------------------------------------------------------ inference
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        """A label per step, with its beliefs unless the mode is ``viterbi``.
+
+        ``info["impossible"]`` names the steps whose observation has probability 0; they are passed
+        over as if nothing had been seen. The score of a Viterbi path is its joint log-probability,
+        which is also its bound.
+
+        Raises
+        ------
+        NotFittedError
+            Before :meth:`fit`.
+        InputError
+            Not a chain, no unary, or other labels than learned.
+        """
+        begin = time.perf_counter()
+        observed = self._log_likelihood(_chain_unary(problem))
+        actions = self._actions(problem.graph)
+        start, tables = self._start(), self._transitions()
+        info: dict[str, Any] = {}
+        if self.mode == "viterbi":
+            path = best_path(start, tables, observed, actions=actions)
+            labels, beliefs, status = path.labels, None, Status.EXACT
+            impossible = path.impossible
+            potentials = _potentials(start, tables, observed, actions, impossible)
+            total: float | None = score(problem.graph, potentials, labels)
+        else:
+            method = filtered_beliefs if self.mode == "filter" else smoothed_beliefs
+            found = method(start, tables, observed, actions=actions)
+            labels, beliefs, status = found.beliefs.argmax(axis=1), found.beliefs, Status.CONVERGED
+            impossible, total = found.impossible, None
+            info["log_evidence"] = found.log_evidence
+        if len(impossible):
+            logger.warning(
+                "the hidden Markov model gives what was seen at %d of %d steps (first %d) no "
+                "probability; learn with smoothing above 0",
+                len(impossible),
+                len(labels),
+                impossible[0],
+            )
+        info["impossible"] = impossible.tolist()
+        info["seconds"] = time.perf_counter() - begin
+        return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
+
+    def step(
+        self, unary: ArrayLike, belief: ArrayLike | None = None, *, moved_m: float | None = None
+    ) -> tuple[NDArray[np.float64], bool]:
+        """The belief (K,) after one more observation, and whether that was possible: online use.
+
+        Parameters
+        ----------
+        unary : (K,) float
+            Log-probabilities of the labels from the classifier.
+        belief : (K,) float, optional
+            The belief so far; None at the first step.
+        moved_m : float, optional
+            Distance from the step before, for ``stay_below_m``; None counts as moved.
+        """
+        row = np.asarray(unary, np.float64)
+        if row.ndim != 1:
+            raise InputError(f"unary must have shape (K,), got {row.shape}")
+        observed = self._log_likelihood(row[None])
+        if belief is None:
+            found = filtered_beliefs(self._start(), self._transitions()[0], observed)
+            return found.beliefs[0], not len(found.impossible)
+        stays = moved_m is not None and moved_m < self.stay_below_m
+        return filter_step(belief, self._transitions()[STAY if stays else MOVE], observed[0])
+
+    def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where no label is allowed."""
+        if self.confusion is None or self.prior is None:
+            raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
+        n_labels = unary.shape[1]
+        confusion = finite_array("confusion", self.confusion, ("K", "K"))
+        if confusion.shape != (n_labels, n_labels):
+            raise InputError(
+                f"the hidden Markov model learned {len(confusion)} labels, but there are {n_labels}"
+            )
+        found = np.full(unary.shape, -np.inf)
+        said = np.flatnonzero(unary.max(axis=1, initial=-np.inf) > -np.inf)
+        with np.errstate(divide="ignore"):
+            if self.observation == "hard":
+                found[said] = np.log(confusion.T)[unary[said].argmax(axis=1)]
+            elif self.observation == "soft":
+                found[said] = np.log(starting_beliefs(unary[said]) @ confusion.T)
+            else:
+                prior = finite_array("prior", self.prior, (n_labels,))
+                found[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
+        return found
+
+    def _start(self) -> NDArray[np.float64]:
+        assert self.initial is not None  # the likelihood has checked
+        if self.start == "learned":
+            return self.initial
+        return np.full(len(self.initial), 1.0 / len(self.initial))
+
+    def _transitions(self) -> NDArray[np.float64]:
+        """(2, K, K): for MOVE as learned, for STAY the same label again."""
+        assert self.transition is not None  # the likelihood has checked
+        return np.stack([self.transition, np.eye(len(self.transition))])
+
+    def _actions(self, graph: LabelGraph) -> NDArray[np.int64]:
+        """(T - 1,) MOVE or STAY between each step and the next."""
+        actions = np.full(max(graph.n_nodes - 1, 0), MOVE)
+        if self.stay_below_m > 0:
+            if graph.positions_m is None:
+                raise InputError("stay_below_m needs positions, and this graph has none")
+            moved = np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1)
+            actions[moved < self.stay_below_m] = STAY
+        return actions
+
+
+def _chain_unary(problem: LabelingProblem) -> NDArray[np.float64]:
+    if not problem.graph.is_chain:
+        raise InputError(
+            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {problem.graph!r} is "
+            "none"
+        )
+    if problem.unary is None:
+        raise InputError("'hmm' needs unary log-probabilities; the problem has none")
+    return problem.unary
+
+
+def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows over their sum; equal probabilities where it is 0."""
+    total = counts.sum(axis=-1, keepdims=True)
+    even = np.full_like(counts, 1.0 / counts.shape[-1])
+    return np.divide(counts, total, out=even, where=total > 0)
+
+
+def _potentials(
+    start: NDArray[np.float64],
+    tables: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    actions: NDArray[np.int64],
+    impossible: NDArray[np.int64],
+) -> Potentials:
+    """The chain as log-potentials, its impossible observations left out."""
+    unary = observed.copy()
+    unary[impossible] = 0.0
+    with np.errstate(divide="ignore"):
+        unary[:1] += np.log(start)
+        log_tables = np.log(tables)
+    if (actions == MOVE).all():
+        return Potentials(unary, pairwise=log_tables[MOVE])
+    return Potentials(unary, pairwise=log_tables[actions])

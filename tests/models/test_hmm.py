@@ -1,0 +1,237 @@
+import logging
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.backends import Backend, Learnable, build
+from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.graph import LabelGraph
+from pgm_places.labeling import Status
+from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.potentials import Potentials, score
+from pgm_places.problem import LabelingProblem
+from tests.reference.chains import joint, marginals
+
+NAMES = ("corridor", "room", "doorway")
+TRUE_TRANSITION = np.array([[0.9, 0.0, 0.1], [0.0, 0.9, 0.1], [0.3, 0.4, 0.3]])
+TRUE_CONFUSION = np.array([[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.25, 0.25, 0.5]])
+
+
+def a_walk(seed: int, n_steps: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A trajectory through places, and what a noisy classifier says of it."""
+    rng = np.random.default_rng(seed)
+    truth = [0]
+    for _ in range(n_steps - 1):
+        truth.append(int(rng.choice(3, p=TRUE_TRANSITION[truth[-1]])))
+    labels = np.array(truth)
+    seen = np.array([rng.choice(3, p=TRUE_CONFUSION[k]) for k in labels])
+    z = np.full((n_steps, 3), 0.05) + 0.85 * np.eye(3)[seen]
+    positions = np.stack([0.3 * np.arange(n_steps), np.zeros(n_steps)], axis=1)
+    graph = LabelGraph.from_trajectory(positions)
+    return LabelingProblem(graph, NAMES, unary=np.log(z)), labels
+
+
+def known(array: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    assert array is not None
+    return array
+
+
+def fitted(**options: Any) -> HiddenMarkovModel:
+    problem, truth = a_walk(0, 4000)
+    return HiddenMarkovModel(**options).fit([problem], [truth])
+
+
+def test_it_keeps_the_contract_of_backends() -> None:
+    method = build("hmm", {"mode": "smooth"})
+    assert isinstance(method, Backend)
+    assert isinstance(method, Learnable)
+
+
+def test_statistics_are_counted_by_hand() -> None:
+    graph = LabelGraph.from_trajectory(np.zeros((6, 2)))
+    z = np.log(np.eye(2)[[0, 1, 1, 0, 0, 1]] + 0.1)
+    problem = LabelingProblem(graph, ["a", "b"], unary=z)
+    model = HiddenMarkovModel(smoothing=0.0).fit([problem], [np.array([-1, 0, 1, -1, 0, 0])])
+    np.testing.assert_allclose(
+        known(model.transition), np.array([[0.5, 0.5], [0.5, 0.5]]), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        known(model.confusion), np.array([[1 / 3, 2 / 3], [0, 1]]), rtol=1e-12
+    )
+    np.testing.assert_allclose(known(model.initial), np.array([1, 0]), rtol=1e-12)
+    np.testing.assert_allclose(known(model.prior), np.array([0.75, 0.25]), rtol=1e-12)
+    smoothed = HiddenMarkovModel(smoothing=1.0).fit([problem], [np.array([-1, 0, 1, -1, 0, 0])])
+    np.testing.assert_allclose(
+        known(smoothed.transition), np.array([[0.5, 0.5], [0.5, 0.5]]), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        known(smoothed.confusion), np.array([[2 / 5, 3 / 5], [1 / 3, 2 / 3]]), rtol=1e-12
+    )
+
+
+def test_learning_finds_the_model_that_made_the_data() -> None:
+    model = fitted()
+    np.testing.assert_allclose(known(model.transition), TRUE_TRANSITION, rtol=0, atol=0.06)
+    np.testing.assert_allclose(known(model.confusion), TRUE_CONFUSION, rtol=0, atol=0.06)
+
+
+@pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
+@pytest.mark.parametrize("observation", ["hard", "soft"])
+def test_the_past_improves_what_the_classifier_says(mode: str, observation: str) -> None:
+    problem, truth = a_walk(1, 3000)
+    raw = (np.asarray(problem.unary).argmax(axis=1) == truth).mean()
+    labels = fitted(mode=mode, observation=observation).infer(problem).labels
+    gain = {"filter": 0.05, "smooth": 0.08, "viterbi": 0.08}[mode]
+    assert (labels == truth).mean() > raw + gain
+
+
+@pytest.mark.parametrize("start", ["uniform", "learned"])
+def test_beliefs_are_the_enumeration(start: str) -> None:
+    problem, _ = a_walk(5, 6)
+    model = fitted(mode="smooth", start=start)
+    assert model.transition is not None
+    assert model.confusion is not None
+    assert model.initial is not None
+    seen = np.asarray(problem.unary).argmax(axis=1)
+    first = model.initial if start == "learned" else np.full(3, 1 / 3)
+    table = joint(first, model.transition[None], model.confusion[:, seen].T, [0] * 5)
+    labeling = model.infer(problem)
+    assert labeling.beliefs is not None
+    np.testing.assert_allclose(labeling.beliefs, marginals(table), rtol=0, atol=1e-12)
+    assert labeling.info["log_evidence"] == pytest.approx(np.log(table.sum()))
+    assert labeling.status is Status.CONVERGED
+    best = replace(model, mode="viterbi").infer(problem)
+    np.testing.assert_allclose(table[tuple(best.labels)], table.max(), rtol=1e-10)
+    assert best.score == pytest.approx(np.log(table.max()))
+    assert best.status is Status.EXACT
+    assert best.gap == 0
+
+
+@pytest.mark.parametrize("observation", ["hard", "soft", "posterior"])
+@pytest.mark.parametrize("stay_below_m", [0.0, 0.4])
+def test_step_by_step_is_the_filter(observation: str, stay_below_m: float) -> None:
+    problem, _ = a_walk(2, 60)
+    positions = np.cumsum(np.random.default_rng(0).random((60, 2)), axis=0)
+    graph = LabelGraph.from_trajectory(positions)
+    problem = LabelingProblem(graph, NAMES, unary=problem.unary)
+    model = replace(fitted(observation=observation), stay_below_m=stay_below_m)
+    whole = model.infer(problem).beliefs
+    assert whole is not None
+    belief = None
+    unary = np.asarray(problem.unary)
+    for t in range(60):
+        moved = None if t == 0 else float(np.linalg.norm(positions[t] - positions[t - 1]))
+        belief, possible = model.step(unary[t], belief, moved_m=moved)
+        assert possible
+        np.testing.assert_allclose(belief, whole[t], rtol=0, atol=1e-12)
+
+
+def test_standing_still_is_no_transition() -> None:
+    """A robot that waits in a doorway stays in it, whatever usually follows a doorway."""
+    positions = np.zeros((8, 2))
+    positions[4:, 0] = 1.0
+    graph = LabelGraph.from_trajectory(positions)
+    truth = np.array([2, 2, 2, 2, 0, 0, 0, 0])
+    z = np.log(np.eye(3)[truth] * 0.8 + 0.1)
+    problem = LabelingProblem(graph, NAMES, unary=z)
+    model = HiddenMarkovModel(smoothing=0.0, stay_below_m=0.5).fit([problem], [truth])
+    assert model.transition is not None
+    np.testing.assert_allclose(known(model.transition)[2], [1, 0, 0], rtol=1e-12)
+    for mode in ("filter", "smooth", "viterbi"):
+        labeling = replace(model, mode=mode).infer(problem)
+        np.testing.assert_array_equal(labeling.labels, truth)
+        assert labeling.info["impossible"] == []
+    bare = LabelingProblem(LabelGraph.from_edges(2, [(0, 1)]), NAMES, unary=z[:2])
+    with pytest.raises(InputError, match="stay_below_m needs positions"):
+        model.infer(bare)
+
+
+@pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
+def test_impossible_observations_are_reported(mode: str, caplog: pytest.LogCaptureFixture) -> None:
+    graph = LabelGraph.from_trajectory(np.zeros((4, 2)))
+    learned_from = LabelingProblem(graph, ["a", "b"], unary=np.log(np.eye(2)[[0, 0, 1, 1]] + 0.1))
+    model = HiddenMarkovModel(mode, start="learned", smoothing=0.0)
+    model = model.fit([learned_from, learned_from], [np.array([0, 0, -1, -1]), np.array([-1] * 4)])
+    with caplog.at_level(logging.WARNING):
+        labeling = model.infer(learned_from)
+    # 'b' was never an example, and 'a' neither leads to it nor looks like it.
+    assert labeling.info["impossible"] == [2, 3]
+    assert "at 2 of 4 steps (first 2)" in caplog.text
+    assert labeling.labels.tolist() == [0, 0, 0, 0]
+    if labeling.beliefs is not None:
+        assert np.isfinite(labeling.beliefs).all()
+
+
+@pytest.mark.parametrize("observation", ["hard", "soft", "posterior"])
+def test_a_step_where_no_label_is_allowed_is_passed_over(observation: str) -> None:
+    problem, _ = a_walk(3, 20)
+    unary = np.array(problem.unary)
+    unary[7] = -np.inf
+    holed = LabelingProblem(problem.graph, NAMES, unary=unary)
+    labeling = fitted(observation=observation, mode="smooth").infer(holed)
+    assert labeling.info["impossible"] == [7]
+    assert labeling.info["log_evidence"] == -np.inf
+
+
+def test_the_viterbi_score_is_the_judges() -> None:
+    problem, _ = a_walk(4, 30)
+    model = fitted(mode="viterbi", observation="posterior")
+    labeling = model.infer(problem)
+    assert model.transition is not None
+    assert model.prior is not None
+    unary = np.array(problem.unary) - np.log(model.prior)
+    unary[0] -= np.log(3)
+    potentials = Potentials(unary, pairwise=np.log(model.transition))
+    assert labeling.score == pytest.approx(score(problem.graph, potentials, labeling.labels))
+
+
+def test_a_single_step_and_no_step() -> None:
+    model = fitted(observation="posterior")
+    for n in (0, 1):
+        graph = LabelGraph.from_trajectory(np.zeros((n, 2)))
+        problem = LabelingProblem(graph, NAMES, unary=np.log([[0.2, 0.5, 0.3]] * n).reshape(n, 3))
+        for mode in ("filter", "smooth", "viterbi"):
+            assert len(replace(model, mode=mode).infer(problem).labels) == n
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode": "filtre"}, "did you mean 'filter'"),
+        ({"observation": "firm"}, "Known: hard, posterior, soft"),
+        ({"start": "anywhere"}, "start must not be"),
+        ({"smoothing": -1.0}, "smoothing"),
+        ({"stay_below_m": float("inf")}, "stay_below_m"),
+    ],
+)
+def test_bad_options(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        build("hmm", options)
+
+
+def test_bad_problems() -> None:
+    problem, truth = a_walk(0, 10)
+    model = HiddenMarkovModel()
+    with pytest.raises(NotFittedError, match="call fit first"):
+        model.infer(problem)
+    with pytest.raises(InputError, match="at least one problem"):
+        model.fit([], [])
+    with pytest.raises(InputError, match="no step is labelled"):
+        model.fit([problem], [np.full(10, -1)])
+    grid = LabelGraph.from_grid(np.ones((2, 5), np.bool_))
+    with pytest.raises(InputError, match="'hmm' labels chains"):
+        model.fit([LabelingProblem(grid, NAMES, unary=problem.unary)], [truth])
+    bare = LabelingProblem(problem.graph, NAMES, node_features=np.zeros((10, 1)))
+    with pytest.raises(InputError, match="needs unary"):
+        model.fit([bare], [truth])
+    fewer = LabelingProblem(problem.graph, NAMES[:2], unary=np.zeros((10, 2)))
+    model = model.fit([problem], [truth])
+    with pytest.raises(InputError, match="learned 3 labels, but there are 2"):
+        model.infer(fewer)
+    with pytest.raises(InputError, match="different labels"):
+        model.fit([problem, fewer], [truth, truth])
+    with pytest.raises(InputError, match="unary must have shape"):
+        model.step(np.zeros((1, 3)))
