@@ -43,10 +43,9 @@ def check_metadata(value: Any) -> None:
         check_metadata(part)
 
 
-@pytest.mark.parametrize(
-    "topology", [floor_map(**FRAME), building_map()], ids=["floor", "building"]
-)
-def test_nav2s_loader_would_take_the_route_graph(topology: TopologicalMap) -> None:
+@pytest.mark.parametrize("make", [lambda: floor_map(**FRAME), building_map])
+def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalMap]) -> None:
+    topology = make()
     graph = json.loads(json.dumps(nav2_route(topology), allow_nan=False))
     assert graph["type"] == "FeatureCollection"
     nodes = [f for f in graph["features"] if f["geometry"]["type"] == "Point"]
