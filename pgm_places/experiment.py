@@ -32,7 +32,6 @@ from pgm_places.io.regions import load_regions
 from pgm_places.io.windows import window_mask
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.layout import GridLayout
-from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor, SensorNoise
@@ -156,6 +155,8 @@ def _default_name(source: MapConfig, yaml_path: Path) -> str:
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     """The unfitted labeler that a configuration describes."""
+    from pgm_places.models.decision_list import DecisionListClassifier
+
     names = tuple(config.labels.names)
     noise = config.sensor.noise
     sensor = Sensor(

@@ -18,7 +18,7 @@ from pgm_places.backends import (
 from pgm_places.errors import ModelFileError, NotFittedError, OutputError
 from pgm_places.features.laser import LASER_FEATURES, feature_set_hash
 from pgm_places.io.model_files import load_folder, save_folder
-from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.boosted_list import BoostedList
 from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary import UnaryModel
@@ -117,7 +117,7 @@ def _labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
     )
 
 
-def _put_list(arrays: Arrays, prefix: str, classifier: DecisionListClassifier) -> dict[str, Any]:
+def _put_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:
     meta, parts = classifier.to_arrays()
     arrays.update({f"{prefix}/{name}": array for name, array in parts.items()})
     return dict(meta)
@@ -125,18 +125,18 @@ def _put_list(arrays: Arrays, prefix: str, classifier: DecisionListClassifier) -
 
 def _get_list(
     arrays: Arrays, prefix: str, meta: dict[str, Any], n_columns: int, n_labels: int
-) -> DecisionListClassifier:
+) -> BoostedList:
     parts = {
         name.removeprefix(f"{prefix}/"): array
         for name, array in arrays.items()
         if name.startswith(f"{prefix}/")
     }
-    classifier = DecisionListClassifier.from_arrays(meta, parts)
-    if classifier.n_features_in_ != n_columns:
+    classifier = BoostedList.from_arrays(meta, parts)
+    if classifier.n_features != n_columns:
         raise ModelFileError(
-            f"{prefix} expects {classifier.n_features_in_} features, the model has {n_columns}"
+            f"{prefix} expects {classifier.n_features} features, the model has {n_columns}"
         )
-    classes = np.asarray(classifier.classes_)
+    classes = np.asarray(classifier.classes)
     if not np.issubdtype(classes.dtype, np.integer) or (classes >= n_labels).any():
         raise ModelFileError(f"{prefix} has classes {classes.tolist()} but {n_labels} labels")
     return classifier

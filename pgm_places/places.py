@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +17,13 @@ from pgm_places.graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
 from pgm_places.labelled_map import LabelledMap, require_examples
-from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.problem import LabelingProblem
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary import CellScores, UnaryModel, fit_unary
+from pgm_places.unary import RAREST_FIRST, CellScores, UnaryModel, fit_unary
+
+if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
+    from pgm_places.models.decision_list import DecisionListClassifier
 
 __all__ = ["PlaceLabeler", "PlaceMethod"]
 
@@ -63,8 +65,9 @@ class PlaceLabeler:
         The methods to learn, by the name they are asked for later.
     sensor : Sensor
         The simulated range sensor.
-    classifier : DecisionListClassifier
-        The unfitted list with its options; its order may also be ``"rarest-first"``.
+    classifier : DecisionListClassifier, optional
+        The unfitted list with its options; its order may also be ``"rarest-first"``, which is
+        what the default one does.
     connectivity : {8, 4}
         Neighbours of a cell.
     context_m : tuple of float
@@ -91,9 +94,7 @@ class PlaceLabeler:
     label_names: Sequence[str]
     methods: Mapping[str, Any] = field(default_factory=lambda: {"independent": "independent"})
     sensor: Sensor = field(default_factory=Sensor)
-    classifier: DecisionListClassifier = field(
-        default_factory=lambda: DecisionListClassifier(order="rarest-first")
-    )
+    classifier: "DecisionListClassifier | None" = None
     connectivity: int = 8
     context_m: tuple[float, ...] = ()
     learn_on: str = "out-of-fold"
@@ -141,7 +142,7 @@ class PlaceLabeler:
             maps,
             len(self.label_names),
             sensor=self.sensor,
-            classifier=self.classifier,
+            classifier=self.classifier or _default_classifier(),
             n_node_features=self.n_node_features,
             context_m=self.context_m,
             learn_on=self.learn_on,
@@ -244,6 +245,12 @@ class PlaceLabeler:
             unary=values,
             node_features=np.asarray(scores.node_features, np.float64),
         )
+
+
+def _default_classifier() -> "DecisionListClassifier":
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+    return DecisionListClassifier(order=RAREST_FIRST)
 
 
 def _fitted(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,13 @@ from pgm_places.graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.layout import GridLayout
-from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
+
+if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
+    from pgm_places.models.decision_list import DecisionListClassifier
 
 RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
@@ -53,7 +56,7 @@ class UnaryModel:
     ----------
     sensor : Sensor
         How scans are simulated; a model is only good for the sensor it learned with.
-    classifier : DecisionListClassifier
+    classifier : BoostedList
         The list on the 321 laser features.
     n_labels : int
         K; the classifier's classes are label indices below K.
@@ -61,16 +64,16 @@ class UnaryModel:
         Laser features handed on as node features.
     context_m : tuple of float
         Half-widths in metres of the windows whose mean z the second list sees; () for none.
-    context_classifier : DecisionListClassifier or None
+    context_classifier : BoostedList or None
         The second list, on laser features followed by context features.
     """
 
     sensor: Sensor
-    classifier: DecisionListClassifier
+    classifier: BoostedList
     n_labels: int
     node_columns: NDArray[np.int64]
     context_m: tuple[float, ...] = ()
-    context_classifier: DecisionListClassifier | None = field(default=None, repr=False)
+    context_classifier: BoostedList | None = field(default=None, repr=False)
 
     def scores(
         self,
@@ -90,7 +93,7 @@ class UnaryModel:
         with_context = with_context and self.context_classifier is not None
         later = self._later_laser_columns() if with_context else np.zeros(0, np.int64)
         kept = np.union1d(self.node_columns, later).astype(np.int64)
-        needed = np.union1d(self.classifier.used_features_, kept).astype(np.int64)
+        needed = np.union1d(self.classifier.used_features, kept).astype(np.int64)
         first_list = self.classifier.restricted(needed)
         kept_at = np.searchsorted(needed, kept)
 
@@ -107,7 +110,7 @@ class UnaryModel:
                     columns=needed,
                     n_threads=n_threads,
                 )
-                laser[block.nodes] = aligned_log_proba(first_list, values, self.n_labels)
+                laser[block.nodes] = aligned_log_proba(first_list, values, self.n_labels, n_threads)
                 features[block.nodes] = values[:, kept_at]
                 done += len(block.nodes)
                 stage.update(done / max(n, 1))
@@ -121,7 +124,7 @@ class UnaryModel:
         """The laser features that the second list uses."""
         if self.context_classifier is None:
             return np.zeros(0, np.int64)
-        used = self.context_classifier.used_features_
+        used = self.context_classifier.used_features
         return np.asarray(used[used < len(LASER_FEATURES)], np.int64)
 
     def _context_scores(
@@ -147,7 +150,7 @@ def fit_unary(
     n_labels: int,
     *,
     sensor: Sensor,
-    classifier: DecisionListClassifier,
+    classifier: "DecisionListClassifier",
     n_node_features: int = 30,
     context_m: tuple[float, ...] = (),
     learn_on: str = "out-of-fold",
@@ -195,7 +198,7 @@ def fit_unary(
     with progress.stage("decision list"):
         fitted = clone(classifier).fit(laser_features, truth, groups=groups)
     node_columns = np.asarray(fitted.features_in_order_of_choice(n_node_features), np.int64)
-    in_sample = aligned_log_proba(fitted, laser_features, n_labels)
+    in_sample = aligned_log_proba(fitted.boosted_list_, laser_features, n_labels, n_threads)
     held_out = None
     if context_m or learn_on == "out-of-fold":
         held_out = _out_of_fold(
@@ -210,11 +213,18 @@ def fit_unary(
         with progress.stage("decision list with context"):
             second = clone(classifier).set_params(order=fitted.order_).fit(both, truth)
         context_scores = (
-            aligned_log_proba(second, both, n_labels)
+            aligned_log_proba(second.boosted_list_, both, n_labels, n_threads)
             if learn_on == "in-sample"
             else _out_of_fold(second, both, truth, groups, n_labels, progress, "held-out context")
         )
-    model = UnaryModel(sensor, fitted, n_labels, node_columns, context_m, second)
+    model = UnaryModel(
+        sensor,
+        fitted.boosted_list_,
+        n_labels,
+        node_columns,
+        context_m,
+        None if second is None else second.boosted_list_,
+    )
     nodes = laser_features[:, node_columns]
     ends = np.cumsum(sizes)[:-1]
     return model, [
@@ -229,8 +239,8 @@ def fit_unary(
 
 
 def _with_explicit_order(
-    classifier: DecisionListClassifier, truth: NDArray[np.int64]
-) -> DecisionListClassifier:
+    classifier: "DecisionListClassifier", truth: NDArray[np.int64]
+) -> "DecisionListClassifier":
     """The list with ``"rarest-first"`` written out as the labels by increasing frequency.
 
     Asked first, a rare label is separated from everything by one classifier; asked last, it gets
@@ -263,11 +273,11 @@ def contiguous_blocks(cells_rc: NDArray[Any], n_blocks: int) -> NDArray[np.int64
 
 
 def aligned_log_proba(
-    classifier: DecisionListClassifier, values: NDArray[np.float32], n_labels: int
+    fitted: BoostedList, values: NDArray[np.float32], n_labels: int, n_threads: int | None = None
 ) -> NDArray[np.float64]:
     """(N, K) log z with one column per label index, also for labels the list never saw."""
-    found = classifier.log_proba(values)
-    classes = np.asarray(classifier.classes_, np.int64)
+    found = fitted.log_histogram(values, n_threads=n_threads)
+    classes = np.asarray(fitted.classes, np.int64)
     if len(classes) == n_labels:
         return found
     full = np.full((len(found), n_labels), found.min(initial=0.0))
@@ -298,7 +308,7 @@ def _fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np
 
 
 def _out_of_fold(
-    fitted: DecisionListClassifier,
+    fitted: "DecisionListClassifier",
     features: NDArray[np.float32],
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
@@ -321,7 +331,7 @@ def _out_of_fold(
                     "use fewer folds or learn_on='in-sample'"
                 )
             part = clone(fitted).set_params(order=order).fit(features[~out], truth[~out])
-            scores[out] = aligned_log_proba(part, features[out], n_labels)
+            scores[out] = aligned_log_proba(part.boosted_list_, features[out], n_labels)
             stage.update(count / len(folds))
     return scores
 

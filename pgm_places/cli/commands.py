@@ -1,19 +1,23 @@
 """What the commands do: each reads its inputs, calls the library, writes and prints results."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
-from pgm_places.config import load_config
-from pgm_places.experiment import Experiment, compare, resolved_config, train, versions
+
+if TYPE_CHECKING:
+    from pgm_places.experiment import Experiment
 
 __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
 
 
-def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> Experiment:
+def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "Experiment":
+    from pgm_places.config import load_config
+    from pgm_places.experiment import Experiment
+
     config = load_config(config_path)
     experiment = Experiment(
         config,
@@ -27,6 +31,7 @@ def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> Exp
 
 def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places compare``."""
+    from pgm_places.experiment import compare
     from pgm_places.io.atomic import check_writable_folder
     from pgm_places.report.comparison_files import write_comparison
 
@@ -58,6 +63,7 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
 
 def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places train``."""
+    from pgm_places.experiment import resolved_config, train, versions
     from pgm_places.io.model_files import check_target
     from pgm_places.place_files import save_labeler
 

@@ -1,8 +1,11 @@
 """Tables as plain text, for terminals and logs."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from pgm_places.comparison import Comparison
+if TYPE_CHECKING:
+    from pgm_places.comparison import Comparison
+
 
 __all__ = ["comparison_table", "shares_line", "text_table"]
 
@@ -24,7 +27,7 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f}"
 
 
-def comparison_table(comparison: Comparison) -> str:
+def comparison_table(comparison: "Comparison") -> str:
     """One row per method: accuracies, recall and precision per label (percent), seconds."""
     names = comparison.label_names
     heading = ["method", "accuracy", "balanced", "macro F1"]
