@@ -103,6 +103,45 @@ def test_coarse_bins_do_not_change_the_stumps(limit: int, monkeypatch: pytest.Mo
     assert_same_stumps(AdaBoostStumps(n_rounds=8).fit(X, y), wanted)
 
 
+@pytest.mark.parametrize("shift", range(0, 32, 3))
+def test_the_lowest_of_equal_thresholds_wins_inside_bins_too(shift: int) -> None:
+    """Ten equally good splits around the middle, wherever the bins' edges fall."""
+    n = 4_000
+    x = np.arange(n)
+    y = np.where(x < n // 2, 1.0, -1.0)
+    around = slice(n // 2 - 10, n // 2 + 10)
+    y[around] = np.where(np.arange(20) % 2 == 0, 1.0, -1.0)
+    X = x.astype(np.float32).reshape(-1, 1)
+    y = np.roll(y, shift)
+    model = AdaBoostStumps(n_rounds=1).fit(X, y)
+    assert_same_stumps(model, reference.boost_sorted(X, y, np.ones(n), 1))
+
+
+def test_a_column_with_few_bins_is_searched_inside_them() -> None:
+    """Only a split between two heavy neighbours in one bin of a sparse column is good."""
+    rng = np.random.default_rng(1)
+    n = 5_000
+    X = rng.normal(size=(n, 7)).astype(np.float32)
+    X[:, 6] = np.where(rng.random(n) < 0.05, 1 + rng.random(n), 0.0)
+    y = np.where(X[:, 0] + 3 * rng.normal(size=n) > 0, 1.0, -1.0)
+    prepared = prepare(X, (y > 0).astype(np.int64))
+    assert len(np.unique(prepared.codes[6])) < 32
+    ascending = np.argsort(X[:, 6])
+    place = n - 120
+    heavy = ascending[place : place + 2]
+    while len(set(prepared.codes[6][np.isin(prepared.rows, heavy)])) > 1:
+        place += 1
+        heavy = ascending[place : place + 2]
+    X[heavy, :6] = 0.0
+    y[heavy] = [1.0, -1.0]
+    weights = np.ones(n)
+    weights[heavy] = 10_000
+    wanted = reference.boost_sorted(X, y, weights, 4)
+    assert wanted[0][0] == 6 and wanted[0][1] == pytest.approx(X[heavy, 6].astype(float).mean())
+    model = AdaBoostStumps(n_rounds=4).fit(X, y, sample_weight=weights)
+    assert_same_stumps(model, wanted)
+
+
 def test_any_number_of_threads_gives_the_same_bits() -> None:
     X, y = large_set(10_000)
     models = [AdaBoostStumps(n_rounds=20, n_threads=count).fit(X, y) for count in (1, 2, 5)]
