@@ -17,7 +17,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 __all__ = ["topology_picture"]
 
 _MOST_PIXELS = 1_000_000
-_LONG_SIDE = 1800
+_LONG_SIDE = 1500
 _EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
 _PALE = 0.45
 
@@ -50,7 +50,7 @@ def topology_picture(
     height, width = canvas.indices.shape
     scale = max(1, _LONG_SIDE // max(height, width))
     size = (scale * width, scale * height)
-    beside = height > 1.3 * width
+    beside = height > 0.7 * width
     top = _EDGE + (_TITLE if title else 0)
     second = (2 * _EDGE + size[0], top) if beside else (_EDGE, top + _CAPTION + size[1] + _EDGE)
     content = max(second[0] + size[0] - _EDGE, 420)
