@@ -129,6 +129,15 @@ def test_a_minimum_needs_its_prominence() -> None:
     np.testing.assert_allclose(got, [np.pi / 2, 0, 0], rtol=1e-6, atol=0)
 
 
+@pytest.mark.parametrize("turn", [0, 1, 2, 3, 170])
+def test_equal_lowest_beams_count_as_their_middle(turn: int) -> None:
+    ranges = np.full((1, 360), 2.0)
+    ranges[0, [358, 359, 0, 1]] = 1.0
+    ranges[0, [100, 300]] = 1.2  # of two equally low ones the nearer
+    (angle,) = value(np.roll(ranges, turn, axis=1), "f26[0.5]")
+    np.testing.assert_allclose(angle, np.deg2rad(59.5), rtol=1e-6, atol=0)
+
+
 def test_counts_are_exact() -> None:
     ranges = rooms(64, seed=2)
     jumps = np.abs(ranges.astype(float) - np.roll(ranges.astype(float), -1, axis=1))
@@ -203,7 +212,10 @@ def test_columns_have_the_same_bits_alone_and_with_others(columns: list[int]) ->
     )
 
 
-@pytest.mark.parametrize("column", range(0, 321, 7))
+LOW_ORDERS = [NAMES.index(f"f16[{order}]") for order in (-3, -2, -1, 2, 3)]
+
+
+@pytest.mark.parametrize("column", sorted({*range(0, 321, 7), *LOW_ORDERS}))
 def test_single_columns_have_the_same_bits(column: int) -> None:
     ranges = rooms(20, seed=8)
     whole = extract(ranges, max_range_m=80.0)
