@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from pgm_places._jit import njit
 
-BLOCK = 16  # cells: one cache line of float32, two or more vectors
+BLOCK = 16  # cells: one cache line of float32, one to four vectors
 CHUNK = 512  # cells updated at once: the scratch rows of a chunk stay in the innermost cache
 MIN_MASS = (
     1e-12  # a node whose labels together keep less than this cannot be normalised: kept as is
 )
 SMALLEST = 1e-30  # beliefs below become 0: they cannot return, and subnormal numbers are slow
-SUMS = 3  # per task: largest change, sum of changes, sum of p (1 + q)
+SUMS = 3  # per task: largest change, sum of changes, sum of p q over labels and nodes
+LARGEST, MOVED, SUPPORT, SOURCES = 0, 1, 2, 3  # rows of a task's scratch; sums are kept by lane
 
 
 @njit
@@ -97,32 +98,34 @@ def _sum_support(
     ratio: np.float32,
     work: NDArray[np.float32],
 ) -> None:
-    """``1 + q`` of a span (paper eq. 5) into rows P.. of ``work``, one table for all directions.
+    """``1 + q`` of a span (paper eq. 5), one table for all directions.
 
-    ``table`` is (K, P): c r for the sides, ``ratio`` times that for the corners, wall last. Rows
-    0..K of ``work`` are filled with the weighted sums over the neighbours; loops are kept apart so
-    that each has few enough arrays for the compiler to vectorise.
+    ``table`` is (K, P): c r for the sides, ``ratio`` times that for the corners, wall last. Of
+    ``work``, K + 1 rows from SOURCES on get the weighted sums over the neighbours, K rows from P
+    further on the result. Loops are kept apart so that each has few enough arrays for the compiler
+    to vectorise.
     """
     n_labels, width = table.shape
     n = BLOCK * (len(code) // BLOCK)
     for k in range(n_labels):
         up, middle = above[k, a - 1 : a + n + 1], here[k, h - 1 : h + n + 1]
-        down, source = below[k, b - 1 : b + n + 1], work[k]
+        down, source = below[k, b - 1 : b + n + 1], work[SOURCES + k]
         for i in range(n):
             sides = up[i + 1] + down[i + 1] + middle[i] + middle[i + 2]
             source[i] = sides + ratio * (up[i] + up[i + 2] + down[i] + down[i + 2])
     low, shift = np.uint8(15), np.uint8(4)
-    source = work[n_labels]
+    source = work[SOURCES + n_labels]
     for i in range(n):
         source[i] = np.float32(code[i] & low) + ratio * np.float32(code[i] >> shift)
     for k in range(n_labels):
-        grown, one = work[width + k], np.float32(1)
-        s0, s1, s2, s3 = work[0], work[1], work[2], work[3]
+        grown, one = work[SOURCES + width + k], np.float32(1)
+        s0, s1, s2, s3 = work[SOURCES], work[SOURCES + 1], work[SOURCES + 2], work[SOURCES + 3]
         t0, t1, t2, t3 = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
         for i in range(n):
             grown[i] = one + ((t0 * s0[i] + t1 * s1[i]) + (t2 * s2[i] + t3 * s3[i]))
         for g in range(4, width, 4):
-            s0, s1, s2, s3 = work[g], work[g + 1], work[g + 2], work[g + 3]
+            at = SOURCES + g
+            s0, s1, s2, s3 = work[at], work[at + 1], work[at + 2], work[at + 3]
             t0, t1, t2, t3 = table[k, g], table[k, g + 1], table[k, g + 2], table[k, g + 3]
             for i in range(n):
                 grown[i] += (t0 * s0[i] + t1 * s1[i]) + (t2 * s2[i] + t3 * s3[i])
@@ -140,11 +143,11 @@ def _sum_support_by_direction(
     tables: NDArray[np.float32],
     work: NDArray[np.float32],
 ) -> None:
-    """``1 + q`` of a span (paper eq. 5) into rows P.. of ``work``; ``tables`` (8, K, P)."""
+    """``1 + q`` of a span (paper eq. 5), as :func:`_sum_support`; ``tables`` (8, K, P)."""
     _, n_labels, width = tables.shape
     n = len(code)
     for k in range(n_labels):
-        work[width + k, :n] = np.float32(1)
+        work[SOURCES + width + k, :n] = np.float32(1)
     for d in range(8):
         for k in range(n_labels):
             if d < 3:
@@ -154,14 +157,14 @@ def _sum_support_by_direction(
             else:
                 line = below[k, b - 6 + d : b - 6 + d + n]
             for j in range(n_labels):
-                grown, weight = work[width + j], tables[d, j, k]
+                grown, weight = work[SOURCES + width + j], tables[d, j, k]
                 for i in range(n):
                     grown[i] += weight * line[i]
-        wall, bit = work[n_labels], np.uint8(d)
+        wall, bit = work[SOURCES + n_labels], np.uint8(d)
         for i in range(n):
             wall[i] = np.float32((code[i] >> bit) & np.uint8(1))
         for j in range(n_labels):
-            grown, weight = work[width + j], tables[d, j, n_labels]
+            grown, weight = work[SOURCES + width + j], tables[d, j, n_labels]
             for i in range(n):
                 grown[i] += weight * wall[i]
 
@@ -175,34 +178,35 @@ def _settle(
     damping: np.float32,
     width: int,
     work: NDArray[np.float32],
-    mass: NDArray[np.float64],
     store: NDArray[np.float32],
 ) -> None:
     """Normalise ``p (1 + q)`` (paper eq. 4), damp, write to the store and account for the change.
 
-    Old beliefs are ``here[:, h:]``, ``1 + q`` rows P.. of ``work``, the target ``store[:, at:]``.
+    Old beliefs are ``here[:, h:]``, ``1 + q`` lies in ``work`` as :func:`_sum_support` leaves it,
+    the target is ``store[:, at:]``.
     """
     n_labels = store.shape[0]
     n = BLOCK * (n // BLOCK)
     one, zero = np.float32(1), np.float32(0)
-    total, kept = work[width + n_labels], work[width + n_labels + 1]
-    largest, moved = work[width + n_labels + 2], work[width + n_labels + 3]
+    largest, moved, support = work[LARGEST], work[MOVED], work[SUPPORT]
+    first = SOURCES + width
+    total, kept = work[first + n_labels], work[first + n_labels + 1]
     for i in range(n):
         total[i] = zero
     for k in range(n_labels):
-        old, new = here[k, h : h + n], work[width + k]
+        old, new = here[k, h : h + n], work[first + k]
         for i in range(n):
             part = old[i] * (new[i] if new[i] > zero else zero)
             new[i] = part
             total[i] += part
-    for i in range(n):
-        mass[i] += total[i]
+        for i in range(n):
+            support[i] += new[i] - old[i]
     for i in range(n):
         usable = total[i] > np.float32(MIN_MASS)
         kept[i] = damping if usable else one
         total[i] = (one - damping) / total[i] if usable else zero
     for k in range(n_labels):
-        old, new, target = here[k, h : h + n], work[width + k], store[k, at : at + n]
+        old, new, target = here[k, h : h + n], work[first + k], store[k, at : at + n]
         for i in range(n):
             belief = new[i] * total[i] + kept[i] * old[i]
             target[i] = belief if belief > np.float32(SMALLEST) else zero
@@ -210,6 +214,75 @@ def _settle(
             change = abs(target[i] - old[i])
             largest[i] = change if change > largest[i] else largest[i]
             moved[i] += change
+
+
+@njit
+def _update_three(
+    above: NDArray[np.float32],
+    here: NDArray[np.float32],
+    below: NDArray[np.float32],
+    a: int,
+    h: int,
+    b: int,
+    code: NDArray[np.uint8],
+    table: NDArray[np.float32],
+    ratio: np.float32,
+    damping: np.float32,
+    at: int,
+    work: NDArray[np.float32],
+    store: NDArray[np.float32],
+) -> None:
+    """Sum, support and settle for three labels and one table: nearly twice as fast.
+
+    The scratch ``work`` is flat here: rows a constant CHUNK apart are known not to overlap, so that
+    the whole update is one vector loop. Rows 3-5 are the sums, then the new beliefs; 6-8 the old.
+    """
+    n = BLOCK * (len(code) // BLOCK)
+    one, zero = np.float32(1), np.float32(0)
+    for k in range(3):
+        up, middle = above[k, a - 1 : a + n + 1], here[k, h - 1 : h + n + 1]
+        down, row = below[k, b - 1 : b + n + 1], (SOURCES + k) * CHUNK
+        source, old = work[row : row + n], work[row + 3 * CHUNK : row + 3 * CHUNK + n]
+        for i in range(n):
+            sides = up[i + 1] + down[i + 1] + middle[i] + middle[i + 2]
+            source[i] = sides + ratio * (up[i] + up[i + 2] + down[i] + down[i + 2])
+        for i in range(n):
+            old[i] = middle[i + 1]
+    r00, r01, r02, r03 = table[0, 0], table[0, 1], table[0, 2], table[0, 3]
+    r10, r11, r12, r13 = table[1, 0], table[1, 1], table[1, 2], table[1, 3]
+    r20, r21, r22, r23 = table[2, 0], table[2, 1], table[2, 2], table[2, 3]
+    low, shift = np.uint8(15), np.uint8(4)
+    for i in range(n):
+        s0, s1, s2 = work[i + 3 * CHUNK], work[i + 4 * CHUNK], work[i + 5 * CHUNK]
+        s3 = np.float32(code[i] & low) + ratio * np.float32(code[i] >> shift)
+        p0, p1, p2 = work[i + 6 * CHUNK], work[i + 7 * CHUNK], work[i + 8 * CHUNK]
+        q0 = one + ((r00 * s0 + r01 * s1) + (r02 * s2 + r03 * s3))
+        q1 = one + ((r10 * s0 + r11 * s1) + (r12 * s2 + r13 * s3))
+        q2 = one + ((r20 * s0 + r21 * s1) + (r22 * s2 + r23 * s3))
+        g0 = p0 * (q0 if q0 > zero else zero)
+        g1 = p1 * (q1 if q1 > zero else zero)
+        g2 = p2 * (q2 if q2 > zero else zero)
+        total = g0 + g1 + g2
+        usable = total > np.float32(MIN_MASS)
+        kept = damping if usable else one
+        scale = (one - damping) / total if usable else zero
+        n0, n1, n2 = g0 * scale + kept * p0, g1 * scale + kept * p1, g2 * scale + kept * p2
+        n0 = n0 if n0 > np.float32(SMALLEST) else zero
+        n1 = n1 if n1 > np.float32(SMALLEST) else zero
+        n2 = n2 if n2 > np.float32(SMALLEST) else zero
+        work[i + 3 * CHUNK], work[i + 4 * CHUNK], work[i + 5 * CHUNK] = n0, n1, n2
+        d0, d1, d2 = abs(n0 - p0), abs(n1 - p1), abs(n2 - p2)
+        most = d0 if d0 > d1 else d1
+        most = most if most > d2 else d2
+        largest = work[i]
+        work[i] = most if most > largest else largest
+        work[i + CHUNK] += d0 + d1 + d2
+        work[i + 2 * CHUNK] += (g0 - p0) + (g1 - p1) + (g2 - p2)
+    for k in range(3):
+        target, row = store[k, at : at + n], (SOURCES + k) * CHUNK
+        fresh = work[row : row + n]
+        for i in range(n):
+            target[i] = fresh[i]
 
 
 @njit
@@ -227,7 +300,6 @@ def update_rows(
     halo: NDArray[np.float32],
     rows: NDArray[np.float32],
     work: NDArray[np.float32],
-    mass: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
     """Update the rows ``first..last - 1`` of the store in place (paper eq. 4 and 5).
@@ -235,12 +307,13 @@ def update_rows(
     ``tables`` is (1, K, P), c r for the cells that share a side (``ratio`` times that for a
     corner), or (8, K, P), one per direction; column K is the wall. ``halo`` (2, K, L) holds the old
     rows above and below. A row of ``spans`` is (cells, start in the row above, here, below).
-    Scratch: ``rows`` (2, K, L), ``work`` (P + K + 4, CHUNK) of zeros, ``mass`` (CHUNK,).
+    Scratch: ``rows`` (2, K, L), ``work`` (SOURCES + P + K + 2, CHUNK).
     """
     n_labels = store.shape[0]
     width = tables.shape[2]
-    work[width + n_labels + 2 :] = np.float32(0)
-    mass[:] = 0.0
+    work[:] = np.float32(0)
+    flat = work.reshape(work.size)
+    one_table = len(tables) == 1
     above = halo[0]
     below, shift = store, np.int64(0)
     for y in range(first, last):
@@ -256,15 +329,21 @@ def update_rows(
             n = spans[s, 0]
             a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - shift
             code = codes[begin + h : begin + h + n]
-            if len(tables) == 1:
+            if one_table and n_labels == 3:
+                at, table = begin + h, tables[0]
+                _update_three(
+                    above, here, below, a, h, b, code, table, ratio, damping, at, flat, store
+                )
+                continue
+            if one_table:
                 _sum_support(above, here, below, a, h, b, code, tables[0], ratio, work)
             else:
                 _sum_support_by_direction(above, here, below, a, h, b, code, tables, work)
-            _settle(here, h, begin + h, n, damping, width, work, mass, store)
+            _settle(here, h, begin + h, n, damping, width, work, store)
         above = here
-    out[0] = work[width + n_labels + 2].max()
-    out[1] = work[width + n_labels + 3].astype(np.float64).sum()
-    out[2] = mass.sum()
+    out[0] = work[LARGEST].max()
+    out[1] = work[MOVED].astype(np.float64).sum()
+    out[2] = work[SUPPORT].astype(np.float64).sum()
 
 
 @njit
@@ -299,7 +378,7 @@ def update_nodes(
                     support += tables[d, k, m] * seen[d, m]
             grown[k] = old[i, k] * max(support, 0.0)
             total += grown[k]
-        sums[2] += total
+        sums[2] += total - 1.0
         for k in range(n_labels):
             new = old[i, k]
             if total > MIN_MASS:

@@ -104,7 +104,13 @@ def relax_grid(
     Beside input and result about ``4 K + 1`` bytes for each cell in blocks of 16 x 1 that hold a
     node or neighbour one, so that empty parts of a huge raster cost next to nothing.
     """
-    from pgm_places.solvers._relaxation_kernels import CHUNK, SUMS, collect, update_rows
+    from pgm_places.solvers._relaxation_kernels import (
+        CHUNK,
+        SOURCES,
+        SUMS,
+        collect,
+        update_rows,
+    )
 
     check_options(damping, iterations, tolerance)
     table = np.asarray(unary)
@@ -122,8 +128,8 @@ def relax_grid(
     tasks = _split(rows)
     halo = np.zeros((len(tasks), 2, n_labels, rows.longest), np.float32)
     scratch = np.zeros_like(halo)
-    work = np.zeros((len(tasks), tables.shape[2] + n_labels + 4, CHUNK), np.float32)
-    mass = np.zeros((len(tasks), CHUNK))
+    work_rows = SOURCES + tables.shape[2] + n_labels + 2
+    work = np.zeros((len(tasks), work_rows, CHUNK), np.float32)
     results = np.zeros((len(tasks), SUMS))
     threads = useful_threads(n_threads, len(tasks))
     weight = np.float32(damping)
@@ -144,7 +150,6 @@ def relax_grid(
             halo[task],
             scratch[task],
             work[task],
-            mass[task],
             results[task],
         )
 

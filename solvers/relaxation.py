@@ -27,7 +27,7 @@ OnIteration = Callable[[int, float, Callable[[], NDArray[np.float64]]], None]
 function that returns the beliefs (N, K) of the moment."""
 
 Step = Callable[[], NDArray[np.float64]]
-"""One iteration; returns the largest change, the sum of changes, and the sum of p (1 + q)."""
+"""One iteration; returns the largest change, the sum of changes, and the sum of p q."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +183,7 @@ def repeat(
         sums = step()
         max_change.append(float(sums[:, 0].max()))
         mean_change.append(math.fsum(sums[:, 1]) / (n_nodes * n_labels))
-        support.append(math.fsum(sums[:, 2]) / n_nodes - 1.0)
+        support.append(math.fsum(sums[:, 2]) / n_nodes)
         converged = max_change[-1] <= tolerance
         if on_iteration is not None:
             on_iteration(len(max_change), max_change[-1], current)
