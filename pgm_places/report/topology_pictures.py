@@ -27,8 +27,9 @@ def topology_picture(
 ) -> bytes:
     """A PNG file: the topological map over the map, and the diagram beside or below it.
 
-    Nodes stand at the regions' anchors and edges go through the middle of the passages. In the
-    diagram corridors keep their shape, every other place is a disc, doorways are squares.
+    Nodes stand at the regions' anchors and edges go through the middle of the passages; at
+    corridors, and other places with more than six neighbours, they end at the passage. In the
+    diagram these keep their shape, every other place is a disc, doorways are squares.
 
     Parameters
     ----------
@@ -113,7 +114,12 @@ def _panel(page: PixelFigure, corner: tuple[int, int], size: tuple[int, int]) ->
 
 def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
     for item in topology.connections:
-        ends = [topology.place(number).anchor_m for number in (item.first, item.second)]
+        ends = [
+            item.point_m
+            if _keeps_shape(topology.place(number), topology)
+            else topology.place(number).anchor_m
+            for number in (item.first, item.second)
+        ]
         x, y = pixels([ends[0], item.point_m, ends[1]]).T
         axes.plot(x, y, color=INK, linewidth=1.6, solid_joinstyle="round", zorder=3)
     _draw_nodes(axes, topology, topology.regions, pixels)
