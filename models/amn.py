@@ -96,6 +96,10 @@ class AssociativeMarkovNetwork:
         Whether ``infer`` adds an upper bound of the best score, where the decoder has none.
     certify_learning : bool
         Whether the learned objective is bounded by TRW-S on the loss-augmented training problem.
+        The cutting plane then also learns from what its graph cut missed.
+    certified_tolerance : float
+        The relative gap, of that rigorous objective to the lower bound, that the cutting plane
+        tries to reach.
 
     Examples
     --------
@@ -125,6 +129,7 @@ class AssociativeMarkovNetwork:
     time_limit_s: float | None = None
     certify: bool = False
     certify_learning: bool = True
+    certified_tolerance: float = 5e-3
     node_weights: NDArray[np.float64] | None = learned()
     edge_weights: NDArray[np.float64] | None = learned()
     feature_columns: NDArray[np.int64] | None = learned()
@@ -147,6 +152,8 @@ class AssociativeMarkovNetwork:
             object.__setattr__(self, "C", tuple(self.C))
         self._penalties()
         _check_number("tolerance", self.tolerance, 0.0 < self.tolerance < 1.0, "between 0 and 1")
+        closed = 0.0 < self.certified_tolerance < 1.0
+        _check_number("certified_tolerance", self.certified_tolerance, closed, "between 0 and 1")
         _check_number("max_cuts", self.max_cuts, self.max_cuts >= 1, "at least 1")
         blocks = self.n_validation_blocks
         _check_number("n_validation_blocks", blocks, blocks >= 2, "at least 2")
@@ -254,15 +261,20 @@ class AssociativeMarkovNetwork:
 
     def _learner_options(self) -> LearnerOptions:
         return LearnerOptions(
-            self.learner, self.solver, self.tolerance, self.max_cuts, self.time_limit_s
+            self.learner,
+            self.solver,
+            self.tolerance,
+            self.max_cuts,
+            self.time_limit_s,
+            self.certified_tolerance if self.certify_learning else None,
         )
 
     def _record(
         self, task: MaxMarginProblem, solution: MaxMarginSolution, n_maps: int, seconds: float
     ) -> LearningRecord:
         start = time.perf_counter()
-        certified = None
-        if self.certify_learning:
+        certified = solution.certified if self.certify_learning else None
+        if self.certify_learning and certified is None:
             certified = certify_weights(task, solution.weights).objective
         return LearningRecord(
             status=solution.status,

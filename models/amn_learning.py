@@ -11,6 +11,7 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.graph import LabelGraph
 from pgm_places.layout import GridLayout
 from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     Cut,
     MaxMarginProblem,
@@ -51,6 +52,7 @@ class LearnerOptions:
     tolerance: float
     max_cuts: int
     time_limit_s: float | None
+    certified_tolerance: float | None
 
 
 def node_losses(
@@ -147,6 +149,8 @@ def learn(
         max_iterations=options.max_cuts,
         time_limit_s=options.time_limit_s,
         cuts=cuts,
+        verifier=None if options.certified_tolerance is None else certify_weights,
+        verified_tolerance=options.certified_tolerance or 0.0,
         on_iteration=on_iteration,
     )
 
@@ -170,7 +174,9 @@ def choose_penalty(
         A label lies in one part only, so that learning without that part is impossible.
     """
     parts = [contiguous_parts(graph, n_blocks) for graph in graphs]
-    quick = replace(options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE)
+    quick = replace(
+        options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
+    )
     truth: list[NDArray[np.int64]] = []
     found: list[list[NDArray[np.int64]]] = [[] for _ in penalties]
     for part in range(n_blocks):

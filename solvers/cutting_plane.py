@@ -8,12 +8,13 @@ from the optimum.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.solvers.certificate import Certificate
 from pgm_places.solvers.cut_master import CutMaster
 from pgm_places.solvers.max_margin import (
     Cut,
@@ -24,24 +25,18 @@ from pgm_places.solvers.max_margin import (
     Oracle,
     augmented_potentials,
     cut_of,
+    objective,
+    relative_gap,
 )
 
 __all__ = ["cutting_plane"]
 
 
-class _Search:
-    """The best weights so far, and the bounds on the optimum."""
+Verifier = Callable[[MaxMarginProblem, NDArray[np.float64]], Certificate]
+"""A slower look at some weights: a rigorous objective, and the best labelling found on the way."""
 
-    def __init__(self, problem: MaxMarginProblem) -> None:
-        self.problem = problem
-        self.weights = np.zeros(problem.n_weights)
-        self.objective = np.inf
-        self.lower_bound = 0.0  # f >= 0
-
-    def offer(self, weights: NDArray[np.float64], hinge: float) -> None:
-        value = 0.5 * float(weights @ weights) + self.problem.penalty * max(hinge, 0.0)
-        if value < self.objective:
-            self.weights, self.objective = weights, value
+SAME_HEIGHT = 1e-12
+"""A cut is new when it rises above the known ones by more than this, relative to their height."""
 
 
 def cutting_plane(
@@ -52,6 +47,8 @@ def cutting_plane(
     max_iterations: int = 1_000,
     time_limit_s: float | None = None,
     cuts: Sequence[Cut] = (),
+    verifier: Verifier | None = None,
+    verified_tolerance: float = 5e-3,
     step: float = 0.4,
     master: str = "active-set",
     on_iteration: OnStep | None = None,
@@ -72,6 +69,13 @@ def cutting_plane(
         Wall-clock seconds; the best weights so far are returned.
     cuts : sequence of Cut
         Planes known from an earlier run on the same nodes and losses (any penalty).
+    verifier : callable, optional
+        Asked when the oracle's gap has closed, :func:`pgm_places.solvers.certificate.\
+certify_weights` for one. Learning goes on with the labelling it found until the gap between its
+        rigorous objective and the lower bound is at most ``verified_tolerance``, or it finds
+        nothing new either.
+    verified_tolerance : float
+        See ``verifier``.
     step : float
         Where the next cut is taken: 1 at the master's minimiser, less between it and the best
         weights so far.
@@ -85,45 +89,39 @@ def cutting_plane(
     MaxMarginSolution
         ``status`` is ``optimal``, ``stalled`` (the oracle finds no better labelling although the
         gap is open), ``iteration_limit``, ``time_limit`` or ``stopped``.
+
+    Examples
+    --------
+    >>> from pgm_places.solvers.max_oracle import graph_cut_oracle
+    >>> edges = np.array([[0, 1], [1, 2]], np.int32)
+    >>> features, truth = np.array([[1.0], [0.2], [-1.0]]), np.array([0, 0, 1])
+    >>> problem = MaxMarginProblem(features, edges, np.ones((2, 1)), truth, 2, np.ones(3), 10.0)
+    >>> found = cutting_plane(problem, graph_cut_oracle(3, edges), tolerance=1e-6)
+    >>> found.status, round(found.objective, 3)
+    ('optimal', 0.917)
     """
     if not 0 < step <= 1:
         raise InputError(f"step must be in (0, 1], got {step}")
     start = time.perf_counter()
-    small = CutMaster(problem.n_weights, problem.n_node_weights, problem.penalty, method=master)
+    search = _Search(problem, oracle, verifier, step, master)
     for cut in cuts:
-        small.add(cut)
-    search = _Search(problem)
+        search.master.add(cut)
     history: list[LearningStep] = []
     status = "iteration_limit"
-    at_master = True
     for iteration in range(1, max_iterations + 1):
-        point = small.solve()
-        search.lower_bound = max(search.lower_bound, point.lower_bound)
-        reach = 1.0 if at_master else step
-        weights = point.weights + (1.0 - reach) * (search.weights - point.weights)
-        labels = oracle(*augmented_potentials(problem, weights))
-        cut = cut_of(problem, labels)
-        known = small.height(weights)
-        search.offer(weights, max(cut.value(weights), known))
-        found = cut.value(weights) > known + 1e-12 * (1.0 + abs(known))
-        if found:
-            small.add(cut)
+        exhausted = not search.advance()
         seconds = time.perf_counter() - start
-        record = LearningStep(
-            iteration, seconds, search.objective, search.lower_bound, point.n_active
-        )
+        record = search.record(iteration, seconds)
         history.append(record)
         stop = on_iteration(record) if on_iteration is not None else False
-        if record.gap <= tolerance:
-            status = "optimal"
-        elif not found and at_master:
-            status = "stalled"
+        closed = record.gap <= tolerance
+        if (closed or exhausted) and not search.verify(verified_tolerance):
+            status = "optimal" if closed else "stalled"
         elif stop:
             status = "stopped"
         elif time_limit_s is not None and seconds >= time_limit_s:
             status = "time_limit"
         else:
-            at_master = not found  # a step that found nothing is repeated at the master's point
             continue
         break
     return MaxMarginSolution(
@@ -133,5 +131,70 @@ def cutting_plane(
         status,
         len(history),
         tuple(history),
-        small.cuts,
+        search.master.cuts,
+        search.certified,
     )
+
+
+class _Search:
+    """The best weights so far, the bounds on the optimum, and where to look next."""
+
+    def __init__(
+        self,
+        problem: MaxMarginProblem,
+        oracle: Oracle,
+        verifier: Verifier | None,
+        step: float,
+        master: str,
+    ) -> None:
+        self.problem, self.oracle, self.verifier, self.step = problem, oracle, verifier, step
+        self.master = CutMaster(
+            problem.n_weights, problem.n_node_weights, problem.penalty, method=master
+        )
+        self.weights = np.zeros(problem.n_weights)
+        self.objective = np.inf
+        self.certified: float | None = None
+        self.lower_bound = 0.0  # f >= 0
+        self.n_active = 0
+        self.at_master = True
+
+    def advance(self) -> bool:
+        """Take one cut; False when neither the oracle nor a fuller step can give a new one."""
+        point = self.master.solve()
+        self.lower_bound = max(self.lower_bound, point.lower_bound)
+        self.n_active = point.n_active
+        at_master = self.at_master
+        weights = point.weights
+        if not at_master:
+            weights = weights + (1.0 - self.step) * (self.weights - weights)
+        labels = self.oracle(*augmented_potentials(self.problem, weights))
+        found = self._add(cut_of(self.problem, labels), weights)
+        value = objective(self.problem, weights, self.master.height(weights))
+        if value < self.objective:
+            self.weights, self.objective, self.certified = weights, value, None
+        self.at_master = not found  # a step that found nothing is repeated at the master's point
+        return found or not at_master
+
+    def verify(self, tolerance: float) -> bool:
+        """Look closer at the best weights; True when that gave a cut to go on with."""
+        if self.verifier is None:
+            return False
+        certificate = self.verifier(self.problem, self.weights)
+        self.certified = certificate.objective
+        if relative_gap(self.certified, self.lower_bound) <= tolerance:
+            return False
+        found = self._add(cut_of(self.problem, certificate.labels), self.weights)
+        self.objective = objective(self.problem, self.weights, self.master.height(self.weights))
+        self.at_master = True
+        return found
+
+    def _add(self, cut: Cut, weights: NDArray[np.float64]) -> bool:
+        """Hold a cut if it says more at ``weights`` than those that are held."""
+        known = self.master.height(weights)
+        found = cut.value(weights) > known + SAME_HEIGHT * (1.0 + abs(known))
+        if found:
+            self.master.add(cut)
+        return found
+
+    def record(self, iteration: int, seconds: float) -> LearningStep:
+        return LearningStep(iteration, seconds, self.objective, self.lower_bound, self.n_active)

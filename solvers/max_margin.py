@@ -38,6 +38,7 @@ __all__ = [
     "joint_features",
     "objective",
     "potentials_of",
+    "relative_gap",
     "relaxed_lower_bound",
     "split_weights",
 ]
@@ -175,6 +176,8 @@ class MaxMarginSolution:
     history : tuple of LearningStep
     cuts : tuple of Cut
         Planes that hold for the same nodes and losses at any penalty; a warm start.
+    certified : float or None
+        A rigorous upper bound of the objective at ``weights``, where the learner has one.
     """
 
     weights: NDArray[np.float64]
@@ -184,6 +187,7 @@ class MaxMarginSolution:
     iterations: int
     history: tuple[LearningStep, ...] = ()
     cuts: tuple[Cut, ...] = ()
+    certified: float | None = None
 
     @property
     def gap(self) -> float:

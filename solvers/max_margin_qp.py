@@ -196,4 +196,4 @@ def _solution(
     lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
     iterations = int(program.problem.solver_stats.num_iters or 0)
     step = LearningStep(iterations, time.perf_counter() - start, upper, lower, 0)
-    return MaxMarginSolution(weights, upper, lower, status, iterations, (step,))
+    return MaxMarginSolution(weights, upper, lower, status, iterations, (step,), certified=upper)

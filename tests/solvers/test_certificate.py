@@ -24,5 +24,5 @@ def test_the_certificate_is_above_the_objective(n_labels: int, seed: int) -> Non
 def test_with_two_labels_it_meets_the_qp() -> None:
     problem = grid_problem(8, 8, 2, seed=3)
     exact = max_margin_qp(problem, tolerance=1e-9)
-    certificate = certify_weights(problem, exact.weights)
+    certificate = certify_weights(problem, exact.weights, max_iterations=1_000)
     assert certificate.objective == pytest.approx(exact.objective, rel=1e-4)

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.solvers.certificate import Certificate, certify_weights
 from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.max_margin import (
@@ -14,6 +15,7 @@ from pgm_places.solvers.max_margin import (
     LearningStep,
     MaxMarginProblem,
     MaxMarginSolution,
+    augmented_potentials,
     joined,
 )
 from pgm_places.solvers.max_margin_qp import max_margin_qp
@@ -220,6 +222,39 @@ def test_a_poor_oracle_is_said_to_stall() -> None:
     found = cutting_plane(problem, poor, tolerance=1e-9)
     assert found.status in ("stalled", "optimal")
     assert found.iterations < 10
+
+
+def test_a_verifier_finds_the_cuts_that_the_oracle_misses() -> None:
+    problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
+    exact, _ = reference.optimum(problem)
+    strong = reference.exact_oracle(problem)
+    asked = 0
+
+    def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
+        return unary.argmax(axis=1)
+
+    def verifier(task: MaxMarginProblem, weights: NDArray[np.float64]) -> Certificate:
+        nonlocal asked
+        asked += 1
+        labels = strong(*augmented_potentials(task, weights))
+        return Certificate(reference.objective(task, weights), labels)
+
+    alone = cutting_plane(problem, lazy, tolerance=1e-6)
+    assert alone.certified is None
+    assert alone.lower_bound < 0.999 * exact
+    found = cutting_plane(problem, lazy, tolerance=1e-6, verifier=verifier, verified_tolerance=1e-5)
+    assert asked > 1
+    assert found.status == "optimal"
+    assert found.certified == pytest.approx(exact, rel=2e-5)
+    assert found.certified == pytest.approx(reference.objective(problem, found.weights), rel=1e-9)
+
+
+def test_verified_learning_closes_the_rigorous_gap() -> None:
+    problem = grid_problem(12, 12, 3, seed=17, noise=0.6)
+    found = learn(problem, verifier=certify_weights, verified_tolerance=0.01)
+    assert found.certified is not None
+    assert found.lower_bound <= found.certified
+    assert found.certified == pytest.approx(max_margin_qp(problem).objective, rel=0.02)
 
 
 @pytest.mark.parametrize("step", [0.0, 1.5])
