@@ -129,6 +129,9 @@ def topology(
     min_doorway_area: Annotated[
         float, typer.Option(min=0, help="Least area of a doorway in m².")
     ] = 0.1,
+    min_width: Annotated[
+        float, typer.Option(min=0, help="Passages narrower than this, in m, connect nothing.")
+    ] = 0.0,
     doorway: Annotated[str, typer.Option(help="Which label is the doorway.")] = "doorway",
     correct: Annotated[
         bool, typer.Option("--correct/--as-it-is", help="Correct regions that are errors.")
@@ -151,6 +154,7 @@ def topology(
         unknown_value=unknown_value,
         rules=CorrectionRules(min_area, min_doorway_area, doorway_label=doorway),
         correct=correct,
+        min_width_m=min_width,
         quiet=quiet,
     )
 

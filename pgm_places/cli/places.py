@@ -45,6 +45,7 @@ def run_topology(
     unknown_value: int | None,
     rules: CorrectionRules,
     correct: bool,
+    min_width_m: float,
     quiet: bool,
 ) -> None:
     """``pgm-places topology``."""
@@ -70,6 +71,7 @@ def run_topology(
             label_names=names,
             rules=rules,
             correct=correct,
+            min_width_m=min_width_m,
         )
     for path in written:
         typer.echo(f"wrote {path}")

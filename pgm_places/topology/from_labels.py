@@ -37,6 +37,7 @@ def topological_map(
     known: KnownPlaces | None = None,
     own_names: Mapping[int, str] | None = None,
     tolerance: float = 1.5,
+    min_width_m: float = 0.0,
 ) -> TopologicalMap:
     """The regions of a labelled map, corrected as in the paper, and their connections.
 
@@ -65,6 +66,8 @@ def topological_map(
         Names that the user has given to ids.
     tolerance : float
         How far an outline may be from the corners of its cells, in cells.
+    min_width_m : float
+        Passages narrower than this, such as holes of a cell in a wall, connect nothing.
 
     Raises
     ------
@@ -111,6 +114,8 @@ def topological_map(
     middles = grid.cell_centres_m(passages.middle_rc)
     connections = []
     for k, (i, j) in enumerate(passages.pairs.tolist()):
+        if passages.width[k] * grid.resolution_m < min_width_m:
+            continue
         first, second = sorted((ids[i], ids[j]))
         connections.append(
             Connection(

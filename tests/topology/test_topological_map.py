@@ -153,3 +153,13 @@ def test_labels_of_walls_are_not_looked_at() -> None:
     grid = floor_grid(labels)
     filled = np.where(labels < 0, 1, labels)
     assert len(topological_map(grid, filled, NAMES).regions) == 7
+
+
+def test_a_hole_in_a_wall_connects_nothing_where_a_width_is_asked_for() -> None:
+    labels = floor_labels()
+    labels[4, 7] = 1  # room 1 reaches the corridor through a hole of one cell
+    grid = floor_grid(labels)
+    holed = topological_map(grid, labels, NAMES)
+    assert {r.name for r in holed.neighbours("room 1")} == {"corridor 1", "doorway 1"}
+    sealed = topological_map(grid, labels, NAMES, min_width_m=0.6)
+    assert [r.name for r in sealed.neighbours("room 1")] == ["doorway 1"]
