@@ -1,0 +1,1 @@
+"""Experiments on real buildings, one configuration each."""
