@@ -7,7 +7,14 @@ from pgm_places._jit import njit
 from pgm_places.solvers._adjacency_kernels import REVERSE, Arcs
 from pgm_places.solvers._pairwise_kernels import Terms, pass_max, pass_sum
 
-__all__ = ["decode_forest", "forest_order", "gather_beliefs", "message_sweep", "pass_forest"]
+__all__ = [
+    "agreement_sweep",
+    "decode_forest",
+    "forest_order",
+    "gather_beliefs",
+    "message_sweep",
+    "pass_forest",
+]
 
 _ONE = np.uint32(1)
 NO_ARC = np.uint32(2**32 - 1)
@@ -81,6 +88,69 @@ def message_sweep(
                 if change > largest:
                     largest = change
                 message[along, k] = fresh[k]
+    return largest
+
+
+@njit
+def agreement_sweep(
+    upwards: bool,
+    maximise: bool,
+    damping: float,
+    unary: NDArray[np.float64],
+    agreement: NDArray[np.float64],
+    gain: NDArray[np.float64],
+    arcs: Arcs,
+    message: NDArray[np.float64],
+) -> float:
+    """:func:`message_sweep` for rewards of agreement, many times as fast.
+
+    For sums ``gain`` (E, K) is ``exp(agreement) - 1``, finite and at least 0: then all terms are
+    positive and nothing cancels. For maxima it is not used.
+    """
+    start, arc = arcs.start, arcs.arc
+    n_nodes, n_labels = unary.shape
+    belief, sent = np.empty(n_labels), np.empty(n_labels)
+    largest = 0.0
+    for step in range(n_nodes):
+        i = np.uint32(step if upwards else n_nodes - 1 - step)
+        for k in range(n_labels):
+            belief[k] = unary[i, k]
+        for slot in range(start[i], start[i + _ONE]):
+            incoming = arc[slot] ^ REVERSE
+            for k in range(n_labels):
+                belief[k] += message[incoming, k]
+        for slot in range(start[i], start[i + _ONE]):
+            along = arc[slot]
+            edge = along >> _ONE
+            first = -np.inf
+            second = -np.inf
+            for k in range(n_labels):
+                sent[k] = belief[k] - message[along ^ REVERSE, k]
+                if sent[k] > first:
+                    second = first
+                    first = sent[k]
+                elif sent[k] > second:
+                    second = sent[k]
+            if maximise:
+                for k in range(n_labels):
+                    other = first if sent[k] < first else second
+                    value = sent[k] + agreement[edge, k]
+                    sent[k] = value if value > other else other
+            else:
+                total = 0.0
+                for k in range(n_labels):
+                    sent[k] = np.exp(sent[k] - first)
+                    total += sent[k]
+                for k in range(n_labels):
+                    sent[k] = np.log(total + sent[k] * gain[edge, k])
+            top = sent.max()
+            for k in range(n_labels):
+                before = message[along, k]
+                fresh = (1.0 - damping) * (sent[k] - top) + damping * before
+                change = abs(fresh - before)
+                if change > largest:
+                    largest = change
+                message[along, k] = fresh
     return largest
 
 

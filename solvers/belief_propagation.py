@@ -9,11 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import message_sweep
+from pgm_places.solvers._belief_kernels import agreement_sweep, message_sweep
 from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
 __all__ = ["BeliefPropagation", "belief_propagation"]
+
+_SAFE_EXP = 500.0
+"""Rewards up to this are added as exponentials: far from the largest float even when summed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +104,10 @@ def belief_propagation(
     check_schedule(damping, tolerance, max_iterations)
     model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
+    sweep = _sweeper(model, kind == "max-product", damping, message)
     history: list[float] = []
     while len(history) < max_iterations:
-        upwards = len(history) % 2 == 0
-        change = message_sweep(
-            upwards, kind == "max-product", damping, model.terms, model.around.arcs, message
-        )
+        change = sweep(len(history) % 2 == 0)
         history.append(change)
         if on_iteration is not None:
             on_iteration(len(history), change)
@@ -122,6 +123,22 @@ def belief_propagation(
         converged=history[-1] <= tolerance,
         history=frozen(np.array(history)),
     )
+
+
+def _sweeper(
+    model: PairwiseModel, maximise: bool, damping: float, message: NDArray[np.float64]
+) -> Callable[[bool], float]:
+    """What renews all messages, upwards or back, and returns the largest change."""
+    arcs, unary, agreement = model.around.arcs, model.unary, model.agreement
+    if agreement is not None and (
+        maximise or (agreement.min(initial=0.0) >= 0 and agreement.max(initial=0.0) <= _SAFE_EXP)
+    ):
+        gain = np.zeros((0, model.n_labels)) if maximise else np.expm1(agreement)
+        return lambda upwards: agreement_sweep(
+            upwards, maximise, damping, unary, agreement, gain, arcs, message
+        )
+    terms = model.terms
+    return lambda upwards: message_sweep(upwards, maximise, damping, terms, arcs, message)
 
 
 def beliefs_from_messages(

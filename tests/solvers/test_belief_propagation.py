@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.solvers._belief_kernels import agreement_sweep, message_sweep
 from pgm_places.solvers._pairwise_kernels import pass_max, pass_sum
 from pgm_places.solvers.belief_propagation import belief_propagation
 from pgm_places.solvers.pairwise import pairwise_model
@@ -52,6 +53,25 @@ def test_agreement_and_tables_pass_the_same_messages(
         send(sent, np.int64(0), backwards, compact, first)
         send(sent, np.int64(0), backwards, full, second)
         np.testing.assert_allclose(first, second, rtol=0, atol=1e-12)
+
+
+@given(models(("associative",)), st.booleans(), st.sampled_from([0.0, 0.4]))
+def test_the_fast_sweep_passes_the_messages_of_the_general_one(
+    model: Model, maximise: bool, damping: float
+) -> None:
+    checked = pairwise_model(*model.arrays)
+    agreement = np.asarray(checked.agreement)
+    gain = np.expm1(agreement)
+    arcs = checked.around.arcs
+    general = np.zeros((2 * len(model.edges), checked.n_labels))
+    fast = general.copy()
+    for upwards in (True, False, True):
+        change = message_sweep(upwards, maximise, damping, checked.terms, arcs, general)
+        also = agreement_sweep(
+            upwards, maximise, damping, checked.unary, agreement, gain, arcs, fast
+        )
+        np.testing.assert_allclose(also, change, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(fast, general, rtol=0, atol=1e-12)
 
 
 @given(models(), st.sampled_from(KINDS))

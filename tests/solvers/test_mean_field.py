@@ -49,8 +49,9 @@ def test_beliefs_are_a_fixed_point(model: Model) -> None:
 
 
 @given(models())
-def test_score_is_the_labels(model: Model) -> None:
+def test_beliefs_are_probabilities_and_the_score_is_the_labels(model: Model) -> None:
     found = mean_field(*model.arrays, damping=0.5)
+    np.testing.assert_allclose(found.beliefs.sum(axis=1), 1.0, rtol=0, atol=1e-9)
     np.testing.assert_allclose(
         found.score, score(model, tuple(found.labels.tolist())), rtol=0, atol=1e-9
     )

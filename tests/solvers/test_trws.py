@@ -33,6 +33,14 @@ def test_forests_are_solved(model: Model, eliminate: bool) -> None:
     np.testing.assert_allclose(found.bound, found.score, rtol=0, atol=1e-5)
 
 
+def test_a_chain_in_index_order_is_solved_by_one_iteration() -> None:
+    rng = np.random.default_rng(0)
+    edges = np.stack([np.arange(99), np.arange(1, 100)], axis=1)
+    chain = Model(rng.normal(size=(100, 3)), edges, rng.normal(size=(99, 3)))
+    found = trws(*chain.arrays, eliminate=False, max_iterations=1)
+    np.testing.assert_allclose(found.score, found.bound, rtol=0, atol=1e-9)
+
+
 @given(models(("associative",), n_labels=st.just(2)))
 def test_bound_is_tight_for_two_associative_labels(model: Model) -> None:
     found = trws(*model.arrays, max_iterations=2000, tolerance=1e-8)

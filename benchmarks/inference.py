@@ -1,0 +1,205 @@
+"""Decoding pairwise models: every decoder, and what users would take otherwise.
+
+``AMN`` is the associative Markov network learned on the left half of building 79 and decoded on
+all of it; ``noise`` is the same graph with hard random unaries and one reward for all labels,
+where neighbours matter more than the classifier. Without the data the generated building is used.
+Seconds are of the processor on one thread, warm; ``gap`` is the share of the score by which the
+best known bound lies above the method's score. Peers' expansions are NumPy around their cut, with
+the seconds inside the cut beside; ``ratio`` is to ours.
+"""
+
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, installed_cuts
+from benchmarks.labelling import NAMES, map_files
+from pgm_places.coarsening import coarsen, coarsen_labels
+from pgm_places.graph import EdgeKind, LabelGraph
+from pgm_places.io.label_image import load_labels
+from pgm_places.io.map_server import load_map
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.models.amn import AssociativeMarkovNetwork
+from pgm_places.models.decoding import DECODERS, decode
+from pgm_places.places import PlaceLabeler
+from pgm_places.potentials import Potentials
+from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
+from pgm_places.solvers.trws import trws
+
+TRAINING_COLUMNS = 366
+LP_NODES = 20_000
+"""The linear relaxation is solved by HiGHS up to so many nodes."""
+PGMAX_NODES = 10_000
+PGMAX_ITERATIONS = 50
+R = TypeVar("R")
+
+
+def instances(resolution_m: float) -> list[Model]:
+    """The learned model of a building at a resolution, and a random one on the same graph."""
+    with tempfile.TemporaryDirectory() as name:
+        title, map_yaml, label_path = map_files(Path(name))
+        grid = load_map(map_yaml).grid
+        labels = load_labels(label_path, NAMES, grid=grid)
+    share = TRAINING_COLUMNS * grid.resolution_m if title == "building 79" else np.inf
+    if resolution_m > grid.resolution_m:
+        coarse = coarsen(grid, resolution_m)
+        labels, grid = coarsen_labels(labels, grid, coarse), coarse
+    window = np.broadcast_to(np.arange(grid.shape[1]) * grid.resolution_m < share, grid.shape)
+    network = AssociativeMarkovNetwork(certify_learning=False)
+    labeler = PlaceLabeler(NAMES, {"amn": network}, learn_on="in-sample")
+    labeler = labeler.fit([LabelledMap(grid, labels, window)])
+    problem = labeler.problem(grid)
+    potentials = labeler.method("amn").backend.potentials(problem)
+    truth = LabelledMap(grid, labels).truth(problem.graph)
+    edges = problem.graph.edges.astype(np.int64)
+    where = f"{title}, {100 * grid.resolution_m:.0f} cm"
+    learned = Model(f"AMN, {where}", potentials.unary, edges, potentials.agreement, truth)
+    return [learned, noise(f"noise, {where}", problem.graph, truth)]
+
+
+def noise(name: str, graph: LabelGraph, truth: np.ndarray[Any, np.dtype[np.int64]]) -> Model:
+    """Unaries that say little and a reward that is the same for all labels."""
+    rng = np.random.default_rng(0)
+    unary = 2.0 * rng.normal(size=(graph.n_nodes, len(NAMES)))
+    unary[np.arange(graph.n_nodes), np.maximum(truth, 0)] += 0.7
+    diagonal = np.asarray(graph.edge_kind) == EdgeKind.DIAGONAL
+    reward = np.where(diagonal, np.sqrt(0.5), 1.0)[:, None] * np.full(len(NAMES), 0.6)
+    return Model(name, unary, graph.edges.astype(np.int64), reward, truth)
+
+
+def timed(work: Callable[[], R], repeats: int) -> tuple[float, R]:
+    """Median processor seconds after a first run, and what came back."""
+    result = work()
+    seconds = []
+    for _ in range(repeats):
+        start = time.process_time()
+        result = work()
+        seconds.append(time.process_time() - start)
+    return statistics.median(seconds), result
+
+
+def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
+    """Every decoder that can take the model."""
+    graph = LabelGraph(len(model.unary), model.edges.astype(np.int32))
+    potentials = Potentials(model.unary, agreement=model.agreement)
+    bound = trws(*_arrays(model), max_iterations=500, tolerance=1e-9).bound
+    rows = []
+    for name in DECODERS:
+        if name == "exact" or (name == "lp" and graph.n_nodes > LP_NODES):
+            continue
+        once = name == "lp"
+        seconds, found = timed(
+            lambda name=name: decode(graph, potentials, name), 1 if once else repeats
+        )
+        rows.append(
+            {
+                "instance": model.name,
+                "decoder": name,
+                "processor s": seconds,
+                "score": round(found.score or 0.0, 3),
+                "gap": max(bound - (found.score or 0.0), 0.0) / abs(found.score or 1.0),
+                "accuracy %": 100 * model.accuracy(found.labels),
+                "status": str(found.status),
+                "iterations": found.info["iterations"],
+            }
+        )
+    return rows
+
+
+def expansion_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
+    """One full alpha-expansion, ours and the peers'."""
+    ours, found = timed(lambda: alpha_expansion(*_arrays(model)), repeats)
+    graph = ExpansionGraph(len(model.unary), model.edges)
+    again, _ = timed(lambda: graph.expand(model.unary, model.agreement), repeats)
+
+    def row(name: str, seconds: float, score: float, inside: float | None) -> dict[str, Any]:
+        return {
+            "instance": model.name,
+            "expansion by": name,
+            "processor s": seconds,
+            "ratio": seconds / ours,
+            "in the cut s": inside,
+            "score": round(score, 3),
+        }
+
+    rows = [
+        row("pgm_places", ours, found.score, None),
+        row("pgm_places, prepared graph", again, found.score, None),
+    ]
+    for name, cut in installed_cuts().items():
+        peer = 1 if name == "scipy" else repeats
+        seconds, (labels, inside) = timed(lambda cut=cut: expand(model, cut), peer)
+        rows.append(row(name, seconds, model.score(labels), inside))
+    if find_spec("gco") and (model.agreement == model.agreement[:, :1]).all():
+        seconds, labels = timed(lambda: expand_gco(model), repeats)
+        rows.append(row("gco-wrapper", seconds, model.score(labels), None))
+    return rows
+
+
+def bound_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
+    """Tree-reweighted message passing to a gap, and what an iteration costs."""
+    rows = []
+    for eliminate in (True, False):
+        seconds, found = timed(
+            lambda eliminate=eliminate: trws(*_arrays(model), tolerance=1e-5, eliminate=eliminate),
+            repeats,
+        )
+        rows.append(
+            {
+                "instance": model.name,
+                "TRW-S to a gap of 1e-5": "labels eliminated" if eliminate else "plain",
+                "processor s": seconds,
+                "iterations": found.n_iterations,
+                "ms an iteration": 1e3 * seconds / found.n_iterations,
+                "gap": (found.bound - found.score) / abs(found.score),
+            }
+        )
+    return rows
+
+
+def propagation_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
+    """Max-product message passing against PGMax, the same number of sweeps."""
+    if len(model.unary) > PGMAX_NODES or not find_spec("pgmax"):
+        return []
+    graph = LabelGraph(len(model.unary), model.edges.astype(np.int32))
+    potentials = Potentials(model.unary, agreement=model.agreement)
+    ours, found = timed(
+        lambda: decode(graph, potentials, "max-product", max_iterations=PGMAX_ITERATIONS), repeats
+    )
+    seconds, labels = timed(build_pgmax(model, PGMAX_ITERATIONS), 1)
+    named = [("pgm_places", ours, found.labels), ("PGMax", seconds, labels)]
+    return [
+        {
+            "instance": model.name,
+            f"max-product, at most {PGMAX_ITERATIONS} iterations, by": name,
+            "processor s": value,
+            "ratio": value / ours,
+            "score": round(model.score(answer), 3),
+        }
+        for name, value, answer in named
+    ]
+
+
+def _arrays(model: Model) -> tuple[Any, Any, Any]:
+    return model.unary, model.edges, model.agreement
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """The rows of the tables; ``quick`` leaves out the native resolution."""
+    repeats = 3 if quick else 7
+    models = [model for size in ((0.2,) if quick else (0.2, 0.05)) for model in instances(size)]
+    tables = (decoder_rows, expansion_rows, bound_rows, propagation_rows)
+    return [row for table in tables for model in models for row in table(model, repeats)]
+
+
+if __name__ == "__main__":
+    from benchmarks.__main__ import markdown_table
+
+    print(markdown_table(run("--quick" in sys.argv)))
