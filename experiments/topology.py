@@ -79,7 +79,7 @@ def main() -> None:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         rows = table(item.grid, item.truth, answers, found.label_names, item.window, folder)
-        print(f"\n{item.name}\n\n{rows}")  # noqa: T201  a script that prints tables
+        print(f"\n{item.name}\n\n{rows}")
 
 
 if __name__ == "__main__":
