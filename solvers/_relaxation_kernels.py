@@ -286,6 +286,14 @@ def _update_three(
 
 
 @njit
+def _copy_row(store: NDArray[np.float32], begin: int, end: int, out: NDArray[np.float32]) -> None:
+    for k in range(store.shape[0]):
+        row, copy = store[k, begin:end], out[k]
+        for i in range(len(row)):
+            copy[i] = row[i]
+
+
+@njit
 def update_rows(
     store: NDArray[np.float32],
     codes: NDArray[np.uint8],
@@ -307,27 +315,25 @@ def update_rows(
     ``tables`` is (1, K, P), c r for the cells that share a side (``ratio`` times that for a
     corner), or (8, K, P), one per direction; column K is the wall. ``halo`` (2, K, L) holds the old
     rows above and below. A row of ``spans`` is (cells, start in the row above, here, below).
-    Scratch: ``rows`` (2, K, L), ``work`` (SOURCES + P + K + 2, CHUNK).
+    Scratch: ``rows`` (3, K, L), ``work`` (SOURCES + P + K + 2, CHUNK).
     """
     n_labels = store.shape[0]
     width = tables.shape[2]
     work[:] = np.float32(0)
     flat = work.reshape(work.size)
     one_table = len(tables) == 1
-    above = halo[0]
-    below, shift = store, np.int64(0)
+    above, here, below = halo[0], rows[0], rows[1]
+    _copy_row(store, row_start[first], row_start[first + 1], here)
     for y in range(first, last):
-        here = rows[(y - first) % 2]
         begin, end = row_start[y], row_start[y + 1]
-        if y == last - 1:
-            below, shift = halo[1], end
-        for k in range(n_labels):
-            old, copy = store[k, begin:end], here[k]
-            for i in range(len(old)):
-                copy[i] = old[i]
+        if y < last - 1:  # whole rows are read ahead: memory is fastest in long runs
+            below = rows[(y - first + 1) % 3]
+            _copy_row(store, end, row_start[y + 2], below)
+        else:
+            below = halo[1]
         for s in range(span_start[y], span_start[y + 1]):
             n = spans[s, 0]
-            a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - shift
+            a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - end
             code = codes[begin + h : begin + h + n]
             if one_table and n_labels == 3:
                 at, table = begin + h, tables[0]
@@ -340,7 +346,7 @@ def update_rows(
             else:
                 _sum_support_by_direction(above, here, below, a, h, b, code, tables, work)
             _settle(here, h, begin + h, n, damping, width, work, store)
-        above = here
+        above, here = here, below
     out[0] = work[LARGEST].max()
     out[1] = work[MOVED].astype(np.float64).sum()
     out[2] = work[SUPPORT].astype(np.float64).sum()

@@ -127,7 +127,7 @@ def relax_grid(
     codes = _codes(walls, cells, shape, rows, by_direction=len(r) > 1)
     tasks = _split(rows)
     halo = np.zeros((len(tasks), 2, n_labels, rows.longest), np.float32)
-    scratch = np.zeros_like(halo)
+    scratch = np.zeros((len(tasks), 3, n_labels, rows.longest), np.float32)
     work_rows = SOURCES + tables.shape[2] + n_labels + 2
     work = np.zeros((len(tasks), work_rows, CHUNK), np.float32)
     results = np.zeros((len(tasks), SUMS))
