@@ -143,7 +143,10 @@ def agreement_sweep(
                     total += sent[k]
                 for k in range(n_labels):
                     sent[k] = np.log(total + sent[k] * gain[edge, k])
-            top = sent.max()
+            top = sent[0]
+            for k in range(1, n_labels):
+                if sent[k] > top:
+                    top = sent[k]
             for k in range(n_labels):
                 before = message[along, k]
                 fresh = (1.0 - damping) * (sent[k] - top) + damping * before

@@ -75,7 +75,10 @@ def mean_field_pass(
                         for k in range(n_labels):
                             pair = table[other, k] if arc[slot] & _ONE else table[k, other]
                             value[k] += pair * theirs[other]
-        top = value.max()
+        top = value[0]
+        for k in range(1, n_labels):
+            if value[k] > top:
+                top = value[k]
         if top == -np.inf:
             continue  # the neighbours together forbid every label: the node keeps its beliefs
         total = 0.0

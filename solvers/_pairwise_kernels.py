@@ -154,7 +154,10 @@ def _sum_agreement(
 
 @njit
 def _subtract_top(out: NDArray[np.float64]) -> float:
-    top = out.max()
+    top = out[0]
+    for b in range(1, out.shape[0]):
+        if out[b] > top:
+            top = out[b]
     if top > -np.inf:
         for b in range(out.shape[0]):
             out[b] -= top

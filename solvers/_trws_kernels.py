@@ -122,7 +122,10 @@ def table_pass(
             edge = arc[slot] >> _ONE
             for k in range(n_labels):
                 belief[k] += message[edge, k]
-        taken = belief.max()
+        taken = belief[0]
+        for k in range(1, n_labels):
+            if belief[k] > taken:
+                taken = belief[k]
         if taken == -np.inf:
             return -np.inf  # no label is possible here: no labelling is
         for k in range(n_labels):
