@@ -19,7 +19,7 @@ from pgm_places.evaluation import (
 NAMES = ["room", "corridor", "doorway", "kitchen"]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(1, 4))
 def test_every_figure_is_scikit_learns(seed: int, n: int, k: int) -> None:
     from sklearn import metrics
