@@ -45,8 +45,8 @@ _LONGEST_GROUP = 48  # beams swept together: more fill whole cache lines of the 
 _GROUPS_PER_THREAD = 4  # ... fewer keep many threads equally busy
 
 
-Runs = tuple[NDArray[np.int64], NDArray[np.int32]]
-"""(n + 1,) starts and (m, 2) begin and end: the runs in row i are those from starts[i]."""
+Listed = tuple[NDArray[np.int64], NDArray[np.int32]]
+"""(n + 1,) starts and (m, ...) entries: those of column i are from starts[i] on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,37 +59,56 @@ class Axis:
         The region with its rim, as it lies in the map.
     nodes : (columns, rows) int32
         The output's row of each of the tile's cells, -1 where none is wanted.
-    blocked_runs, wanted_runs, met_forward, met_backward
-        Runs of blocked cells in the columns of the region, of wanted cells in those of the tile,
-        and of the near sides that beams meet that go forward and backward along the axis.
+    wanted_runs
+        Begin and end of the runs of wanted cells in the tile.
+    near_sides : pair
+        Begin and end of runs of the faces that forward and backward beams meet at columns' borders.
+    lower_sides : pair
+        Rows of the faces that upward and downward beams meet, counted from below and from above.
     """
 
-    x_is_major: bool
     blocked: NDArray[np.uint8]
+    n_rows: int
     nodes: NDArray[np.int32]
-    blocked_runs: Runs
-    wanted_runs: Runs
-    met_forward: Runs
-    met_backward: Runs
+    wanted_runs: Listed
+    near_sides: tuple[Listed, Listed]
+    lower_sides: tuple[Listed, Listed]
 
     @classmethod
     def of(cls, blocked: NDArray[np.uint8], nodes: NDArray[np.int32], x_is_major: bool) -> "Axis":
         """Lists of what is in the region ``blocked`` and in the tile ``nodes`` (rows, columns)."""
         solid = np.ascontiguousarray(blocked.T if x_is_major else blocked)
         nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
+        starts, runs = _runs(solid)
+        n_rows = solid.shape[1]
         behind = np.ones_like(solid[:1])  # nothing is met on the region's rim
         return cls(
-            x_is_major,
             blocked,
+            n_rows,
             nodes,
-            _runs(solid),
             _runs(nodes >= 0),
-            _runs(solid, np.concatenate((behind, solid[:-1]))),
-            _runs(solid, np.concatenate((solid[1:], behind))),
+            (
+                _runs(solid, np.concatenate((behind, solid[:-1]))),
+                _runs(solid, np.concatenate((solid[1:], behind))),
+            ),
+            (_exposed(starts, runs[:, 0]), _exposed(starts, n_rows - runs[:, 1])),
         )
 
+    def sides(self, backward: bool, downward: bool) -> tuple[Listed, Listed]:
+        """Near and lower sides in the frame of an octant, rows mirrored if ``downward``."""
+        starts, runs = self.near_sides[backward]
+        near = self.n_rows - runs[:, ::-1] if downward else runs
+        return (starts, np.ascontiguousarray(near, np.int32)), self.lower_sides[downward]
 
-def _runs(cells: NDArray[Any], but_not: NDArray[np.uint8] | None = None) -> Runs:
+
+def _exposed(starts: NDArray[np.int64], rows: NDArray[np.int32]) -> Listed:
+    """Lower sides in these rows, without those on the region's rim: they face nobody."""
+    inside = rows > 0
+    before = np.concatenate(([0], np.cumsum(inside)))
+    return before[starts], np.ascontiguousarray(rows[inside], np.int32)
+
+
+def _runs(cells: NDArray[Any], but_not: NDArray[np.uint8] | None = None) -> Listed:
     """Runs of ones in the rows of ``cells``, without those that are ones of ``but_not``."""
     height, width = cells.shape
     mask = np.zeros((height, (width + 8) // 8 * 8), np.uint8)  # at least one 0 at the end
@@ -201,10 +220,11 @@ class TileSweep:
         n_beams, n_rows = len(table), rows.length + BLOCK
         n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
         work.fit(n_beams, n_bins, n_rows)
+        near_sides, lower_sides = axis.sides(backward, downward)
         sweep(
             axis.blocked,
-            *(axis.met_backward if backward else axis.met_forward),
-            *axis.blocked_runs,
+            *near_sides,
+            *lower_sides,
             *axis.wanted_runs,
             axis.nodes,
             octant.x_is_major,
@@ -223,6 +243,9 @@ class TileSweep:
             work.nodes,
             work.cells,
             work.spans,
+            np.empty(n_beams, np.int64),
+            np.empty(n_beams, np.float32),
+            np.empty(n_beams, np.bool_),
             group.first,
             out,
         )

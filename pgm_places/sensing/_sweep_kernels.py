@@ -62,6 +62,12 @@ def _lower_face(pair: int) -> int:
     return ((pair & 0xFFFF) ^ 0x8000) - 0x8000
 
 
+@inlined
+def _prefetch_bin(pairs: NDArray[np.int32], edges: NDArray[np.float32], at: int) -> None:
+    prefetch(pairs, at)
+    prefetch(edges, at)
+
+
 @njit
 def _cover_upper_part(
     pairs: NDArray[np.int32], edges: NDArray[np.float32], at: int, face: int, edge: np.float32
@@ -73,7 +79,7 @@ def _cover_upper_part(
         old_edge = np.float32(2.0)  # one face: there is no edge yet
     # Painting from above the old edge leaves a stretch of the old upper face in between.
     kept = MIXED if (edge > old_edge) & (upper != face) else face
-    edges[at] = min(edge, old_edge)
+    edges[at] = edge if edge < old_edge else old_edge
     pairs[at] = (kept << 16) | (lower & 0xFFFF)
 
 
@@ -87,7 +93,7 @@ def _cover_lower_part(
     if lower == upper:
         old_edge = np.float32(-1.0)
     kept = MIXED if (edge < old_edge) & (lower != face) else face
-    edges[at] = max(edge, old_edge)
+    edges[at] = edge if edge > old_edge else old_edge
     pairs[at] = (upper << 16) | (kept & 0xFFFF)
 
 
@@ -121,90 +127,86 @@ def _cover_inside(
         pairs[at] = (MIXED << 16) | (MIXED & 0xFFFF)
 
 
-@inlined
-def _paint_near_sides(
+@njit
+def _paint_column(
+    near_sides: NDArray[np.int32],
+    first_near: int,
+    last_near: int,
+    lower_sides: NDArray[np.int32],
+    first_lower: int,
+    last_lower: int,
+    x: int,
+    map_x: int,
+    beams: NDArray[np.float64],
     pairs: NDArray[np.int32],
     edges: NDArray[np.float32],
-    origin: int,
-    sides: NDArray[np.int32],
-    first: int,
-    last: int,
-    flip: int,
-    face: int,
-    log_bins: int,
-    n_places: int,
-    lift: int,
-    bin_number: int,
-    edge: np.float32,
 ) -> None:
-    """Paint runs of near sides of one column.
+    """Paint one column's faces over the pictures of all beams.
 
-    u of the corner at row y is bin ``bin_number + K y`` plus the fraction ``edge`` of a bin; place
-    p of plane 0 is at ``origin + p``. Runs are cut to the places from ``lift`` on that there are.
+    Faces are cut to the places that a picture has.
     """
-    n_bins = 1 << log_bins
-    in_plane = bin_number & (n_bins - 1)
-    place = bin_number >> log_bins
-    word = (face << 16) | face
-    for run in range(first, last):
-        low, high = sides[run, 0], sides[run, 1]
-        if flip:
-            low, high = flip - high, flip - low
-        low = max(low + place, lift + 1)
-        high = min(high + place, lift + n_places - 2)
-        if low >= high:
+    n_beams = len(beams)
+    for beam in range(n_beams):
+        if x > beams[beam, LAST_COLUMN]:
             continue
-        if high - low < _LONG_RUN:
-            for b in range(in_plane + 1, in_plane + (high - low) * n_bins):
-                pairs[origin + (b & (n_bins - 1)) * n_places + (b >> log_bins) + low] = word
-        else:
-            for plane in range(n_bins):
-                # Planes beyond the corner's own begin in the first place, the others one later.
-                begin = origin + plane * n_places + low + (1 if plane <= in_plane else 0)
-                n = high - low - (1 if plane == in_plane else 0)
-                for at in range(begin, begin + n):
-                    pairs[at] = word
-        corner = origin + in_plane * n_places
-        _cover_upper_part(pairs, edges, corner + low, face, edge)
-        _cover_lower_part(pairs, edges, corner + high, face, edge)
-
-
-@inlined
-def _paint_lower_sides(
-    pairs: NDArray[np.int32],
-    edges: NDArray[np.float32],
-    origin: int,
-    runs: NDArray[np.int32],
-    first: int,
-    last: int,
-    flip: int,
-    log_bins: int,
-    n_places: int,
-    lift: int,
-    low_bin: int,
-    low_edge: np.float32,
-    high_bin: int,
-    high_edge: np.float32,
-) -> None:
-    """Paint the lower sides of one column's blocked runs, from ``low_bin`` to ``high_bin``."""
-    in_plane = (1 << log_bins) - 1
-    low_at = origin + (low_bin & in_plane) * n_places + (low_bin >> log_bins)
-    high_at = origin + (high_bin & in_plane) * n_places + (high_bin >> log_bins)
-    lowest = max(lift + 1 - (high_bin >> log_bins), 1)  # the region's own rim faces nobody
-    highest = lift + n_places - 2 - (high_bin >> log_bins)
-    for run in range(first, last):
-        y = flip - runs[run, 1] if flip else runs[run, 0]
-        if y < lowest or y > highest:
+        log_bins, n_places = int(beams[beam, LOG_BINS]), int(beams[beam, N_PLACES])
+        n_bins = 1 << log_bins
+        # Bins and places in them of the corners at row 0: on the column's left border ...
+        u = (beams[beam, SHIFT] - beams[beam, SLOPE] * map_x) * n_bins
+        left_bin = int(u)
+        left_edge = np.float32(u - left_bin)
+        plane = left_bin & (n_bins - 1)
+        lift = (left_bin >> log_bins) - int(beams[beam, LIFT])
+        origin = beam * (len(pairs) // n_beams) + lift
+        left = origin + plane * n_places
+        for k in range(first_near, last_near):  # fetch all, so that none is waited for alone
+            _prefetch_bin(pairs, edges, left + near_sides[k, 0])
+            _prefetch_bin(pairs, edges, left + near_sides[k, 1])
+        for k in range(first_near, last_near):
+            begin, end = int(near_sides[k, 0]), int(near_sides[k, 1])
+            begin = begin if begin + lift >= 1 else 1 - lift
+            end = end if end + lift <= n_places - 2 else n_places - 2 - lift
+            if begin >= end:
+                continue
+            word = (x << 16) | x
+            if end - begin < _LONG_RUN:
+                for b in range(plane + 1, plane + (end - begin) * n_bins):
+                    pairs[origin + (b & (n_bins - 1)) * n_places + (b >> log_bins) + begin] = word
+            else:
+                for p in range(n_bins):
+                    # Planes beyond the corner's own begin in the first place, others one later.
+                    first = origin + p * n_places + begin + (1 if p <= plane else 0)
+                    last = origin + p * n_places + end + (1 if p < plane else 0)
+                    for at in range(first, last):
+                        pairs[at] = word
+            _cover_upper_part(pairs, edges, left + begin, x, left_edge)
+            _cover_lower_part(pairs, edges, left + end, x, left_edge)
+        if first_lower == last_lower or beams[beam, SLOPE] == 0.0:
             continue
-        face = -1 - y
-        if low_bin < high_bin:
-            word = (face << 16) | (face & 0xFFFF)
-            for b in range(low_bin + 1, high_bin):
-                pairs[origin + (b & in_plane) * n_places + (b >> log_bins) + y] = word
-            _cover_upper_part(pairs, edges, low_at + y, face, low_edge)
-            _cover_lower_part(pairs, edges, high_at + y, face, high_edge)
-        else:
-            _cover_inside(pairs, edges, low_at + y, face, low_edge, high_edge)
+        # ... and on its right border.
+        u = (beams[beam, SHIFT] - beams[beam, SLOPE] * (map_x + 1)) * n_bins
+        right_bin = int(u)
+        right_edge = np.float32(u - right_bin)
+        right_place = (right_bin >> log_bins) - (left_bin >> log_bins)
+        plane = right_bin & (n_bins - 1)
+        right = origin + plane * n_places + right_place
+        for k in range(first_lower, last_lower):
+            _prefetch_bin(pairs, edges, right + lower_sides[k])
+            _prefetch_bin(pairs, edges, left + lower_sides[k])
+        for k in range(first_lower, last_lower):
+            y = int(lower_sides[k])
+            if y + lift < 1 or y + lift > n_places - 2:
+                continue
+            face = -1 - y
+            if right_bin < left_bin:
+                word = (face << 16) | (face & 0xFFFF)
+                for b in range(plane + 1, plane + left_bin - right_bin):
+                    place = right_place + (b >> log_bins) + y
+                    pairs[origin + (b & (n_bins - 1)) * n_places + place] = word
+                _cover_upper_part(pairs, edges, right + y, face, right_edge)
+                _cover_lower_part(pairs, edges, left + y, face, left_edge)
+            else:
+                _cover_inside(pairs, edges, right + y, face, right_edge, left_edge)
 
 
 @njit
@@ -240,51 +242,10 @@ def _look_up(
         face = np.int32(pair >> 16) if fraction >= edges_here[i] else np.int32(_lower_face(pair))
         to_near = (np.float32(face) - centre) * metres_major
         to_lower = (rows_here[i] - np.float32(face)) * metres_minor
-        out[i] = min(to_near if face >= 0 else to_lower, cap)
+        reading = to_near if face >= 0 else to_lower
+        out[i] = reading if reading < cap else cap
         mixed |= np.int32(nodes_here[i] >= 0) & np.int32(face == MIXED)
     return mixed != 0
-
-
-@njit
-def _follow_mixed(
-    readings: NDArray[np.float32],
-    at: int,
-    nodes: NDArray[np.int32],
-    begin: int,
-    end: int,
-    blocked: NDArray[np.uint8],
-    x_is_major: bool,
-    column: int,
-    row_of_tile: int,
-    flip: int,
-    beams: NDArray[np.float64],
-    beam: int,
-    limit: float,
-    cap: np.float32,
-) -> None:
-    """Follow the rays of one column cell by cell whose readings are negative: not known.
-
-    Row 0 of the tile reads ``readings[at]``.
-    """
-    for y in range(begin, end):
-        if readings[at + y] >= 0.0 or nodes[y] < 0:
-            continue
-        row = row_of_tile + y
-        if flip:
-            row = flip - 1 - row
-        readings[at + y] = centre_range(
-            blocked,
-            row if x_is_major else column,
-            column if x_is_major else row,
-            int(beams[beam, STEP_X]),
-            int(beams[beam, STEP_Y]),
-            beams[beam, PER_X],
-            beams[beam, PER_Y],
-            np.float32(beams[beam, METRES_X]),
-            np.float32(beams[beam, METRES_Y]),
-            limit,
-            cap,
-        )
 
 
 @njit
@@ -325,6 +286,104 @@ def _open_column(
 
 
 @njit
+def _answer_column(
+    spans: NDArray[np.int32],
+    n_spans: int,
+    nodes: NDArray[np.int32],
+    rows: NDArray[np.float32],
+    tile_row: int,
+    x: int,
+    map_x: int,
+    beams: NDArray[np.float64],
+    cap: np.float32,
+    pairs: NDArray[np.int32],
+    edges: NDArray[np.float32],
+    readings: NDArray[np.float32],
+    starts: NDArray[np.int64],
+    fractions: NDArray[np.float32],
+    mixed: NDArray[np.bool_],
+) -> None:
+    """Read one column's spans off the pictures of all beams.
+
+    ``mixed`` notes for which beams some reading is not known.
+    """
+    n_beams = len(beams)
+    for beam in range(n_beams):
+        log_bins = int(beams[beam, LOG_BINS])
+        n_bins = 1 << log_bins
+        u = (beams[beam, SHIFT] + 0.5 - beams[beam, SLOPE] * (map_x + 0.5)) * n_bins
+        b = int(u - _BEFORE_TIE)
+        fractions[beam] = u - _BEFORE_TIE - b
+        place = (b >> log_bins) - int(beams[beam, LIFT]) + tile_row
+        plane = beam * (len(pairs) // n_beams) + (b & (n_bins - 1)) * int(beams[beam, N_PLACES])
+        starts[beam] = plane + place
+    for beam in range(n_beams):
+        if beam + 1 < n_beams:
+            for k in range(n_spans):
+                for y in range(spans[k, 0], spans[k, 1], 16):
+                    _prefetch_bin(pairs, edges, starts[beam + 1] + y)
+        mixed[beam] = False
+        for k in range(n_spans):
+            mixed[beam] |= _look_up(
+                pairs,
+                edges,
+                starts[beam] + spans[k, 0],
+                rows,
+                nodes,
+                spans[k, 0],
+                spans[k, 1] - spans[k, 0],
+                fractions[beam],
+                np.float32(x + 0.5),
+                np.float32(beams[beam, METRES_MAJOR]),
+                np.float32(beams[beam, METRES_MINOR]),
+                cap,
+                readings,
+                beam * (len(readings) // n_beams) + spans[k, 0],
+            )
+
+
+@njit
+def _follow_mixed(
+    mixed: NDArray[np.bool_],
+    cells: NDArray[np.int32],
+    n_cells: int,
+    blocked: NDArray[np.uint8],
+    x_is_major: bool,
+    column: int,
+    tile_row: int,
+    flip: int,
+    beams: NDArray[np.float64],
+    limit: float,
+    cap: np.float32,
+    readings: NDArray[np.float32],
+) -> None:
+    """Follow those rays of one column cell by cell whose readings are negative: not known."""
+    for beam in range(len(beams)):
+        if not mixed[beam]:
+            continue
+        first = beam * (len(readings) // len(beams))
+        for k in range(n_cells):
+            if readings[first + cells[k]] >= 0.0:
+                continue
+            row = tile_row + cells[k]
+            if flip:
+                row = flip - 1 - row
+            readings[first + cells[k]] = centre_range(
+                blocked,
+                row if x_is_major else column,
+                column if x_is_major else row,
+                int(beams[beam, STEP_X]),
+                int(beams[beam, STEP_Y]),
+                beams[beam, PER_X],
+                beams[beam, PER_Y],
+                np.float32(beams[beam, METRES_X]),
+                np.float32(beams[beam, METRES_Y]),
+                limit,
+                cap,
+            )
+
+
+@njit
 def _write_column(
     nodes: NDArray[np.int32],
     cells: NDArray[np.int32],
@@ -336,17 +395,19 @@ def _write_column(
 ) -> None:
     """Turn one column's readings (beams, rows) into parts of rows of the output (cells, beams)."""
     flat = out.reshape(-1)
-    of_beams = readings.reshape(n_beams, -1)
+    stride = len(readings) // n_beams
     for i in range(n_cells):
         if i + _PREFETCH_AHEAD < n_cells:
             begin = np.int64(nodes[cells[i + _PREFETCH_AHEAD]]) * out.shape[1] + first_beam
             for beam in range(0, n_beams, 16):
                 prefetch(flat, begin + beam)
             prefetch(flat, begin + n_beams - 1)
-        y = cells[i]
-        scan = out[nodes[y], first_beam : first_beam + n_beams]
-        for beam in range(n_beams):
-            scan[beam] = of_beams[beam, y]
+        source = np.uint64(cells[i])
+        target = np.uint64(np.int64(nodes[cells[i]]) * out.shape[1] + first_beam)
+        for _ in range(n_beams):
+            flat[target] = readings[source]
+            target += np.uint64(1)
+            source += np.uint64(stride)
 
 
 @njit
@@ -354,8 +415,8 @@ def sweep(
     blocked: NDArray[np.uint8],
     near_starts: NDArray[np.int64],
     near_sides: NDArray[np.int32],
-    run_starts: NDArray[np.int64],
-    blocked_runs: NDArray[np.int32],
+    lower_starts: NDArray[np.int64],
+    lower_sides: NDArray[np.int32],
     wanted_starts: NDArray[np.int64],
     wanted_runs: NDArray[np.int32],
     nodes_of_tile: NDArray[np.int32],
@@ -375,24 +436,28 @@ def sweep(
     nodes: NDArray[np.int32],
     cells: NDArray[np.int32],
     spans: NDArray[np.int32],
+    starts: NDArray[np.int64],
+    fractions: NDArray[np.float32],
+    mixed: NDArray[np.bool_],
     first_beam: int,
     out: NDArray[np.float32],
 ) -> None:
     """Write the ranges of a tile's wanted cells along neighbouring beams of one octant.
 
-    Lists are in compressed columns, those of column i are ``starts[i]:starts[i + 1]``; they are not
-    mirrored, they are mirrored as they are read.
+    Lists are in compressed columns, those of column i are ``starts[i]:starts[i + 1]``, counted from
+    the map's own end even if ``backward``.
 
     Parameters
     ----------
     blocked : (rows, columns) of the map, not swapped
         The region that the tile's beams can reach, with a blocked rim.
     near_starts, near_sides
-        Runs of exposed near sides in each column of the region.
-    run_starts, blocked_runs
-        Runs of blocked cells.
+        Begin and end of runs of exposed near sides in each column of the region, mirrored.
+    lower_starts, lower_sides
+        Rows of exposed lower sides, mirrored.
     wanted_starts, wanted_runs, nodes_of_tile
-        Runs of wanted cells in each column of the tile, and the row of ``out`` of each cell.
+        Runs of wanted cells in each column of the tile and the row of ``out`` of each cell, not
+        mirrored.
     x_is_major, backward, downward
         How the octant lies in the map: whether its columns are the map's, whether they count down
         along the map's axis, and whether its rows do.
@@ -404,14 +469,13 @@ def sweep(
         See the fields in `_sweep_tables`.
     limit, cap
         Maximum range in cells and in metres.
-    pairs, edges, readings, rows, nodes, cells, spans
+    pairs, edges, readings, rows, nodes, cells, spans, starts, fractions, mixed
         Working memory; ``rows`` holds -1.5 - y of the tile's rows: less a lower side's number
         -1 - Y that is the way Y - y - 0.5.
     first_beam, out : (cells, all beams)
         The beams are ``first_beam`` and the following.
     """
     n_beams = len(beams)
-    n_bins_of_beam, n_rows_of_beam = len(pairs) // n_beams, len(readings) // n_beams
     n_columns, n_rows = len(near_starts) - 1, blocked.size // (len(near_starts) - 1)
     flip = n_rows if downward else 0
     tile_end = tile_column + len(nodes_of_tile)
@@ -433,96 +497,51 @@ def sweep(
                 cells,
                 spans,
             )
-        near_first, near_last = near_starts[i], near_starts[i + 1]
-        run_first, run_last = run_starts[i], run_starts[i + 1]
-        for beam in range(n_beams):
-            if x > beams[beam, LAST_COLUMN]:
-                continue
-            slope = beams[beam, SLOPE]
-            log_bins = int(beams[beam, LOG_BINS])
-            n_bins = 1 << log_bins
-            n_places = int(beams[beam, N_PLACES])
-            # Where in the flat arrays place 0 of the tile's plane 0 and row 0's reading are.
-            origin = beam * n_bins_of_beam - int(beams[beam, LIFT])
-            first_reading = beam * n_rows_of_beam
-            if n_spans > 0:
-                u = (beams[beam, SHIFT] + 0.5 - slope * (map_column + x + 0.5)) * n_bins
-                b = int(u - _BEFORE_TIE)
-                fraction = np.float32(u - _BEFORE_TIE - b)
-                at = origin + (b & (n_bins - 1)) * n_places + (b >> log_bins) + tile_row
-                for s in range(n_spans):
-                    begin, end = spans[s, 0], spans[s, 1]
-                    mixed = _look_up(
-                        pairs,
-                        edges,
-                        at + begin,
-                        rows,
-                        nodes,
-                        begin,
-                        end - begin,
-                        fraction,
-                        np.float32(x + 0.5),
-                        np.float32(beams[beam, METRES_MAJOR]),
-                        np.float32(beams[beam, METRES_MINOR]),
-                        cap,
-                        readings,
-                        first_reading + begin,
-                    )
-                    if mixed:
-                        _follow_mixed(
-                            readings,
-                            first_reading,
-                            nodes,
-                            begin,
-                            end,
-                            blocked,
-                            x_is_major,
-                            i,
-                            tile_row,
-                            flip,
-                            beams,
-                            beam,
-                            limit,
-                            cap,
-                        )
-            if near_first == near_last and run_first == run_last:
-                continue
-            u = (beams[beam, SHIFT] - slope * (map_column + x)) * n_bins
-            left_bin = int(u)
-            left_edge = np.float32(u - left_bin)
-            _paint_near_sides(
+        map_x = map_column + x
+        if n_cells > 0:
+            _answer_column(
+                spans,
+                n_spans,
+                nodes,
+                rows,
+                tile_row,
+                x,
+                map_x,
+                beams,
+                cap,
                 pairs,
                 edges,
-                origin,
-                near_sides,
-                near_first,
-                near_last,
-                flip,
-                x,
-                log_bins,
-                n_places,
-                int(beams[beam, LIFT]),
-                left_bin,
-                left_edge,
+                readings,
+                starts,
+                fractions,
+                mixed,
             )
-            if slope > 0.0:
-                u = (beams[beam, SHIFT] - slope * (map_column + x + 1)) * n_bins
-                right_bin = int(u)
-                _paint_lower_sides(
-                    pairs,
-                    edges,
-                    origin,
-                    blocked_runs,
-                    run_first,
-                    run_last,
-                    flip,
-                    log_bins,
-                    n_places,
-                    int(beams[beam, LIFT]),
-                    right_bin,
-                    np.float32(u - right_bin),
-                    left_bin,
-                    left_edge,
-                )
-        if n_cells > 0:
+            _follow_mixed(
+                mixed,
+                cells,
+                n_cells,
+                blocked,
+                x_is_major,
+                i,
+                tile_row,
+                flip,
+                beams,
+                limit,
+                cap,
+                readings,
+            )
             _write_column(nodes, cells, n_cells, readings, n_beams, first_beam, out)
+        if near_starts[i] < near_starts[i + 1] or lower_starts[i] < lower_starts[i + 1]:
+            _paint_column(
+                near_sides,
+                near_starts[i],
+                near_starts[i + 1],
+                lower_sides,
+                lower_starts[i],
+                lower_starts[i + 1],
+                x,
+                map_x,
+                beams,
+                pairs,
+                edges,
+            )
