@@ -4,7 +4,7 @@
 
 import operator
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from llvmlite import ir
 from numba import config, types
@@ -96,6 +96,7 @@ def _register_operator(function: Any, emit_lanes: Callable[..., Any], gives_mask
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         key = function
+        metadata: ClassVar[dict[str, str]] = {"target": "cpu"}  # asked before numba's generic ones
 
         def generic(self, args: Any, kws: Any) -> Any:
             lanes = [a for a in args if isinstance(a, LanesType)]
