@@ -74,9 +74,9 @@ class AssociativeMarkovNetwork:
     loss : {"class-weighted", "hamming"}
         What a wrong label costs: plain Hamming counts nodes, so rare labels are given up where
         they are in doubt; class-weighted costs more for rare labels.
-    class_weight : {"cube-root", "sqrt", "inverse", "none"}
-        A node of a label with share f of the nodes costs ``f**-p`` with p = 1/3, 1/2, 1 or 0,
-        scaled to mean 1. Ignored with Hamming loss.
+    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
+        A node of a label with share f of the nodes costs ``f**-p`` with p = 2/3, 1/2, 1/3, 1 or
+        0, scaled to mean 1. Ignored with Hamming loss.
     node_features : str
         Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
         ``raw`` (the problem's node features). Repeated columns are dropped, the rest is

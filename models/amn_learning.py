@@ -36,7 +36,13 @@ __all__ = [
 
 LEARNERS = ("cutting-plane", "qp", "frank-wolfe")
 
-CLASS_WEIGHTS = {"none": 0.0, "cube-root": 1 / 3, "sqrt": 0.5, "inverse": 1.0}
+CLASS_WEIGHTS = {
+    "none": 0.0,
+    "cube-root": 1 / 3,
+    "sqrt": 1 / 2,
+    "two-thirds": 2 / 3,
+    "inverse": 1.0,
+}
 """Exponent p: a node of a label that is a share f of the nodes costs f^-p when it is wrong."""
 
 SEARCH_TOLERANCE = 1e-2
