@@ -136,9 +136,9 @@ def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], floa
     marginals = np.clip(result.x[: model.unary.size].reshape(model.unary.shape), 0.0, 1.0)
     marginals = marginals / marginals.sum(axis=1, keepdims=True) + 0.0  # no negative zeros
     if upper is not None:
-        bound = _associative_bound(model, -scale * result.ineqlin.marginals)
+        bound = associative_bound(model, -scale * result.ineqlin.marginals)
     else:
-        bound = _polytope_bound(model, -scale * result.eqlin.marginals[model.n_nodes :])
+        bound = polytope_bound(model, -scale * result.eqlin.marginals[model.n_nodes :])
     return marginals, bound + model.offset
 
 
@@ -157,7 +157,7 @@ def _call_highs(*args: Any, **options: Any) -> Any:
     return result
 
 
-def _associative_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
+def associative_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
     """The dual's value with the edge duals mended to be feasible: holds whatever HiGHS left.
 
     Each edge splits its reward between its ends, ``a + b >= agreement``, ``a, b >= 0``.
@@ -171,7 +171,7 @@ def _associative_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> floa
     return float(raised.max(axis=1).sum())
 
 
-def _polytope_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
+def polytope_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
     """The value of the potentials after moving ``duals`` from edges to nodes: always a bound."""
     to_first, to_second = duals.reshape(2, model.around.n_edges, model.n_labels)
     raised = model.unary.copy()

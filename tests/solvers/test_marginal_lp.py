@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers.forest import forest_maximum
-from pgm_places.solvers.marginal_lp import solve_marginal_lp
+from pgm_places.solvers.marginal_lp import associative_bound, polytope_bound, solve_marginal_lp
+from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, score
 from tests.strategies import models
 
@@ -29,6 +30,16 @@ def test_bound_is_above_every_labelling(model: Model, eliminate: bool) -> None:
     np.testing.assert_allclose(found.node_marginals.sum(axis=1), 1.0, rtol=0, atol=1e-9)
     if found.integral:
         np.testing.assert_allclose(found.score, best_score(model), rtol=0, atol=1e-5)
+
+
+@given(models(("associative", "tables"), forbid=False), st.integers(0, 999))
+def test_the_bound_holds_for_whatever_duals_the_solver_left(model: Model, seed: int) -> None:
+    checked = pairwise_model(*model.arrays)
+    duals = np.random.default_rng(seed).normal(0, 2, 2 * len(model.edges) * checked.n_labels)
+    bounds = [polytope_bound(checked, duals)]
+    if checked.agreement is not None:
+        bounds.append(associative_bound(checked, duals))
+    assert min(bounds) + checked.offset >= best_score(model) - 1e-9
 
 
 @given(models(forest=True))
