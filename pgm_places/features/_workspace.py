@@ -11,7 +11,7 @@ __all__ = ["Workspace"]
 
 
 class Workspace:
-    """Planes for a number of tiles; a quarter of a megabyte for each and a little more.
+    """Planes for a number of tiles; a tenth of a megabyte for each and a little more.
 
     ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
     the features; the others are room for single kernels.
