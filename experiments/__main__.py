@@ -9,7 +9,6 @@ from pgm_places.comparison import Comparison
 from pgm_places.config import load_config
 from pgm_places.evaluation import border_tolerant_mask, evaluate
 from pgm_places.experiment import Experiment, compare
-from pgm_places.report.pictures import difference_map, label_map
 
 FOLDER = Path(__file__).resolve().parent
 DOCS = FOLDER.parent / "docs"
@@ -65,31 +64,11 @@ def away_from_borders(comparison: Comparison, labelings: tuple) -> float:  # typ
     return right / max(total, 1)
 
 
-def pictures(name: str, comparison: Comparison) -> list[str]:
-    """Write a label map per method and the last method's errors; their paths below docs."""
-    item = comparison.maps[0]
-    written = []
-    for method in comparison.methods:
-        raster = item.layout.to_raster(method.labelings[0].labels.astype("int16"), fill=-1)
-        title = f"{method.id}: {percent(method.evaluations[0].accuracy)} % right"
-        path = DOCS / "images" / f"{name}_{method.id}.png"
-        path.write_bytes(label_map(item.grid, raster, comparison.label_names, title=title))
-        written.append(f"images/{path.name}")
-    path = DOCS / "images" / f"{name}_errors.png"
-    path.write_bytes(
-        difference_map(
-            item.grid, item.truth, raster, comparison.label_names, title=f"Errors of {method.id}"
-        )
-    )
-    return [*written, f"images/{path.name}"]
-
-
 def section(name: str) -> str:
     """Run one experiment; its section of the page."""
     config = load_config(FOLDER / f"{name}.toml")
     comparison = compare(Experiment(config, FOLDER))
     stages = ", ".join(f"{key} {value:.1f} s" for key, value in comparison.stage_seconds.items())
-    figures = "\n\n".join(f"![{path}]({path})" for path in pictures(name, comparison))
     check = evaluate(
         comparison.maps[0].layout.from_raster(comparison.maps[0].truth),
         comparison.methods[0].labelings[0].labels,
@@ -101,7 +80,7 @@ def section(name: str) -> str:
         "```console\n"
         f"$ PGM_PLACES_DATA=DATA pgm-places compare experiments/{name}.toml --out report\n"
         "```\n\n"
-        f"{table(comparison)}\n\nStages, seconds of wall clock: {stages}.\n\n{figures}\n"
+        f"{table(comparison)}\n\nStages, seconds of wall clock: {stages}.\n"
     )
 
 
@@ -112,7 +91,6 @@ def main() -> None:
     arguments = parser.parse_args()
     if not os.environ.get("PGM_PLACES_DATA"):
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
-    (DOCS / "images").mkdir(exist_ok=True)
     parts = [(FOLDER / "introduction.md").read_text(encoding="utf-8")]
     for name in arguments.names or MAPS:
         print(f"== {name}", flush=True)
