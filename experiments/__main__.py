@@ -56,7 +56,7 @@ def away_from_borders(comparison: Comparison, labelings: tuple) -> float:  # typ
     """The accuracy on cells that are not close to a border between two true labels."""
     right = total = 0
     for item, labeling in zip(comparison.maps, labelings, strict=True):
-        inside = border_tolerant_mask(item.truth, item.grid.resolution_m, BORDER_M)
+        inside = border_tolerant_mask(item.truth, item.grid.resolution_m, tolerance_m=BORDER_M)
         truth = item.layout.from_raster(item.truth)
         chosen = item.layout.from_raster(inside) & (truth >= 0)
         right += int((labeling.labels[chosen] == truth[chosen]).sum())

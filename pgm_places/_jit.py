@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
 import numba
+
+from pgm_places._version import __version__
 import numba.extending
 
 __all__ = ["cache_folder", "inlined", "njit", "prefetch"]
@@ -40,7 +42,8 @@ def cache_folder() -> Path | None:
     if base is None:
         return None
     try:
-        return _private_folder(Path(base).expanduser() / "pgm_places" / "kernels")
+        # Numba looks only at a kernel's own file for changes: another version starts afresh.
+        return _private_folder(Path(base).expanduser() / "pgm_places" / f"kernels-{__version__}")
     except RuntimeError:  # no home folder is known for this user
         return None
 
