@@ -206,6 +206,7 @@ def extract_cut(
     place of a node and of an edge in that graph.
     """
     start, head, arc = arcs.start, arcs.head, arcs.arc
+    cut_start, cut_head, cut_arc, cut_ends = cut_arcs
     n_left = 0
     for m in range(members.shape[0]):
         i = members[m]
@@ -217,7 +218,7 @@ def extract_cut(
     n_edges = 0
     for m in range(n_left):
         i = members[m]
-        cut_arcs.start[m] = n_slots
+        cut_start[m] = n_slots
         for slot in range(start[i], start[i + _ONE]):
             j = head[slot]
             if not undecided[j]:
@@ -226,15 +227,15 @@ def extract_cut(
             way = np.int64(arc[slot] & _ONE)
             if j > i:
                 edge_number[edge] = n_edges
-                cut_arcs.ends[2 * n_edges + way] = m
-                cut_arcs.ends[2 * n_edges + 1 - way] = number[j]
+                cut_ends[2 * n_edges + way] = m
+                cut_ends[2 * n_edges + 1 - way] = number[j]
                 capacity[2 * n_edges] = 0.5 * weight[edge]
                 capacity[2 * n_edges + 1] = 0.5 * weight[edge]
                 n_edges += 1
-            cut_arcs.head[n_slots] = number[j]
-            cut_arcs.arc[n_slots] = 2 * edge_number[edge] + way
+            cut_head[n_slots] = number[j]
+            cut_arc[n_slots] = 2 * edge_number[edge] + way
             n_slots += 1
-    cut_arcs.start[n_left] = n_slots
+    cut_start[n_left] = n_slots
     return n_left
 
 

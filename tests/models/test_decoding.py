@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import ConfigError, InputError
@@ -43,6 +43,7 @@ def chain(n_nodes: int) -> LabelGraph:
 
 
 @pytest.mark.parametrize("method", ALL)
+@settings(max_examples=40)
 @given(data=st.data(), certify=st.booleans())
 def test_what_a_labelling_says_about_itself_holds(
     method: str, data: st.DataObject, certify: bool
@@ -86,6 +87,7 @@ def test_two_labels_are_solved_exactly_by_cut_and_relaxation(model: Model) -> No
 
 
 @pytest.mark.parametrize("method", ALL)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_without_edges_every_node_takes_its_best_label(method: str, data: st.DataObject) -> None:
     _, _, model = data.draw(problems(method))
