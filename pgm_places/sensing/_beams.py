@@ -9,6 +9,7 @@ ray meets the corner of four cells it steps along x first. Sweep and DDA share t
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,14 +74,16 @@ class Beams:
     def __len__(self) -> int:
         return len(self.octant)
 
+    @cached_property
     def steps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(M,) -1, 0 or 1 each: to which neighbouring column and row a beam leads."""
         kinds = [Octant(number) for number in range(8)]
         x = np.array([kind.step_x for kind in kinds])[self.octant]
         y = np.array([kind.step_y for kind in kinds])[self.octant]
-        along_x, along_y = self.components()
+        along_x, along_y = self.components
         return np.where(along_x == 0, 0, x), np.where(along_y == 0, 0, y)
 
+    @cached_property
     def components(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(M,) sizes of the components along x and y."""
         x_is_major = np.array([Octant(number).x_is_major for number in range(8)])[self.octant]

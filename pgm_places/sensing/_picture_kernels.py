@@ -123,7 +123,8 @@ def paint_column(
 ) -> None:
     """Paint one column's faces over the pictures of all beams.
 
-    Faces are cut to the places that a picture has.
+    ``near_sides`` (n, 2) and ``lower_sides`` (n,) go up. Faces are cut to the places that a picture
+    has.
     """
     n_beams = len(beams)
     for beam in range(n_beams):
@@ -139,15 +140,19 @@ def paint_column(
         lift = (left_bin >> log_bins) - int(beams[beam, LIFT])
         origin = beam * (len(pairs) // n_beams) + lift
         left = origin + plane * n_places
-        for k in range(first_near, last_near):  # fetch all, so that none is waited for alone
+        lowest, highest = 1 - lift, n_places - 2 - lift  # rows whose corners the picture has
+        first, last = first_near, last_near
+        while first < last and near_sides[first, 1] <= lowest:
+            first += 1
+        while first < last and near_sides[last - 1, 0] >= highest:
+            last -= 1
+        for k in range(first, last):  # fetch all, so that none is waited for alone
             _prefetch_bin(pairs, edges, left + near_sides[k, 0])
             _prefetch_bin(pairs, edges, left + near_sides[k, 1])
-        for k in range(first_near, last_near):
+        for k in range(first, last):
             begin, end = int(near_sides[k, 0]), int(near_sides[k, 1])
-            begin = begin if begin + lift >= 1 else 1 - lift
-            end = end if end + lift <= n_places - 2 else n_places - 2 - lift
-            if begin >= end:
-                continue
+            begin = begin if begin > lowest else lowest
+            end = end if end < highest else highest
             word = (x << 16) | x
             if end - begin < _LONG_RUN:
                 for b in range(plane + 1, plane + (end - begin) * n_bins):
@@ -155,13 +160,19 @@ def paint_column(
             else:
                 for p in range(n_bins):
                     # Planes beyond the corner's own begin in the first place, others one later.
-                    first = origin + p * n_places + begin + (1 if p <= plane else 0)
-                    last = origin + p * n_places + end + (1 if p < plane else 0)
-                    for at in range(first, last):
+                    row = origin + p * n_places
+                    for at in range(
+                        row + begin + (1 if p <= plane else 0), row + end + (1 if p < plane else 0)
+                    ):
                         pairs[at] = word
             _cover_upper_part(pairs, edges, left + begin, x, left_edge)
             _cover_lower_part(pairs, edges, left + end, x, left_edge)
-        if first_lower == last_lower or beams[beam, SLOPE] == 0.0:
+        first, last = first_lower, last_lower
+        while first < last and lower_sides[first] < lowest:
+            first += 1
+        while first < last and lower_sides[last - 1] > highest:
+            last -= 1
+        if first == last or beams[beam, SLOPE] == 0.0:
             continue
         # ... and on its right border.
         u = (beams[beam, SHIFT] - beams[beam, SLOPE] * (map_x + 1)) * n_bins
@@ -170,13 +181,11 @@ def paint_column(
         right_place = (right_bin >> log_bins) - (left_bin >> log_bins)
         plane = right_bin & (n_bins - 1)
         right = origin + plane * n_places + right_place
-        for k in range(first_lower, last_lower):
+        for k in range(first, last):
             _prefetch_bin(pairs, edges, right + lower_sides[k])
             _prefetch_bin(pairs, edges, left + lower_sides[k])
-        for k in range(first_lower, last_lower):
+        for k in range(first, last):
             y = int(lower_sides[k])
-            if y + lift < 1 or y + lift > n_places - 2:
-                continue
             face = -1 - y
             if right_bin < left_bin:
                 word = (face << 16) | (face & 0xFFFF)

@@ -31,7 +31,16 @@ from pgm_places.sensing._sweep_tables import (
     STEP_Y,
 )
 
-__all__ = ["LARGEST_REGION", "Axis", "BeamGroup", "TileSweep", "Work", "beam_groups", "work_bytes"]
+__all__ = [
+    "LARGEST_REGION",
+    "BeamGroup",
+    "Surroundings",
+    "Tile",
+    "TileSweep",
+    "Work",
+    "beam_groups",
+    "work_bytes",
+]
 
 LARGEST_REGION = 32_000
 """Rows, columns and reach together, in cells, that 16-bit face numbers can tell apart."""
@@ -50,55 +59,55 @@ Listed = tuple[NDArray[np.int64], NDArray[np.int32]]
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
-    """A tile and the region that its beams can reach, by columns along one major axis.
+class Surroundings:
+    """What beams meet in a region, by columns along one major axis.
 
     Parameters
     ----------
     blocked : (rows, columns) uint8
         The region with its rim, as it lies in the map.
-    nodes : (columns, rows) int32
-        The output's row of each of the tile's cells, -1 where none is wanted.
-    wanted_runs
-        Begin and end of the runs of wanted cells in the tile.
-    near_sides : pair
-        Begin and end of runs of the faces that forward and backward beams meet at columns' borders.
-    lower_sides : pair
-        Rows of the faces that upward and downward beams meet, counted from below and from above.
+    near_sides : {(backward, downward): Listed}
+        Begin and end of the runs of faces that beams meet at columns' borders.
+    lower_sides : {downward: Listed}
+        Rows of the faces that beams meet at rows' borders.
+
+    If ``downward``, columns are in opposite order and rows are counted from the other end, so that
+    rows go up in any case.
     """
 
     blocked: NDArray[np.uint8]
-    n_rows: int
-    nodes: NDArray[np.int32]
-    wanted_runs: Listed
-    near_sides: tuple[Listed, Listed]
-    lower_sides: tuple[Listed, Listed]
+    near_sides: dict[tuple[bool, bool], Listed]
+    lower_sides: dict[bool, Listed]
 
     @classmethod
-    def of(cls, blocked: NDArray[np.uint8], nodes: NDArray[np.int32], x_is_major: bool) -> "Axis":
-        """Lists of what is in the region ``blocked`` and in the tile ``nodes`` (rows, columns)."""
+    def of(cls, blocked: NDArray[np.uint8], x_is_major: bool) -> "Surroundings":
+        """The faces of the region ``blocked``."""
         solid = np.ascontiguousarray(blocked.T if x_is_major else blocked)
-        nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
-        starts, runs = _runs(solid)
         n_rows = solid.shape[1]
         behind = np.ones_like(solid[:1])  # nothing is met on the region's rim
+        forward = _runs(solid, np.concatenate((behind, solid[:-1])))
+        backward = _runs(solid, np.concatenate((solid[1:], behind)))
+        starts, runs = _runs(solid)
+        mirrored_starts, mirrored_runs = _mirrored((starts, runs), n_rows)
         return cls(
             blocked,
-            n_rows,
-            nodes,
-            _runs(nodes >= 0),
-            (
-                _runs(solid, np.concatenate((behind, solid[:-1]))),
-                _runs(solid, np.concatenate((solid[1:], behind))),
-            ),
-            (_exposed(starts, runs[:, 0]), _exposed(starts, n_rows - runs[:, 1])),
+            {
+                (False, False): forward,
+                (True, False): backward,
+                (False, True): _mirrored(forward, n_rows),
+                (True, True): _mirrored(backward, n_rows),
+            },
+            {
+                False: _exposed(starts, runs[:, 0]),
+                True: _exposed(mirrored_starts, mirrored_runs[:, 0]),
+            },
         )
 
-    def sides(self, backward: bool, downward: bool) -> tuple[Listed, Listed]:
-        """Near and lower sides in the frame of an octant, rows mirrored if ``downward``."""
-        starts, runs = self.near_sides[backward]
-        near = self.n_rows - runs[:, ::-1] if downward else runs
-        return (starts, np.ascontiguousarray(near, np.int32)), self.lower_sides[downward]
+
+def _mirrored(listed: Listed, n_rows: int) -> Listed:
+    """Runs in columns of opposite order, their rows counted from the other end."""
+    starts, runs = listed
+    return len(runs) - starts[::-1], np.ascontiguousarray(n_rows - runs[::-1, ::-1], np.int32)
 
 
 def _exposed(starts: NDArray[np.int64], rows: NDArray[np.int32]) -> Listed:
@@ -106,6 +115,28 @@ def _exposed(starts: NDArray[np.int64], rows: NDArray[np.int32]) -> Listed:
     inside = rows > 0
     before = np.concatenate(([0], np.cumsum(inside)))
     return before[starts], np.ascontiguousarray(rows[inside], np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """The cells that want ranges, by columns along one major axis.
+
+    Parameters
+    ----------
+    nodes : (columns, rows) int32
+        The output's row of each cell, -1 where none is wanted.
+    wanted_runs : Listed
+        Begin and end of the runs of wanted cells.
+    """
+
+    nodes: NDArray[np.int32]
+    wanted_runs: Listed
+
+    @classmethod
+    def of(cls, nodes: NDArray[np.int32], x_is_major: bool) -> "Tile":
+        """The cells of ``nodes`` (rows, columns)."""
+        nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
+        return cls(nodes, _runs(nodes >= 0))
 
 
 def _runs(cells: NDArray[Any], but_not: NDArray[np.uint8] | None = None) -> Listed:
@@ -187,12 +218,14 @@ class Work:
 class TileSweep:
     """A sensor's beams swept over one tile of a map.
 
-    ``tile`` and ``region``, without its rim, are boxes of a map of ``shape``.
+    ``surroundings`` and ``tiles`` are by whether x is the major axis; ``tile`` and ``region``,
+    without its rim, are boxes of a map of ``shape``.
     """
 
     def __init__(
         self,
-        axes: dict[bool, Axis],
+        surroundings: dict[bool, Surroundings],
+        tiles: dict[bool, Tile],
         tile: Box,
         region: Box,
         shape: tuple[int, int],
@@ -200,7 +233,8 @@ class TileSweep:
         resolution_m: float,
         max_range_m: float,
     ) -> None:
-        self._axes = axes
+        self._surroundings = surroundings
+        self._tiles = tiles
         self._x = _Extent(tile.left, tile.right, region.left - 1, region.right + 1, shape[1])
         self._y = _Extent(tile.bottom, tile.top, region.bottom - 1, region.top + 1, shape[0])
         self._beams = beams
@@ -210,7 +244,7 @@ class TileSweep:
     def sweep(self, group: BeamGroup, work: Work, out: NDArray[np.float32]) -> None:
         """Write the ranges along a group's beams to its columns of ``out`` (rows, all beams)."""
         octant = group.octant
-        axis = self._axes[octant.x_is_major]
+        around, tile = self._surroundings[octant.x_is_major], self._tiles[octant.x_is_major]
         columns, rows = (self._x, self._y) if octant.x_is_major else (self._y, self._x)
         steps = (octant.step_x, octant.step_y)
         backward, downward = (s < 0 for s in (steps if octant.x_is_major else steps[::-1]))
@@ -220,13 +254,12 @@ class TileSweep:
         n_beams, n_rows = len(table), rows.length + BLOCK
         n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
         work.fit(n_beams, n_bins, n_rows)
-        near_sides, lower_sides = axis.sides(backward, downward)
         sweep(
-            axis.blocked,
-            *near_sides,
-            *lower_sides,
-            *axis.wanted_runs,
-            axis.nodes,
+            around.blocked,
+            *around.near_sides[backward, downward],
+            *around.lower_sides[downward],
+            *tile.wanted_runs,
+            tile.nodes,
             octant.x_is_major,
             backward,
             downward,
@@ -262,7 +295,7 @@ class TileSweep:
         part = slice(group.first, group.last)
         beams = self._beams
         major, minor = beams.major[part], beams.minor[part]
-        along_x, along_y = (component[part] for component in beams.components())
+        along_x, along_y = (component[part] for component in beams.components)
         slope = minor / major
         table = np.empty((len(slope), N_FIELDS))
         table[:, SLOPE] = slope
@@ -275,7 +308,7 @@ class TileSweep:
         table[:, N_PLACES] = n_rows + np.floor(slope * n_columns) + 6 + BLOCK
         reach = min(self._max_range_m / self._resolution_m, LARGEST_REGION)
         table[:, LAST_COLUMN] = end + np.ceil(reach * major) + 1
-        table[:, STEP_X], table[:, STEP_Y] = (step[part] for step in beams.steps())
+        table[:, STEP_X], table[:, STEP_Y] = (step[part] for step in beams.steps)
         with np.errstate(divide="ignore"):
             table[:, PER_X], table[:, PER_Y] = 1 / along_x, 1 / along_y
             table[:, METRES_MAJOR] = self._resolution_m / major

@@ -184,9 +184,10 @@ def sweep(
     blocked : (rows, columns) of the map, not swapped
         The region that the tile's beams can reach, with a blocked rim.
     near_starts, near_sides
-        Begin and end of runs of exposed near sides in each column of the region, mirrored.
+        Begin and end of runs of exposed near sides in each column of the region. If ``downward``
+        the whole list is mirrored, its columns and its rows, so that rows go up in any case.
     lower_starts, lower_sides
-        Rows of exposed lower sides, mirrored.
+        Rows of exposed lower sides, likewise.
     wanted_starts, wanted_runs, nodes_of_tile
         Runs of wanted cells in each column of the tile and the row of ``out`` of each cell, not
         mirrored.
@@ -263,14 +264,15 @@ def sweep(
                 readings,
             )
             _write_column(nodes, cells, n_cells, readings, n_beams, first_beam, out)
-        if near_starts[i] < near_starts[i + 1] or lower_starts[i] < lower_starts[i + 1]:
+        k = n_columns - 1 - i if downward else i
+        if near_starts[k] < near_starts[k + 1] or lower_starts[k] < lower_starts[k + 1]:
             paint_column(
                 near_sides,
-                near_starts[i],
-                near_starts[i + 1],
+                near_starts[k],
+                near_starts[k + 1],
                 lower_sides,
-                lower_starts[i],
-                lower_starts[i + 1],
+                lower_starts[k],
+                lower_starts[k + 1],
                 x,
                 map_x,
                 beams,
