@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
 
 import numba
+import numba.extending
 
 from pgm_places._version import __version__
-import numba.extending
 
 __all__ = ["cache_folder", "inlined", "njit", "prefetch"]
 
