@@ -120,7 +120,7 @@ class AssociativeMarkovNetwork:
     C: float | str | tuple[float, ...] = 100.0
     n_validation_blocks: int = 4
     loss: str = "class-weighted"
-    class_weight: str = "cube-root"
+    class_weight: str = "two-thirds"
     node_features: str = "logz+raw"
     edge_features: tuple[str, ...] = ("constant",)
     solver: str = "clarabel"

@@ -154,6 +154,8 @@ def test_several_maps_are_the_union_of_their_blocks() -> None:
     apart = network.fit([first, second], [truth1, truth2])
     together = network.fit([union], [np.concatenate([truth1, truth2])])
     assert apart.summary["objective"] == pytest.approx(together.summary["objective"], rel=1e-9)
+    assert apart.node_weights is not None
+    assert together.node_weights is not None
     np.testing.assert_allclose(apart.node_weights, together.node_weights, rtol=0, atol=1e-9)
     assert apart.summary["n_maps"] == 2
 
@@ -163,6 +165,8 @@ def test_doubling_the_map_changes_no_weight() -> None:
     network = AssociativeMarkovNetwork(tolerance=1e-4)
     once = network.fit([problem], [truth])
     twice = network.fit([problem, problem], [truth, truth])
+    assert once.node_weights is not None
+    assert twice.node_weights is not None
     np.testing.assert_allclose(twice.node_weights, once.node_weights, rtol=0, atol=1e-6)
 
 
@@ -302,7 +306,7 @@ def test_learned_arrays_bring_the_network_back() -> None:
     arrays = learned_arrays(fitted)
     assert len(arrays) == 9
     assert all(np.isfinite(array).all() for array in arrays.values())
-    again = replace(AssociativeMarkovNetwork(), **arrays)
+    again = replace(AssociativeMarkovNetwork(), **arrays)  # type: ignore[arg-type]
     np.testing.assert_array_equal(again.infer(problem).labels, fitted.infer(problem).labels)
     assert again.summary == fitted.summary
 

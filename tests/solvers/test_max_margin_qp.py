@@ -209,7 +209,14 @@ def test_an_unknown_solver_is_refused() -> None:
 
 def test_a_problem_checks_what_it_is_given() -> None:
     good = grid_problem(2, 2, 2)
-    parts = [good.node_features, good.edges, good.edge_features, good.labels, 2, good.loss]
+    parts: list[Any] = [
+        good.node_features,
+        good.edges,
+        good.edge_features,
+        good.labels,
+        2,
+        good.loss,
+    ]
     with pytest.raises(InputError, match=r"penalty \(C\) must be a positive number, got 0"):
         type(good)(*parts, 0.0)
     with pytest.raises(InputError, match="edge_features must be at least 0"):
