@@ -209,6 +209,7 @@ def test_an_unknown_solver_is_refused() -> None:
 
 def test_a_problem_checks_what_it_is_given() -> None:
     good = grid_problem(2, 2, 2)
+    make: Any = type(good)
     parts: list[Any] = [
         good.node_features,
         good.edges,
@@ -218,8 +219,8 @@ def test_a_problem_checks_what_it_is_given() -> None:
         good.loss,
     ]
     with pytest.raises(InputError, match=r"penalty \(C\) must be a positive number, got 0"):
-        type(good)(*parts, 0.0)
+        make(*parts, 0.0)
     with pytest.raises(InputError, match="edge_features must be at least 0"):
-        type(good)(parts[0], parts[1], -good.edge_features, *parts[3:], 1.0)
+        make(parts[0], parts[1], -good.edge_features, *parts[3:], 1.0)
     with pytest.raises(InputError, match="training maps must have the same features"):
         joined([good, grid_problem(2, 3, 3)])
