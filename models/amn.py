@@ -79,11 +79,15 @@ class AssociativeMarkovNetwork:
         0, scaled to mean 1. Ignored with Hamming loss.
     node_features : str
         Parts joined by ``+``: ``logz`` (log-probabilities of the unary), ``z`` (probabilities),
-        ``raw`` (the problem's node features). Repeated columns are dropped, the rest is
-        standardised, and a constant is added.
+        ``raw`` (the problem's node features); or ``auto``, ``logz`` and ``raw`` as far as the
+        problem has them. Repeated columns are dropped, the rest is standardised, and a constant is
+        added.
     edge_features : tuple of str
         ``constant``, ``diagonal``, ``unary-difference``, ``raw-difference``, ``given``; see
         :func:`pgm_places.models.amn_features.edge_features`.
+    edge_scale : float
+        Edge features are multiplied by this before learning: the larger, the less the size of
+        edge weights counts against that of node weights.
     solver : {"clarabel", "piqp", "osqp"}
         Of the compact QP; the others follow where it fails.
     tolerance : float
@@ -108,7 +112,7 @@ class AssociativeMarkovNetwork:
     >>> truth = np.array([0, 0, 0, 1, 1, 1])
     >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])
     >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=np.log(z))
-    >>> network = AssociativeMarkovNetwork(node_features="logz").fit([problem], [truth])
+    >>> network = AssociativeMarkovNetwork().fit([problem], [truth])
     >>> network.infer(problem).labels.tolist()
     [0, 0, 0, 1, 1, 1]
     >>> network.summary["status"]
@@ -121,8 +125,9 @@ class AssociativeMarkovNetwork:
     n_validation_blocks: int = 4
     loss: str = "class-weighted"
     class_weight: str = "two-thirds"
-    node_features: str = "logz+raw"
+    node_features: str = "auto"
     edge_features: tuple[str, ...] = ("constant",)
+    edge_scale: float = 4.0
     solver: str = "clarabel"
     tolerance: float = 1e-3
     max_cuts: int = 500
@@ -157,6 +162,8 @@ class AssociativeMarkovNetwork:
         _check_number("max_cuts", self.max_cuts, self.max_cuts >= 1, "at least 1")
         blocks = self.n_validation_blocks
         _check_number("n_validation_blocks", blocks, blocks >= 2, "at least 2")
+        scale = self.edge_scale
+        _check_number("edge_scale", scale, 0 < scale < np.inf, "positive")
         limit = self.time_limit_s
         _check_number("time_limit_s", limit, limit is None or limit > 0, "positive or absent")
         if self.node_weights is not None:
@@ -247,7 +254,7 @@ class AssociativeMarkovNetwork:
             MaxMarginProblem(
                 scaling.apply(features),
                 problem.graph.edges,
-                edge_features(problem, self.edge_features),
+                self._edge_features(problem),
                 truth,
                 len(names),
                 loss,
@@ -258,6 +265,9 @@ class AssociativeMarkovNetwork:
             )
         ]
         return scaling, tasks
+
+    def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        return self.edge_scale * edge_features(problem, self.edge_features)
 
     def _learner_options(self) -> LearnerOptions:
         return LearnerOptions(
@@ -314,7 +324,7 @@ class AssociativeMarkovNetwork:
                 f"the network was trained on {len(edge_weights)} edge features, this problem has "
                 f"{edge_feature_count(problem, self.edge_features)}; make them as for training"
             )
-        edges = edge_features(problem, self.edge_features)
+        edges = self._edge_features(problem)
         return Potentials(nodes @ node_weights, agreement=edges @ edge_weights)
 
     def infer(self, problem: LabelingProblem) -> Labeling:

@@ -22,9 +22,9 @@ __all__ = [
     "parse_node_features",
 ]
 
-NODE_FEATURES = ("logz", "z", "raw")
+NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
-probabilities, and the problem's own node features."""
+probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``raw`` where there."""
 
 EDGE_FEATURES = ("constant", "diagonal", "unary-difference", "raw-difference", "given")
 """Edge features, each at least 0; see :func:`edge_features`."""
@@ -81,7 +81,7 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
         A part needs the problem's unary or node features, and there are none.
     """
     columns = []
-    for part in parts:
+    for part in _resolved(problem, parts):
         if part == "raw":
             if problem.node_features is None:
                 raise InputError(
@@ -92,6 +92,18 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
         else:
             columns.append(_probabilities(problem, part, logarithm=part == "logz"))
     return np.concatenate(columns, axis=1)
+
+
+def _resolved(problem: LabelingProblem, parts: Sequence[str]) -> list[str]:
+    """The parts with ``auto`` replaced by what the problem has."""
+    named = [part for part in parts if part != "auto"]
+    if len(named) == len(parts):
+        return named
+    if problem.unary is not None and "logz" not in named:
+        named.append("logz")
+    if problem.node_features is not None and "raw" not in named:
+        named.append("raw")
+    return named
 
 
 def _probabilities(

@@ -160,6 +160,15 @@ def test_several_maps_are_the_union_of_their_blocks() -> None:
     assert apart.summary["n_maps"] == 2
 
 
+def test_the_scale_of_edge_features_frees_the_edge_weights() -> None:
+    problem, truth = sample(seed=21)
+    stiff = AssociativeMarkovNetwork(edge_scale=0.01, C=1.0).fit([problem], [truth])
+    free = AssociativeMarkovNetwork(edge_scale=4.0, C=1.0).fit([problem], [truth])
+    rewards = [network.potentials(problem).agreement for network in (stiff, free)]
+    assert rewards[0] is not None and rewards[1] is not None
+    assert rewards[1].mean() > 10 * rewards[0].mean()
+
+
 def test_doubling_the_map_changes_no_weight() -> None:
     problem, truth = sample(seed=9)
     network = AssociativeMarkovNetwork(tolerance=1e-4)
@@ -395,6 +404,8 @@ def test_maps_and_labelings_must_belong_together() -> None:
         ({"C": 0.0}, "C must be a positive number, a list of them, or 'auto', got 0.0"),
         ({"C": "best"}, "C must be a positive number"),
         ({"tolerance": 1.5}, "tolerance must be between 0 and 1, got 1.5"),
+        ({"edge_scale": 0.0}, "edge_scale must be positive"),
+        ({"certified_tolerance": 0.0}, "certified_tolerance must be between 0 and 1"),
         ({"max_cuts": 0}, "max_cuts must be at least 1"),
         ({"n_validation_blocks": 1}, "n_validation_blocks must be at least 2"),
         ({"time_limit_s": -1.0}, "time_limit_s must be positive or absent"),

@@ -30,6 +30,19 @@ def test_parts_are_put_side_by_side() -> None:
     np.testing.assert_allclose(features[0, 2:], [np.log(0.9), np.log(0.1), 0.9, 0.1], rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("missing", "n_columns"), [({}, 4), ({"unary": None}, 2), ({"node_features": None}, 2)]
+)
+def test_auto_takes_what_is_there(missing: dict[str, np.ndarray], n_columns: int) -> None:
+    features = node_features(grid_problem(**missing), ("auto",))
+    assert features.shape == (4, n_columns)
+
+
+def test_auto_repeats_nothing() -> None:
+    assert node_features(grid_problem(), ("z", "auto")).shape == (4, 6)
+    assert node_features(grid_problem(), ("raw", "auto")).shape == (4, 4)
+
+
 def test_impossible_labels_are_floored() -> None:
     features = node_features(grid_problem(), ("logz",))
     assert features[2, 1] == pytest.approx(LOG_FLOOR)

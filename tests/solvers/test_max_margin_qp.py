@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers import max_margin_qp as module
 from pgm_places.solvers.max_margin import (
+    MaxMarginProblem,
     augmented_potentials,
     cut_of,
     hinge,
@@ -131,6 +132,21 @@ def test_any_marginals_bound_any_weights(seed: int) -> None:
     exact = reference.objective(problem, weights)
     assert lower <= upper
     assert exact <= upper * (1 + 1e-12)
+
+
+def test_edge_duals_out_of_bounds_are_repaired_before_they_count() -> None:
+    problem = MaxMarginProblem(
+        np.array([[10.0], [-10.0]]),
+        np.array([[0, 1]], np.int32),
+        np.ones((1, 1)),
+        np.array([1, 0]),
+        2,
+        np.ones(2),
+        1.0,
+    )
+    weights = np.array([1.0, -1.0, 1.0, 1.0])
+    exact = reference.objective(problem, weights)
+    assert relaxed_objective(problem, weights, np.array([[-3.0, 3.0]])) >= exact
 
 
 # ---------------------------------------------------------------- what must not matter
