@@ -15,8 +15,8 @@ from pgm_places.topology.outlines import outlines
 
 __all__ = ["Polygon", "Region", "describe_regions"]
 
+# Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise.
 Polygon = tuple[NDArray[np.float64], ...]
-"""Closed rings (n, 2) of x, y in metres: the outline counter-clockwise, then holes clockwise."""
 
 
 @dataclass(frozen=True, eq=False)
