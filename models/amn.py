@@ -124,7 +124,7 @@ class AssociativeMarkovNetwork:
     C: float | str | tuple[float, ...] = 100.0
     n_validation_blocks: int = 4
     loss: str = "class-weighted"
-    class_weight: str = "two-thirds"
+    class_weight: str = "sqrt"
     node_features: str = "auto"
     edge_features: tuple[str, ...] = ("constant",)
     edge_scale: float = 4.0
