@@ -1,4 +1,4 @@
-"""Compiled loops of boosting: weighted histograms, the search for the best split, new weights.
+"""Compiled loops of the exact search: fine histograms, bounds inside bins, the first best split.
 
 Signed masses are the example weights as whole numbers, negative for negative examples, zero for
 examples that take no part, so every sum is exact in whatever order it is taken. The score of a
@@ -13,100 +13,16 @@ from numpy.typing import NDArray
 from pgm_places._jit import njit
 
 __all__ = [
-    "add_masses",
     "add_to_four",
     "first_good_edge",
     "interior_scores",
     "neighbours_of_split",
-    "new_masses",
     "promising_bins",
-    "reweigh",
     "score_bins",
-    "score_tables",
-    "sum_last_axis",
 ]
 
 N_BINS = 256
 GROUP = 4  # histograms filled together, to hide the latency of each
-
-
-@njit
-def add_masses(
-    cells: NDArray[np.uint16], masses: NDArray[np.int64], table: NDArray[np.int64]
-) -> None:
-    """Add each mass to its cell of the table."""
-    for n in range(len(masses)):
-        table[cells[n]] += masses[n]
-
-
-@njit
-def sum_last_axis(
-    table: NDArray[np.int64], n_rows: int, size: int, margin: NDArray[np.int64]
-) -> None:
-    """Write the last axis's margin, and shrink the table in place by summing that axis."""
-    margin[:size] = 0
-    for row in range(n_rows):
-        whole = 0
-        for b in range(size):
-            mass = table[row * size + b]
-            margin[b] += mass
-            whole += mass
-        table[row] = whole
-
-
-@njit
-def score_tables(
-    joint: NDArray[np.uint16],
-    masses: NDArray[np.int64],
-    segments: NDArray[np.int64],
-    planes: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    pure: NDArray[np.bool_],
-    total: int,
-    mass: int,
-    best_edge: NDArray[np.int64],
-    best_bound: NDArray[np.int64],
-) -> None:
-    """The best split at coarse edges and a bound on all others, for the features of one table.
-
-    ``joint[n]`` is the cell of example n in a table with one axis per feature; ``planes`` and
-    ``sizes`` are its features and their coarse bins, the last varying fastest. One pass over the
-    examples fills the histograms of all of them: they are the table's margins. ``segments`` rows
-    are (start, stop, is positive).
-    """
-    n_cells = 1
-    for a in range(len(sizes)):
-        n_cells *= sizes[a]
-    positive = np.zeros(n_cells, np.int64)
-    negative = np.zeros(n_cells, np.int64)
-    for s in range(len(segments)):
-        start, stop = segments[s, 0], segments[s, 1]
-        if segments[s, 2] == 1:
-            add_masses(joint[start:stop], masses[start:stop], positive)
-        else:
-            add_masses(joint[start:stop], masses[start:stop], negative)
-    p = np.empty(N_BINS, np.int64)
-    q = np.empty(N_BINS, np.int64)
-    for a in range(len(sizes) - 1, -1, -1):
-        size = sizes[a]
-        n_cells //= size
-        sum_last_axis(positive, n_cells, size, p)
-        sum_last_axis(negative, n_cells, size, q)
-        j = planes[a]
-        left = 0
-        seen = 0
-        edge = -1
-        bound = -1
-        for b in range(size):
-            if not pure[j, b] and p[b] != q[b]:
-                high = abs(2 * (left + p[b]) - total)
-                bound = max(bound, high, abs(2 * (left + q[b]) - total))
-            left += p[b] + q[b]
-            seen += p[b] - q[b]
-            if 0 < seen < mass:
-                edge = max(edge, abs(2 * left - total))
-        best_edge[j] = edge
-        best_bound[j] = bound
 
 
 @njit
@@ -318,63 +234,3 @@ def neighbours_of_split(
             elif c == above:
                 high = min(high, float(X[rows[n], column]))
     return low, high
-
-
-@njit
-def reweigh(
-    codes: NDArray[np.uint8],
-    segments: NDArray[np.int64],
-    X: NDArray[np.float32],
-    rows: NDArray[np.int64],
-    column: int,
-    below: int,
-    mixed: int,
-    threshold: float,
-    left_positive: float,
-    left_negative: float,
-    weights: NDArray[np.float64],
-) -> None:
-    """Multiply weights by the left factor of their side, or by its inverse on the right.
-
-    Left of the split are codes under ``below``, and in bin ``mixed`` values under ``threshold``.
-    """
-    for s in range(len(segments)):
-        factor = left_positive if segments[s, 2] == 1 else left_negative
-        inverse = 1.0 / factor
-        for n in range(segments[s, 0], segments[s, 1]):
-            c = int(codes[n])
-            is_left = c < below
-            if c == mixed:
-                is_left = float(X[rows[n], column]) < threshold
-            weights[n] *= factor if is_left else inverse
-
-
-@njit
-def new_masses(
-    weights: NDArray[np.float64],
-    segments: NDArray[np.int64],
-    unit: float,
-    masses: NDArray[np.int64],
-    out: NDArray[np.int64],
-) -> None:
-    """Normalise weights to sum 1 and round them to signed masses of ``1 / unit``.
-
-    Writes the sum of the negative and of the positive masses to ``out``.
-    """
-    scale = 0.0
-    for s in range(len(segments)):
-        for n in range(segments[s, 0], segments[s, 1]):
-            scale += weights[n]
-    scale = 1.0 / scale
-    out[0] = 0
-    out[1] = 0
-    for s in range(len(segments)):
-        signed_unit = unit if segments[s, 2] == 1 else -unit
-        side = np.int64(0)
-        for n in range(segments[s, 0], segments[s, 1]):
-            w = weights[n] * scale
-            weights[n] = w
-            m = np.int64(np.rint(w * signed_unit))
-            masses[n] = m
-            side += m
-        out[segments[s, 2]] += side

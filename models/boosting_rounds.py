@@ -56,7 +56,7 @@ def boost(
     search = StumpSearch(prepared, segments, weights, n_threads)
     chosen: list[tuple[int, float, int, float]] = []
     while len(chosen) < n_rounds:
-        search.round_weights()
+        search.keep_in_range()
         stump = search.best_stump()
         if stump is None:
             break

@@ -22,7 +22,7 @@ from pgm_places._checks import finite_array
 from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
 
-__all__ = ["SortedFeatures", "Table", "prepare"]
+__all__ = ["JointTables", "SortedFeatures", "prepare"]
 
 _N_BINS = 256
 _EDGE_SAMPLE = 4096  # examples whose values place the bins' edges
@@ -31,13 +31,27 @@ _MANY_EXAMPLES = 32_768  # from here on a table of 64 x 64 cells is worth its ma
 _FEW_EXAMPLES = 4_096
 
 
-@dataclass(frozen=True)
-class Table:
-    """Several features whose coarse bins are counted jointly, the last varying fastest."""
+@dataclass(frozen=True, eq=False)
+class JointTables:
+    """Tables of joint coarse bins, each with one axis per feature, the last varying fastest.
 
+    Attributes
+    ----------
+    cells : (T, N) uint16
+        The cell of every example in every table.
+    axes : (T + 1,) int64
+        Table t has the axes ``axes[t]`` to ``axes[t + 1]``.
+    planes, sizes : (D,) int64
+        The feature of each axis, and its coarse bins.
+    starts : (T + 1,) int64
+        Where each table's cells begin when all tables stand in one array.
+    """
+
+    cells: NDArray[np.uint16] = field(repr=False)
+    axes: NDArray[np.int64]
     planes: NDArray[np.int64]
     sizes: NDArray[np.int64]
-    cells: NDArray[np.uint16] = field(repr=False)
+    starts: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +74,8 @@ class SortedFeatures:
         Bins that can hold one value only.
     coarse_pure : (D, 256) bool
         The same for coarse bins.
-    tables : tuple of Table
-        Every kept column is in one of them.
+    tables : JointTables
+        Every kept column is an axis of one of them.
     """
 
     X: NDArray[np.float32]
@@ -71,7 +85,7 @@ class SortedFeatures:
     codes: NDArray[np.uint8] = field(repr=False)
     pure: NDArray[np.bool_] = field(repr=False)
     coarse_pure: NDArray[np.bool_] = field(repr=False)
-    tables: tuple[Table, ...] = field(repr=False)
+    tables: JointTables = field(repr=False)
     _bins: dict[tuple[int, int], tuple[NDArray[np.int32], NDArray[np.float32]]] = field(
         default_factory=dict, repr=False
     )
@@ -262,30 +276,30 @@ def _coarse_bins(
 
 def _tables(
     codes: NDArray[np.uint8], coarse: NDArray[np.uint8], limit: int, n_threads: int | None
-) -> tuple[Table, ...]:
+) -> JointTables:
     """The features packed into tables of at most ``limit`` cells, the finest first."""
     from pgm_places.models._quantising_kernels import join
 
-    sizes = coarse.max(axis=1, initial=0).astype(np.int64) + 1
-    open_groups: list[tuple[int, list[int]]] = []
-    for j in np.argsort(-sizes, kind="stable").tolist():
-        fitting = [g for g, (n_cells, _) in enumerate(open_groups) if n_cells * sizes[j] <= limit]
-        if fitting:
-            n_cells, members = open_groups[fitting[0]]
-            members.append(j)
-            open_groups[fitting[0]] = (n_cells * int(sizes[j]), members)
+    size = coarse.max(axis=1, initial=0).astype(np.int64) + 1
+    groups: list[list[int]] = []
+    n_cells: list[int] = []
+    for j in np.argsort(-size, kind="stable").tolist():
+        fitting = (g for g, cells in enumerate(n_cells) if cells * size[j] <= limit)
+        g = next(fitting, None)
+        if g is None:
+            groups.append([j])
+            n_cells.append(int(size[j]))
         else:
-            open_groups.append((int(sizes[j]), [j]))
-    groups = [members for _, members in open_groups]
+            groups[g].append(j)
+            n_cells[g] *= int(size[j])
+    axes = np.cumsum([0, *(len(members) for members in groups)])
+    planes = np.array([j for members in groups for j in members], np.int64)
+    sizes = size[planes]
     cells = np.empty((len(groups), codes.shape[1]), np.uint16)
-    tables = tuple(
-        Table(np.array(members, np.int64), sizes[members], cells[g])
-        for g, members in enumerate(groups)
-    )
 
     def work(task: int) -> None:
-        table = tables[task]
-        join(codes, coarse, table.planes, table.sizes, table.cells)
+        own = slice(axes[task], axes[task + 1])
+        join(codes, coarse, planes[own], sizes[own], cells[task])
 
-    run_tasks(work, len(tables), n_threads=n_threads)
-    return tables
+    run_tasks(work, len(groups), n_threads=n_threads)
+    return JointTables(cells, axes, planes, sizes, np.cumsum([0, *n_cells]))

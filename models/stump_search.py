@@ -10,9 +10,11 @@ from pgm_places.models.sorted_features import SortedFeatures
 
 __all__ = ["Stump", "StumpSearch"]
 
-# Weights become whole numbers of this unit: sums are exact in any order, and twice the sum of all
-# still fits 64 bits.
-_UNIT = 2.0**60
+# Weights become whole numbers, so sums are exact in any order. Their sum is kept in a range where
+# rounding is far below a tie and twice the sum, doubled by one round, still fits 64 bits.
+_WHOLE_MASS = 2.0**57
+_LEAST_MASS = 2**54
+_MOST_MASS = 2**60
 
 # Scores that differ by less than this part of the whole mass count as equal. It is far above the
 # rounding of the weights and far below any difference that carries information.
@@ -20,6 +22,9 @@ _TIE_SHIFT = 40
 
 _GROUP = 4  # features that one kernel call looks at in full resolution
 _PER_TASK = 4  # tables of coarse bins
+
+# Fewer counted masses than this are done before a second thread has started.
+_WORTH_THREADS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,7 @@ class StumpSearch:
         n_threads: int | None,
     ) -> None:
         n_planes, n = prepared.codes.shape
+        n_cells = int(prepared.tables.starts[-1])
         self.prepared = prepared
         self.segments = segments
         self.weights = weights
@@ -69,22 +75,56 @@ class StumpSearch:
         self.included = np.zeros(n, np.bool_)
         for start, stop, _ in segments:
             self.included[start:stop] = True
+        self.wrong = np.zeros(n, np.bool_)
         self.masses = np.zeros(n, np.int64)
-        self.sums = np.zeros(2, np.int64)
+        self.sums = np.zeros(2, np.int64)  # of the negative and of the positive masses
+        self.positions = np.empty(n, np.uint32)  # the examples whose mass changed last,
+        self.changes = np.empty(n, np.int64)  # by how much,
+        self.spans = np.zeros_like(segments)  # and which of them are positive
+        self.table_positive = np.zeros(n_cells, np.int64)
+        self.table_negative = np.zeros(n_cells, np.int64)
         self.positive = np.empty((n_planes, 256), np.int64)
         self.negative = np.empty((n_planes, 256), np.int64)
         self.best_edge = np.empty(n_planes, np.int64)
         self.best_bound = np.empty(n_planes, np.int64)
         self.promising = np.empty((256, 5), np.int64)
 
-    def round_weights(self) -> None:
-        """Normalise the weights (step 3a of Fig. 2) and round them to masses."""
-        from pgm_places.models._boosting_kernels import new_masses
+    @property
+    def total(self) -> int:
+        """The sum of the signed masses."""
+        return int(self.sums[1] + self.sums[0])
 
-        new_masses(self.weights, self.segments, _UNIT, self.masses, self.sums)
-        self.total = int(self.sums[1] + self.sums[0])
-        self.mass = int(self.sums[1] - self.sums[0])
-        self.tie = self.mass >> _TIE_SHIFT
+    @property
+    def mass(self) -> int:
+        """The sum of all masses, which stands for the weight 1."""
+        return int(self.sums[1] - self.sums[0])
+
+    @property
+    def tie(self) -> int:
+        """Scores this close count as equal."""
+        return self.mass >> _TIE_SHIFT
+
+    def keep_in_range(self) -> None:
+        """Normalise the weights (step 3a of Fig. 2) where their sum has drifted too far.
+
+        In between, their sum stands for 1: only its ratio to scores matters.
+        """
+        if _LEAST_MASS <= self.mass <= _MOST_MASS:
+            return
+        from pgm_places.models._weighing_kernels import weigh_all
+
+        self.table_positive[:] = 0
+        self.table_negative[:] = 0
+        weigh_all(
+            self.weights,
+            self.segments,
+            _WHOLE_MASS,
+            self.masses,
+            self.positions,
+            self.changes,
+            self.spans,
+            self.sums,
+        )
 
     def best_stump(self) -> Stump | None:
         """The stump of largest |r|; among equals the lowest feature, then the lowest threshold.
@@ -101,27 +141,41 @@ class StumpSearch:
         looked_into, best = self._score_inside(planes, best)
         return self._first_of(planes, looked_into, best - self.tie)
 
+    def _threads_for(self, n_counted: int) -> int | None:
+        return self.n_threads if n_counted >= _WORTH_THREADS else 1
+
     def _score_coarse(self) -> None:
-        from pgm_places.models._boosting_kernels import score_tables
+        from pgm_places.models._joint_table_kernels import score_tables
 
         prepared = self.prepared
+        tables = prepared.tables
+        n_tables = len(tables.cells)
+        total, mass = self.total, self.mass
 
         def work(task: int) -> None:
-            for table in prepared.tables[task * _PER_TASK : (task + 1) * _PER_TASK]:
-                score_tables(
-                    table.cells,
-                    self.masses,
-                    self.segments,
-                    table.planes,
-                    table.sizes,
-                    prepared.coarse_pure,
-                    self.total,
-                    self.mass,
-                    self.best_edge,
-                    self.best_bound,
-                )
+            score_tables(
+                task * _PER_TASK,
+                min((task + 1) * _PER_TASK, n_tables),
+                tables.cells,
+                tables.starts,
+                tables.axes,
+                tables.planes,
+                tables.sizes,
+                prepared.coarse_pure,
+                self.positions,
+                self.changes,
+                self.spans,
+                total,
+                mass,
+                self.table_positive,
+                self.table_negative,
+                self.best_edge,
+                self.best_bound,
+            )
 
-        run_tasks(work, -(-len(prepared.tables) // _PER_TASK), n_threads=self.n_threads)
+        n_changes = int(self.spans[-1, 1])
+        threads = self._threads_for(n_tables * n_changes)
+        run_tasks(work, -(-n_tables // _PER_TASK), n_threads=threads)
 
     def _score_fine(self, best: int) -> NDArray[np.int64]:
         """Fill the fine histograms of all features that can reach the best score; return them."""
@@ -147,7 +201,12 @@ class StumpSearch:
         work(0)  # the most promising ones raise the bar for the others
         best = max(best, int(self.best_edge[planes[:_GROUP]].max()))
         count = max(_GROUP, int((reach >= best - self.tie).sum()))
-        run_tasks(lambda task: work(task + 1), -(-count // _GROUP) - 1, n_threads=self.n_threads)
+        n_tasks = -(-count // _GROUP) - 1
+        run_tasks(
+            lambda task: work(task + 1),
+            n_tasks,
+            n_threads=self._threads_for(count * len(self.masses)),
+        )
         return np.sort(planes[:count])
 
     def _score_inside(
@@ -231,10 +290,9 @@ class StumpSearch:
         return Stump(plane, low, high, last_left + 1, -1, score)
 
     def reweigh(self, stump: Stump, alpha: float) -> None:
-        """Step 3e of Fig. 2: D(n) exp(-alpha l h), not yet normalised."""
-        from pgm_places.models._boosting_kernels import reweigh
+        """Step 3e of Fig. 2: D(n) exp(-alpha l h), up to a common factor."""
+        from pgm_places.models._weighing_kernels import reweigh
 
-        factor = float(np.exp(-alpha if stump.score > 0 else alpha))
         prepared = self.prepared
         reweigh(
             prepared.codes[stump.plane],
@@ -245,7 +303,13 @@ class StumpSearch:
             stump.below,
             stump.mixed,
             stump.threshold,
-            factor,
-            1.0 / factor,
+            int(stump.score > 0),
+            float(np.exp(2.0 * alpha)),
+            self.wrong,
             self.weights,
+            self.masses,
+            self.positions,
+            self.changes,
+            self.spans,
+            self.sums,
         )

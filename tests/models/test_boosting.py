@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from pgm_places.errors import InputError
-from pgm_places.models import sorted_features
+from pgm_places.models import sorted_features, stump_search
 from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.boosting_rounds import MAX_EDGE, boost
 from pgm_places.models.sorted_features import prepare
@@ -140,6 +140,15 @@ def test_a_column_with_few_bins_is_searched_inside_them() -> None:
     assert wanted[0][0] == 6 and wanted[0][1] == pytest.approx(X[heavy, 6].astype(float).mean())
     model = AdaBoostStumps(n_rounds=4).fit(X, y, sample_weight=weights)
     assert_same_stumps(model, wanted)
+
+
+def test_normalising_in_every_round_changes_no_stump(monkeypatch: pytest.MonkeyPatch) -> None:
+    X, y = large_set(2_000)
+    seldom = AdaBoostStumps(n_rounds=60).fit(X, y)
+    monkeypatch.setattr(stump_search, "_LEAST_MASS", 2**58)
+    often = AdaBoostStumps(n_rounds=60).fit(X, y)
+    assert stumps_of(seldom) == stumps_of(often)
+    np.testing.assert_allclose(seldom.alpha_, often.alpha_, rtol=1e-9, atol=0)
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:

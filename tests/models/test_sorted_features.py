@@ -68,10 +68,13 @@ def test_a_value_of_many_examples_has_a_bin_of_its_own() -> None:
 def test_every_kept_column_is_in_one_table_whose_cells_follow_its_bins() -> None:
     prepared, _, _ = prepared_example()
     seen = []
-    for table in prepared.tables:
-        assert np.prod(table.sizes) <= 32**2
-        digits = np.unravel_index(table.cells, tuple(table.sizes))
-        for plane, digit in zip(table.planes, digits, strict=True):
+    tables = prepared.tables
+    for t, cells in enumerate(tables.cells):
+        own = slice(tables.axes[t], tables.axes[t + 1])
+        n_cells = int(np.prod(tables.sizes[own]))
+        assert n_cells == np.diff(tables.starts)[t] <= 32**2
+        digits = np.unravel_index(cells, tuple(tables.sizes[own]))
+        for plane, digit in zip(tables.planes[own], digits, strict=True):
             code = prepared.codes[plane].astype(int)
             order = np.argsort(code, kind="stable")
             assert (np.diff(digit[order]) >= 0).all()
@@ -93,7 +96,7 @@ def test_memory_is_at_most_two_bytes_per_example_and_feature() -> None:
     rng = np.random.default_rng(0)
     X = rng.normal(size=(40_000, 20)).astype(np.float32)
     prepared = prepare(X, rng.integers(0, 2, 40_000))
-    used = prepared.codes.nbytes + sum(table.cells.nbytes for table in prepared.tables)
+    used = prepared.codes.nbytes + prepared.tables.cells.nbytes
     assert used <= 2 * X.size
 
 

@@ -1,0 +1,238 @@
+"""Boosting decision stumps: generalized AdaBoost, 100 rounds.
+
+One class against all others on the 321 features of the cells of building 79 at 5 cm where the data
+is there, else of the generated building. Seconds are of the processor on one thread and of the
+wall clock on several. Methods marked ``*`` were run for fewer rounds and their time per round was
+multiplied. ``same stumps`` counts the rounds, among those the exhaustive sweep was run for, with
+the very stump it found. LightGBM's stumps come from 255 bins and a logistic loss: another model,
+for its speed. ``bytes`` is what is kept beside the float32 matrix, per example and feature.
+"""
+
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import boosting_peers as peers
+from benchmarks.labelling import NAMES, map_files
+from pgm_places.features.extraction import extract
+from pgm_places.io.label_image import load_labels
+from pgm_places.io.map_server import load_map
+from pgm_places.models.boosting_rounds import boost
+from pgm_places.models.sorted_features import SortedFeatures, prepare
+from pgm_places.models.strong_classifier import score_all
+from pgm_places.sensing.ray_casting import iter_cast
+from pgm_places.sensing.sensor import Sensor
+
+Row = dict[str, Any]
+Matrix = NDArray[np.float32]
+
+
+def training_data(n_rows: int) -> tuple[str, Matrix, NDArray[np.int64]]:
+    """A title, the features of labelled cells, and their labels."""
+    with tempfile.TemporaryDirectory() as name:
+        title, map_yaml, label_path = map_files(Path(name))
+        grid = load_map(map_yaml).grid
+        labels = load_labels(label_path, NAMES, grid=grid)
+    mask = grid.free & (labels >= 0)
+    sensor = Sensor()
+    X = np.empty((int(mask.sum()), 321), np.float32)
+    for block in iter_cast(grid, sensor, mask=mask):
+        X[block.nodes] = extract(block.ranges, max_range_m=sensor.max_range_m)
+    y = labels[mask].astype(np.int64)
+    if len(X) < n_rows:  # the generated building is smaller: cells once more, slightly moved
+        rng = np.random.default_rng(0)
+        more = rng.integers(0, len(X), n_rows - len(X))
+        noise = 1 + 0.01 * rng.normal(size=(len(more), 321)).astype(np.float32)
+        X, y = np.concatenate([X, X[more] * noise]), np.concatenate([y, y[more]])
+    picked = np.linspace(0, len(X) - 1, n_rows).astype(np.int64)
+    return title, X[picked], y[picked]
+
+
+def timed(work: Callable[[], Any], repeats: int, *, wall: bool = False) -> tuple[float, Any]:
+    """The median seconds of some runs, and the last result."""
+    clock = time.perf_counter if wall else time.process_time
+    seconds = []
+    for _ in range(repeats):
+        start = clock()
+        result = work()
+        seconds.append(clock() - start)
+    return statistics.median(seconds), result
+
+
+def binary(X: Matrix, y: NDArray[np.int64], k: int, n_rounds: int, repeats: int) -> list[Row]:
+    """All methods on one binary problem."""
+    own = y == k
+    few = min(n_rounds, 10)
+    sweep_row, wanted = swept(X, own, n_rounds, few)
+    rows = [ours(X, own, n_rounds, repeats, threads, wanted) for threads in (1, 2)]
+    rows.append(sweep_row)
+    rows.append(row("scikit-learn *", 1, None, peers.scikit_learn(X, own) * n_rounds))
+    for name, work in (("LightGBM", peers.lightgbm_stumps), ("OpenCV 4", peers.opencv_boost)):
+        try:
+            prepare_s, rounds_s, note = work(X, own, n_rounds)
+        except ImportError as error:
+            rows.append(row(f"{name}: skipped, {error}", None, None, None))
+        else:
+            rows.append(row(name + note, 1, prepare_s, rounds_s))
+    reference = next(item["all s"] for item in rows if item["method"].startswith("scikit"))
+    return [
+        {
+            "class": NAMES[k],
+            **item,
+            "scikit-learn's time / own": item["all s"] and reference / item["all s"],
+        }
+        for item in rows
+    ]
+
+
+def row(
+    name: str, threads: int | None, prepare_s: float | None, rounds_s: float | None, **more: Any
+) -> Row:
+    """One method's line."""
+    return {
+        "method": name,
+        "threads": threads,
+        "preparation s": prepare_s,
+        "rounds s": rounds_s,
+        "all s": None if rounds_s is None else rounds_s + (prepare_s or 0.0),
+        "same stumps": more.get("same"),
+        "bytes": more.get("kept"),
+    }
+
+
+def ours(
+    X: Matrix, own: Any, n_rounds: int, repeats: int, threads: int, wanted: list[peers.Stump]
+) -> Row:
+    """Ours, and how many of its first stumps are those of the exhaustive sweep."""
+    part, wall = own.astype(np.int64), threads > 1
+    prepare_s, prepared = timed(lambda: prepare(X, part, n_threads=threads), repeats, wall=wall)
+    seconds = []
+    for _ in range(repeats):
+        prepared = prepare(X, part, n_threads=threads)  # a fresh one has sorted no bin yet
+        rounds_s, found = timed(
+            lambda fresh=prepared: boost(fresh, [1], [0], n_rounds=n_rounds, n_threads=threads),
+            1,
+            wall=wall,
+        )
+        seconds.append(rounds_s)
+    stumps = list(zip(found.feature, found.threshold, found.polarity, strict=True))
+    same = sum(stumps[t] == wanted[t] for t in range(len(wanted)))
+    kept = prepared.codes.nbytes + prepared.tables.cells.nbytes
+    return row(
+        "pgm_places",
+        threads,
+        prepare_s,
+        statistics.median(seconds),
+        same=f"{same} of {len(wanted)}",
+        kept=kept / X.size,
+    )
+
+
+def swept(X: Matrix, own: Any, n_rounds: int, few: int) -> tuple[Row, list[peers.Stump]]:
+    """The exhaustive sweep over presorted columns, and its stumps."""
+    peers.sweep(*peers.presort(X[::97]), X[::97], own[::97], 1)
+    sort_s, (orders, values) = timed(lambda: peers.presort(X), 1)
+    sweep_s, wanted = timed(lambda: peers.sweep(orders, values, X, own, few), 1)
+    kept = (orders.nbytes + values.nbytes) / X.size
+    name = "exhaustive sweep, compiled *"
+    return row(name, 1, sort_s, sweep_s * n_rounds / few, kept=kept), wanted
+
+
+def scaling(X: Matrix, y: NDArray[np.int64], repeats: int, n_rounds: int) -> list[Row]:
+    """Our seconds against examples, features and rounds, and the floor of reading the codes."""
+    part = (y == 1).astype(np.int64)
+    whole = (len(X), X.shape[1], n_rounds)
+    cases = [(max(200, len(X) // 16), *whole[1:]), (len(X) // 4, *whole[1:])]
+    cases += [(len(X), 20, n_rounds), (len(X), 80, n_rounds), (*whole[:2], n_rounds // 4), whole]
+    rows = []
+    for n, n_features, count in cases:
+        step = len(X) // n
+        some = np.ascontiguousarray(X[::step, :n_features][:n])
+        mine = part[::step][:n]
+        prepare_s, prepared = timed(lambda a=some, b=mine: prepare(a, b, n_threads=1), repeats)
+        rounds_s, _ = timed(
+            lambda p=prepared, t=count: boost(p, [1], [0], n_rounds=t, n_threads=1), repeats
+        )
+        masses = np.zeros(n, np.int64)
+
+        def read(prepared: SortedFeatures = prepared, masses: Any = masses) -> None:
+            for cells in prepared.tables.cells:
+                cells.max(initial=0)
+                masses.max(initial=0)
+
+        floor, _ = timed(read, 5)
+        rows.append(
+            {
+                "examples": n,
+                "features": n_features,
+                "rounds": count,
+                "preparation s": prepare_s,
+                "rounds s": rounds_s,
+                "ns per example, feature and round": rounds_s / n / n_features / count * 1e9,
+                "kept columns": len(prepared.columns),
+                "tables": len(prepared.tables.cells),
+                "floor: reading all, s": floor * count,
+            }
+        )
+    return rows
+
+
+def prediction(X: Matrix, y: NDArray[np.int64], n_rounds: int, repeats: int) -> list[Row]:
+    """A trained list of two classifiers evaluated on all examples."""
+    prepared = prepare(X, y)
+    parts = [boost(prepared, [0], [1, 2], n_rounds=n_rounds)]
+    parts.append(boost(prepared, [2], [1], n_rounds=n_rounds))
+    used = np.unique(np.concatenate([part.feature for part in parts]))
+    place = np.zeros(X.shape[1], np.int64)
+    place[used] = np.arange(len(used))
+    small = np.ascontiguousarray(X[:, used])
+    moved = [part.renumbered(place) for part in parts]
+    rows = []
+    for threads in (1, 2):
+        for name, matrix, some in (("all columns", X, parts), ("used columns only", small, moved)):
+            seconds, _ = timed(
+                lambda m=matrix, s=some, t=threads: score_all(s, m, n_threads=t),
+                5 * repeats,
+                wall=threads > 1,
+            )
+            rows.append(
+                {
+                    "prediction from": name,
+                    "columns": matrix.shape[1],
+                    "examples": len(X),
+                    "stumps": sum(part.n_rounds for part in parts),
+                    "threads": threads,
+                    "ms": 1e3 * seconds,
+                    "ns per example and stump": seconds
+                    / len(X)
+                    / sum(p.n_rounds for p in parts)
+                    * 1e9,
+                }
+            )
+    return rows
+
+
+def run(quick: bool) -> list[Row]:
+    """The rows of the tables."""
+    n_rows, n_rounds, repeats = (4_000, 20, 3) if quick else (100_000, 100, 5)
+    title, X, y = training_data(n_rows)
+    print(f"{title}: {X.shape[0]} x {X.shape[1]}", file=sys.stderr, flush=True)
+    warm = prepare(X[::97], (y[::97] == 1).astype(np.int64), n_threads=1)
+    boost(warm, [1], [0], n_rounds=2, n_threads=1)
+    rows = []
+    for k in (1,) if quick else (1, 2):
+        rows += binary(X, y, k, n_rounds, repeats)
+    return rows + scaling(X, y, repeats, n_rounds) + prediction(X, y, n_rounds, repeats)
+
+
+if __name__ == "__main__":
+    from benchmarks.__main__ import markdown_table
+
+    print(markdown_table(run("--quick" in sys.argv)))

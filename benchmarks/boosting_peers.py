@@ -1,0 +1,133 @@
+"""What boosting is compared with: an exhaustive sweep of our own, and other packages' stumps.
+
+The sweep is what a careful programmer would write first: every round passes over all presorted
+values of all features. Its stumps are the ones that ours must be.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+
+Stump = tuple[int, float, int]
+
+
+@njit
+def best_of_column(
+    order: NDArray[np.int32], values: NDArray[np.float32], signed: NDArray[np.float64], total: float
+) -> tuple[float, int]:
+    """The largest |r| over the thresholds of one sorted column, and the last place on its left."""
+    left = 0.0
+    best = -1.0
+    place = -1
+    for k in range(len(order) - 1):
+        left += signed[order[k]]
+        if values[k] < values[k + 1]:
+            r = abs(2.0 * left - total)
+            if r > best + 1e-12:
+                best = r
+                place = k
+    return best, place
+
+
+def presort(X: NDArray[np.float32]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """(F, N) the order of each column's values, and the values in that order."""
+    columns = np.ascontiguousarray(X.T)
+    order = np.argsort(columns, axis=1, kind="stable")
+    return order.astype(np.int32), np.take_along_axis(columns, order, axis=1)
+
+
+def sweep(
+    orders: NDArray[Any], values: NDArray[Any], X: NDArray[np.float32], y: Any, n_rounds: int
+) -> list[Stump]:
+    """The stumps of the first rounds of generalized AdaBoost."""
+    labels = np.where(y, 1.0, -1.0)
+    weights = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
+    stumps: list[Stump] = []
+    for _ in range(n_rounds):
+        weights /= weights.sum()
+        signed = weights * labels
+        total = float(signed.sum())
+        best, column, place = -1.0, -1, -1
+        for j in range(len(orders)):
+            r, k = best_of_column(orders[j], values[j], signed, total)
+            if r > best + 1e-12:
+                best, column, place = r, j, k
+        low, high = float(values[column, place]), float(values[column, place + 1])
+        theta = low + (high - low) / 2
+        left = X[:, column] < theta
+        polarity = 1 if 2 * signed[left].sum() > total else -1
+        alpha = np.arctanh(best)
+        weights *= np.exp(-alpha * labels * polarity * np.where(left, 1.0, -1.0))
+        stumps.append((column, theta, polarity))
+    return stumps
+
+
+def seconds_of(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Processor seconds of one run, and its result."""
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
+
+
+def balanced(own: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Weights that give both classes half."""
+    return np.where(own, 0.5 / own.sum(), 0.5 / (~own).sum()) * len(own)
+
+
+def scikit_learn(X: NDArray[np.float32], own: NDArray[np.bool_]) -> float:
+    """Processor seconds of one round."""
+    from sklearn.ensemble import AdaBoostClassifier
+    from sklearn.tree import DecisionTreeClassifier
+
+    model = AdaBoostClassifier(DecisionTreeClassifier(max_depth=1), n_estimators=2)
+    seconds, _ = seconds_of(lambda: model.fit(X, own, sample_weight=balanced(own)))
+    return seconds / 2
+
+
+def lightgbm_stumps(
+    X: NDArray[np.float32], own: NDArray[np.bool_], n_rounds: int
+) -> tuple[float, float, str]:
+    """Binning and rounds of LightGBM with trees of two leaves."""
+    import lightgbm
+
+    options = {
+        "objective": "binary", "num_leaves": 2, "max_bin": 255, "min_data_in_leaf": 20,
+ "num_threads": 1, "verbose": -1, "learning_rate": 0.5,
+    }  # fmt: skip
+    prepare_s, data = seconds_of(
+        lambda: lightgbm.Dataset(
+            X, own.astype(np.float32), weight=balanced(own), params=options
+        ).construct()
+    )
+    rounds_s, _ = seconds_of(lambda: lightgbm.train(options, data, num_boost_round=n_rounds))
+    return prepare_s, rounds_s, " stumps"
+
+
+def opencv_boost(
+    X: NDArray[np.float32], own: NDArray[np.bool_], n_rounds: int
+) -> tuple[float, float, str]:
+    """OpenCV's discrete AdaBoost with stumps and no trimming, from runs of one and three rounds."""
+    import cv2
+
+    if not hasattr(cv2, "ml"):
+        raise ImportError("this OpenCV has no ml module")
+    cv2.setNumThreads(1)
+
+    def train(count: int) -> None:
+        model = cv2.ml.Boost_create()
+        model.setBoostType(cv2.ml.BOOST_DISCRETE)
+        model.setWeakCount(count)
+        model.setWeightTrimRate(0.0)
+        model.setMaxDepth(1)
+        model.setUseSurrogates(False)
+        model.train(X, cv2.ml.ROW_SAMPLE, own.astype(np.int32))
+
+    one, _ = seconds_of(lambda: train(1))
+    three, _ = seconds_of(lambda: train(3))
+    per_round = (three - one) / 2
+    return max(0.0, one - per_round), per_round * n_rounds, " Boost *"
