@@ -1,4 +1,4 @@
-"""Compiled loops over tables of joint coarse bins: their upkeep, their margins, bounds on scores."""
+"""Compiled loops over tables of joint coarse bins: upkeep, margins, bounds on scores."""
 
 import numpy as np
 from numpy.typing import NDArray
