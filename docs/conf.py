@@ -37,3 +37,13 @@ html_theme_options = {
     "show_toc_level": 2,
     "header_links_before_dropdown": 7,
 }
+
+
+def setup(app):
+    """Leave out the methods that scikit-learn generates: their text refers to its own pages."""
+
+    def skip(*event):
+        _app, _what, name, _obj, skipped, _options = event
+        return True if name.startswith("set_") and name.endswith("_request") else skipped
+
+    app.connect("autodoc-skip-member", skip)

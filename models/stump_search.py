@@ -127,7 +127,7 @@ class StumpSearch:
         )
 
     def best_stump(self) -> Stump | None:
-        """The stump of largest |r|; among equals the lowest feature, then the lowest threshold.
+        """The stump of largest ``|r|``; among equals the lowest feature, then the lowest threshold.
 
         Scores at coarse edges come first, then fine ones of the features that can still win, then
         those inside the bins that can.
