@@ -31,8 +31,12 @@ _CELLS_PER_TASK = 256
 _FOLLOW_RAY, _FOLLOW_CELL = 2.5, 1.6
 _SWEEP_RAY, _SWEEP_FACE, _SWEEP_COLUMN = 1.2, 18.0, 60.0
 
-_REGION_BYTES = 12
-"""Bytes for each cell of a box's surroundings while its faces are listed."""
+_CELL_BYTES = 2
+"""For each cell of a box's surroundings: whether it is blocked, and one comparison of them all."""
+_LISTING_BYTES = 2
+"""For each cell and each thread that lists faces."""
+_FACE_BYTES = 18
+"""For each face in the lists, with a mirrored copy of some."""
 
 
 def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> NDArray[np.uint8]:
@@ -47,6 +51,14 @@ def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> N
     return blocked
 
 
+def _bytes_of_lists(grid: OccupancyGrid, stop_at_unknown: bool) -> float:
+    """What lists of faces may take for each cell: enough for parts thrice as full as the map."""
+    blocked = ~grid.free if stop_at_unknown else grid.occupied
+    faces = np.count_nonzero(blocked[1:] != blocked[:-1])
+    faces += np.count_nonzero(blocked[:, 1:] != blocked[:, :-1])
+    return max(1.0, 3 * _FACE_BYTES * faces / blocked.size)
+
+
 class CellCaster:
     """Casts a sensor's beams from cells of one map; working memory is kept from box to box."""
 
@@ -57,6 +69,7 @@ class CellCaster:
         self._beams = Beams.full_circle(sensor.n_beams)
         self._groups = beam_groups(self._beams, self._n_threads)
         self._reach = sensor.max_range_m / grid.resolution_m
+        self._list_bytes = _bytes_of_lists(grid, sensor.stop_at_unknown)
         self._spare: list[Work] = []
         # What was seen last is kept: in a map smaller than the reach all boxes see the same.
         self._region_seen: Box | None = None
@@ -66,8 +79,9 @@ class CellCaster:
     def bytes_beside_scans(self, box: Box) -> int:
         """At most so much memory :meth:`cast` takes for a box, besides its arguments."""
         region = self._region(box)
+        each = _CELL_BYTES + _LISTING_BYTES * min(self._n_threads, 2) + self._list_bytes
         return (
-            _REGION_BYTES * (region.height + 2) * (region.width + 2)
+            ceil(each * (region.height + 2) * (region.width + 2))
             + 32 * box.height * box.width
             + self._n_threads * work_bytes(box)
         )
@@ -96,7 +110,7 @@ class CellCaster:
             raster[rows - box.bottom, columns - box.left] = nodes
             self._sweep(box, region, blocked, raster, out)
         else:
-            self._follow(blocked, rows - region.bottom + 1, columns - region.left + 1, nodes, out)
+            self.follow(blocked, rows - region.bottom + 1, columns - region.left + 1, nodes, out)
         self._add_noise(rows, columns, nodes, out)
 
     def _region(self, box: Box) -> Box:
@@ -116,6 +130,8 @@ class CellCaster:
             return False
         faces = np.count_nonzero(blocked[1:] != blocked[:-1])
         faces += np.count_nonzero(blocked[:, 1:] != blocked[:, :-1])
+        if _FACE_BYTES * faces > self._list_bytes * blocked.size:
+            return False
         area = blocked.size - np.count_nonzero(blocked)
         free_way = min(pi * area / faces, self._reach)
         # A direction's beams from the box cross a strip of the region, and meet half the faces.
@@ -164,7 +180,7 @@ class CellCaster:
 
         run_tasks(sweep_group, len(self._groups), n_threads=self._n_threads)
 
-    def _follow(
+    def follow(
         self,
         blocked: NDArray[np.uint8],
         rows: NDArray[np.int64],
@@ -172,6 +188,7 @@ class CellCaster:
         nodes: NDArray[np.int32],
         out: NDArray[np.float32],
     ) -> None:
+        """Write the scans of cells by following each ray through ``blocked``."""
         along_x, along_y = self._beams.components
         step_x, step_y = self._beams.steps
         with np.errstate(divide="ignore"):

@@ -14,8 +14,10 @@ def list_runs(
     mask: NDArray[np.uint8],
     starts: NDArray[np.int64],
     runs: NDArray[np.int32],
-) -> None:
+) -> int:
     """Runs of ones in each row of ``mask``, as [begin, end) pairs; row i has starts[i:i+2].
+
+    Returns how many there are; those beyond the length of ``runs`` are not noted.
 
     ``words`` is the same memory as ``mask``, eight cells a word, so that uniform stretches are
     skipped; the last cell of a row must be 0.
@@ -29,10 +31,9 @@ def list_runs(
                 continue
             for k in range(8 * j, 8 * j + 8):
                 if mask[i, k] != inside:
-                    if inside:
-                        runs[n, 1] = k
-                        n += 1
-                    else:
-                        runs[n, 0] = k
+                    if n < len(runs):
+                        runs[n, inside] = k
+                    n += inside
                     inside = 1 - inside
     starts[mask.shape[0]] = n
+    return n

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,55 +65,55 @@ class Surroundings:
     ----------
     blocked : (rows, columns) uint8
         The region with its rim, as it lies in the map.
-    near_sides : {(backward, downward): Listed}
+    n_rows : int
+        Length of a column.
+    met_forward, met_backward : Listed
         Begin and end of the runs of faces that beams meet at columns' borders.
-    lower_sides : {downward: Listed}
-        Rows of the faces that beams meet at rows' borders.
-
-    If ``downward``, columns are in opposite order and rows are counted from the other end, so that
-    rows go up in any case.
+    solid : Listed
+        Begin and end of the runs of blocked cells.
     """
 
     blocked: NDArray[np.uint8]
-    near_sides: dict[tuple[bool, bool], Listed]
-    lower_sides: dict[bool, Listed]
+    n_rows: int
+    met_forward: Listed
+    met_backward: Listed
+    solid: Listed
 
     @classmethod
     def of(cls, blocked: NDArray[np.uint8], x_is_major: bool) -> "Surroundings":
         """The faces of the region ``blocked``."""
         solid = np.ascontiguousarray(blocked.T if x_is_major else blocked)
-        n_rows = solid.shape[1]
-        behind = np.ones_like(solid[:1])  # nothing is met on the region's rim
-        forward = _runs(solid, np.concatenate((behind, solid[:-1])))
-        backward = _runs(solid, np.concatenate((solid[1:], behind)))
-        starts, runs = _runs(solid)
-        mirrored_starts, mirrored_runs = _mirrored((starts, runs), n_rows)
-        return cls(
-            blocked,
-            {
-                (False, False): forward,
-                (True, False): backward,
-                (False, True): _mirrored(forward, n_rows),
-                (True, True): _mirrored(backward, n_rows),
-            },
-            {
-                False: _exposed(starts, runs[:, 0]),
-                True: _exposed(mirrored_starts, mirrored_runs[:, 0]),
-            },
-        )
+        mask = _row_mask(solid.shape)
+        cells = mask[:, : solid.shape[1]]
+        # Nothing is met on the region's rim.
+        np.greater(solid[1:], solid[:-1], out=cells[1:].view(np.bool_))
+        met_forward = _runs(mask)
+        cells[-1] = 0
+        np.greater(solid[:-1], solid[1:], out=cells[:-1].view(np.bool_))
+        met_backward = _runs(mask)
+        cells[:] = solid
+        return cls(blocked, solid.shape[1], met_forward, met_backward, _runs(mask))
+
+    def faces(self, backward: bool, downward: bool) -> tuple[Listed, Listed]:
+        """Near sides (begin and end of runs) and lower sides (rows) in the frame of an octant.
+
+        If ``downward``, columns are in opposite order and rows are counted from the other end, so
+        that rows go up in any case.
+        """
+        near = self.met_backward if backward else self.met_forward
+        solid = self.solid
+        if downward:
+            near, solid = _mirrored(near, self.n_rows), _mirrored(solid, self.n_rows)
+        starts, runs = solid
+        inside = runs[:, 0] > 0  # what lies on the region's rim faces nobody
+        before = np.concatenate(([0], np.cumsum(inside)))
+        return near, (before[starts], runs[inside, 0])
 
 
 def _mirrored(listed: Listed, n_rows: int) -> Listed:
     """Runs in columns of opposite order, their rows counted from the other end."""
     starts, runs = listed
     return len(runs) - starts[::-1], np.ascontiguousarray(n_rows - runs[::-1, ::-1], np.int32)
-
-
-def _exposed(starts: NDArray[np.int64], rows: NDArray[np.int32]) -> Listed:
-    """Lower sides in these rows, without those on the region's rim: they face nobody."""
-    inside = rows > 0
-    before = np.concatenate(([0], np.cumsum(inside)))
-    return before[starts], np.ascontiguousarray(rows[inside], np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,21 +135,23 @@ class Tile:
     def of(cls, nodes: NDArray[np.int32], x_is_major: bool) -> "Tile":
         """The cells of ``nodes`` (rows, columns)."""
         nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
-        return cls(nodes, _runs(nodes >= 0))
+        mask = _row_mask(nodes.shape)
+        np.greater_equal(nodes, 0, out=mask[:, : nodes.shape[1]].view(np.bool_))
+        return cls(nodes, _runs(mask))
 
 
-def _runs(cells: NDArray[Any], but_not: NDArray[np.uint8] | None = None) -> Listed:
-    """Runs of ones in the rows of ``cells``, without those that are ones of ``but_not``."""
-    height, width = cells.shape
-    mask = np.zeros((height, (width + 8) // 8 * 8), np.uint8)  # at least one 0 at the end
-    if but_not is None:
-        mask[:, :width] = cells
-    else:
-        np.greater(cells, but_not, out=mask[:, :width].view(np.bool_))
-    n_runs = np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, 1:] > mask[:, :-1])
-    starts = np.empty(height + 1, np.int64)
+def _row_mask(shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """Zeros for rows of that length and at least one more, in whole words of eight."""
+    return np.zeros((shape[0], (shape[1] + 8) // 8 * 8), np.uint8)
+
+
+def _runs(mask: NDArray[np.uint8]) -> Listed:
+    """Begin and end of the runs of ones in the rows of a mask."""
+    starts = np.empty(len(mask) + 1, np.int64)
+    words = mask.view(np.uint64)
+    n_runs = list_runs(words, mask, starts, np.empty((0, 2), np.int32))
     runs = np.empty((n_runs, 2), np.int32)
-    list_runs(mask.view(np.uint64), mask, starts, runs)
+    list_runs(words, mask, starts, runs)
     return starts, runs
 
 
@@ -254,10 +255,11 @@ class TileSweep:
         n_beams, n_rows = len(table), rows.length + BLOCK
         n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
         work.fit(n_beams, n_bins, n_rows)
+        near_sides, lower_sides = around.faces(backward, downward)
         sweep(
             around.blocked,
-            *around.near_sides[backward, downward],
-            *around.lower_sides[downward],
+            *near_sides,
+            *lower_sides,
             *tile.wanted_runs,
             tile.nodes,
             octant.x_is_major,

@@ -1,6 +1,7 @@
 """Cutting the wanted cells of a map into boxes that fit into memory."""
 
 from collections.abc import Callable, Iterator
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,11 @@ from pgm_places.sensing._box import Box
 __all__ = ["NodeNumbers", "tiles"]
 
 
-def tiles(wanted: NDArray[np.bool_], fits: Callable[[Box, int], bool]) -> Iterator[Box]:
+def tiles(wanted: NDArray[np.bool_], capacity: Callable[[Box], int]) -> Iterator[Box]:
     """Boxes that together hold every wanted cell once.
 
-    A box is halved, across its longer side and so that both halves hold as many wanted cells, until
-    ``fits(box, number of wanted cells)`` or it is a single cell.
+    A box is cut in two, across its longer side, until it holds at most ``capacity(box)`` wanted
+    cells or is a single cell.
     """
     waiting = [Box(0, wanted.shape[0], 0, wanted.shape[1])]
     while waiting:
@@ -22,10 +23,13 @@ def tiles(wanted: NDArray[np.bool_], fits: Callable[[Box, int], bool]) -> Iterat
         if box is None:
             continue
         cells = wanted[box.slices]
-        if fits(box, int(np.count_nonzero(cells))) or cells.size == 1:
+        n_cells, fit = int(np.count_nonzero(cells)), capacity(box)
+        if n_cells <= fit or cells.size == 1:
             yield box
         else:
-            waiting += reversed(_halves(box, cells))
+            # Near the end, three thirds that are just full take less time than four quarters.
+            parts = ceil(n_cells / fit) if 4 * fit >= n_cells else 2
+            waiting += reversed(_cut(box, cells, (parts // 2) / parts))
 
 
 def _trimmed(box: Box, wanted: NDArray[np.bool_]) -> Box | None:
@@ -42,11 +46,12 @@ def _trimmed(box: Box, wanted: NDArray[np.bool_]) -> Box | None:
     )
 
 
-def _halves(box: Box, cells: NDArray[np.bool_]) -> tuple[Box, Box]:
+def _cut(box: Box, cells: NDArray[np.bool_], share: float) -> tuple[Box, Box]:
+    """Two boxes, the first with about ``share`` of the cells."""
     across = 0 if box.height >= box.width else 1
     below = np.cumsum(cells.sum(axis=1 - across))
-    cut = 1 + int(np.searchsorted(below, below[-1] / 2))
-    cut = min(cut, cells.shape[across] - 1)
+    cut = int(np.searchsorted(below, below[-1] * share))
+    cut = min(max(cut, 1), cells.shape[across] - 1)
     if across == 0:
         middle = box.bottom + cut
         return (

@@ -84,7 +84,11 @@ def cast_cells(
     numbers = NodeNumbers(wanted)
     ranges = np.empty((numbers.total, sensor.n_beams), np.float32)
     done = 0
-    for box in tiles(wanted, lambda box, _: caster.bytes_beside_scans(box) <= _WORKING_BYTES):
+
+    def capacity(box: Box) -> int:
+        return (_WORKING_BYTES - caster.bytes_beside_scans(box)) // _BYTES_OF_CELL
+
+    for box in tiles(wanted, capacity):
         nodes, rows, columns = numbers.of(box)
         caster.cast(box, rows, columns, nodes.astype(np.int32), ranges)
         done += len(nodes)
@@ -143,22 +147,26 @@ def _blocks(
     memory_bytes: int,
     on_progress: OnProgress | None,
 ) -> Iterator[ScanBlock]:
-    def needs(box: Box, n_cells: int) -> int:
-        return caster.bytes_beside_scans(box) + n_cells * (4 * n_beams + _BYTES_OF_CELL)
+    bytes_of_scan = 4 * n_beams + _BYTES_OF_CELL
+
+    def capacity(box: Box) -> int:
+        return (memory_bytes - caster.bytes_beside_scans(box)) // bytes_of_scan
 
     numbers = NodeNumbers(wanted)
-    buffer = np.empty(0, np.float32)
-    done = 0
-    for box in tiles(wanted, lambda box, n_cells: needs(box, n_cells) <= memory_bytes):
-        nodes, rows, columns = numbers.of(box)
-        if needs(box, len(nodes)) > memory_bytes:
+    boxes = list(tiles(wanted, capacity))
+    most = 0
+    for box in boxes:
+        most = max(most, int(np.count_nonzero(wanted[box.slices])))
+        if capacity(box) < 1:
+            least = caster.bytes_beside_scans(box) + bytes_of_scan
             raise InputError(
-                f"memory_bytes must be at least {needs(box, len(nodes))} for this map, reach and "
-                f"number of threads, got {memory_bytes}"
+                f"memory_bytes must be at least {least} for this map, reach and number of threads, "
+                f"got {memory_bytes}"
             )
-        if len(buffer) < len(nodes) * n_beams:
-            buffer = np.empty(0, np.float32)  # let go of the old one first
-            buffer = np.empty(len(nodes) * n_beams, np.float32)
+    buffer = np.empty(most * n_beams, np.float32)
+    done = 0
+    for box in boxes:
+        nodes, rows, columns = numbers.of(box)
         ranges = buffer[: len(nodes) * n_beams].reshape(len(nodes), n_beams)
         caster.cast(box, rows, columns, np.arange(len(nodes), dtype=np.int32), ranges)
         done += len(nodes)

@@ -1,0 +1,266 @@
+"""Ray casting.
+
+360 beams from every free cell, up to 30 m, of the drawn and the real map of building 79 at 5 cm
+where the data is there, else of the generated building. ``sweep`` is what the package does, to rows
+(cell, beam) of a buffer that is reused as in streaming; ``sweep, one row`` is the same work written
+over a single row, without the traffic to memory; ``cast_cells`` is the public function, which
+returns fresh memory. ``DDA`` follows each ray from cell to cell (numba), ``stepper`` marches in
+steps of one cell as the simulator of CARMEN does; both are timed on a sample of the cells.
+``floor`` writes as many bytes. Millions of rays a second are of the processor's time on one thread
+and of the wall clock on several; errors are in cells against the DDA, over the sample.
+"""
+
+import os
+import statistics
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import njit
+from pgm_places._threads import run_tasks
+from pgm_places.datasets import generate_building
+from pgm_places.datasets.tiling import building_tiled
+from pgm_places.grid import OccupancyGrid
+from pgm_places.io.map_server import load_map
+from pgm_places.sensing._box import Box
+from pgm_places.sensing._cell_caster import CellCaster, blocked_window
+from pgm_places.sensing._tiling import NodeNumbers
+from pgm_places.sensing.ray_casting import cast_cells, iter_cast
+from pgm_places.sensing.sensor import Sensor
+
+ROOT = Path(__file__).resolve().parent.parent
+SAMPLE = 16  # every so manieth cell is enough for the slow methods
+PART = 512  # cells that a thread takes at a time
+
+Work = Callable[[], Any]
+
+
+def maps() -> Iterator[tuple[str, OccupancyGrid]]:
+    """Names and maps."""
+    base = Path(os.environ.get("PGM_PLACES_DATA") or ROOT.parent / "shared" / "data")
+    real = {"building 79, drawn": "freiburg079_drawn", "building 79": "freiburg079"}
+    for title, folder in real.items():
+        if (base / folder).is_dir():
+            yield title, load_map(base / folder / "map.yaml").grid
+    if not (base / "freiburg079").is_dir():
+        yield "generated building", generate_building().grid
+
+
+class OneBox:
+    """A whole map cast into memory that is kept, as one block of a stream is."""
+
+    def __init__(self, grid: OccupancyGrid, sensor: Sensor, n_threads: int) -> None:
+        self._box = Box(0, grid.shape[0], 0, grid.shape[1])
+        self._caster = CellCaster(grid, sensor, n_threads)
+        nodes, self.rows, self.columns = NodeNumbers(grid.free).of(self._box)
+        self._nodes = nodes.astype(np.int32)
+        self.out = np.zeros((len(nodes), sensor.n_beams), np.float32)
+
+    def sweep(self) -> None:
+        """Cast to the rows of ``out``."""
+        self._caster.cast(self._box, self.rows, self.columns, self._nodes, self.out)
+
+    def sweep_over_one_row(self) -> None:
+        """Do the same work, but write every scan over the first row."""
+        first = np.zeros_like(self._nodes)
+        self._caster.cast(self._box, self.rows, self.columns, first, self.out[:1])
+
+
+@njit
+def march(
+    blocked: NDArray[np.uint8],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    angles: NDArray[np.float64],
+    step: float,
+    limit: float,
+    metres: float,
+    out: NDArray[np.float32],
+) -> None:
+    """Ranges by looking at the cell under the beam's tip every ``step`` cells."""
+    for i in range(len(rows)):
+        for beam in range(len(angles)):
+            along_x, along_y = np.cos(angles[beam]), np.sin(angles[beam])
+            travelled = 0.0
+            while travelled < limit:
+                x = int(columns[i] + 0.5 + travelled * along_x)
+                y = int(rows[i] + 0.5 + travelled * along_y)
+                if blocked[y, x]:
+                    break
+                travelled += step
+            out[i, beam] = np.float32(min(travelled, limit) * metres)
+
+
+class SlowMethods:
+    """The same scans for a sample of the cells, ray by ray."""
+
+    def __init__(self, grid: OccupancyGrid, sensor: Sensor, every: int) -> None:
+        self._grid, self._sensor = grid, sensor
+        self._box = Box(0, grid.shape[0], 0, grid.shape[1])
+        self._blocked = blocked_window(grid, self._box, sensor.stop_at_unknown)
+        _, rows, columns = NodeNumbers(grid.free).of(self._box)
+        self._rows, self._columns = rows[::every] + 1, columns[::every] + 1
+        self._nodes = np.arange(len(self._rows), dtype=np.int32)
+        self.out = np.zeros((len(self._rows), sensor.n_beams), np.float32)
+
+    def dda(self, n_threads: int) -> None:
+        """Follow every ray from border to border."""
+        caster = CellCaster(self._grid, self._sensor, n_threads)
+        caster.follow(self._blocked, self._rows, self._columns, self._nodes, self.out)
+
+    def stepper(self, n_threads: int) -> None:
+        """March along every ray in steps of one cell."""
+        angles = self._sensor.angles_rad
+        limit = self._sensor.max_range_m / self._grid.resolution_m
+
+        def part(task: int) -> None:
+            some = slice(task * PART, (task + 1) * PART)
+            march(
+                self._blocked,
+                self._rows[some],
+                self._columns[some],
+                angles,
+                1.0,
+                limit,
+                self._grid.resolution_m,
+                self.out[some],
+            )
+
+        run_tasks(part, -(-len(self._rows) // PART), n_threads=n_threads)
+
+
+def seconds(work: Work, threads: int, repeats: int) -> float:
+    """Median time after one call to warm up."""
+    clock = time.process_time if threads == 1 else time.perf_counter
+    work()
+    taken = []
+    for _ in range(repeats):
+        start = clock()
+        work()
+        taken.append(clock() - start)
+    return statistics.median(taken)
+
+
+def fill(out: NDArray[np.float32], n_threads: int) -> None:
+    """Write all of ``out``."""
+    parts = np.array_split(out, max(n_threads, 1))
+    run_tasks(lambda task: parts[task].fill(1.0), len(parts), n_threads=n_threads)
+
+
+def method_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str, Any]]:
+    """All methods side by side."""
+    sensor = Sensor()
+    slow = SlowMethods(grid, sensor, SAMPLE)
+    slow.dda(2)
+    exact = slow.out / grid.resolution_m
+    rows: list[dict[str, Any]] = []
+    for threads in (1, 2):
+        box = OneBox(grid, sensor, threads)
+        n_rays, n_slow = box.out.size, slow.out.size
+        works: dict[str, tuple[Work, int]] = {
+            "DDA": (partial(slow.dda, threads), n_slow),
+            "stepper": (partial(slow.stepper, threads), n_slow),
+            "sweep, one row": (box.sweep_over_one_row, n_rays),
+            "sweep": (box.sweep, n_rays),
+            "cast_cells": (partial(cast_cells, grid, sensor, n_threads=threads), n_rays),
+        }
+        taken = {name: seconds(work, threads, repeats) / n for name, (work, n) in works.items()}
+        swept = box.out[::SAMPLE] / grid.resolution_m
+        floor = seconds(partial(fill, box.out, threads), threads, repeats) / n_rays
+        off = {
+            "DDA": np.zeros(1),
+            "stepper": np.abs(slow.out / grid.resolution_m - exact),
+            "sweep": np.abs(swept - exact),
+        }
+        for name, each in [*taken.items(), ("floor", floor)]:
+            rows.append(
+                {
+                    "map": title,
+                    "cells": len(box.rows),
+                    "method": name,
+                    "threads": threads,
+                    "Mrays/s": 1e-6 / each,
+                    "times DDA": taken["DDA"] / each,
+                    "of the floor": floor / each,
+                    "mean error": float(off[name].mean()) if name in off else None,
+                    "largest error": float(off[name].max()) if name in off else None,
+                }
+            )
+    return rows
+
+
+def scaling_rows(title: str, grid: OccupancyGrid, repeats: int) -> list[dict[str, Any]]:
+    """How time grows with cells (a part of the map's columns) and with beams."""
+    rows = []
+    for share, n_beams in ((0.25, 360), (0.5, 360), (1.0, 90), (1.0, 360), (1.0, 720)):
+        part = grid.with_cells(grid.cells[:, : int(share * grid.shape[1])])
+        box = OneBox(part, Sensor(n_beams), 1)
+        taken = seconds(box.sweep, 1, repeats)
+        rows.append(
+            {
+                "map": title,
+                "cells": len(box.rows),
+                "beams": n_beams,
+                "seconds": taken,
+                "Mrays/s": box.out.size / taken / 1e6,
+            }
+        )
+    return rows
+
+
+def peak_bytes(grid: OccupancyGrid, memory_mib: int) -> int:
+    """Memory allocated while streaming, beyond the map."""
+    tracemalloc.start()
+    for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20, n_threads=1):
+        pass
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
+
+
+def streaming_rows(quick: bool) -> list[dict[str, Any]]:
+    """Huge maps in bounded memory: generated floors, repeated."""
+    rows = []
+    for side in (600, 1200) if quick else (1500, 3000, 6000):
+        grid = building_tiled(side, floors=1).grid
+        n_rays = int(grid.free.sum()) * Sensor().n_beams
+        for memory_mib in (64, 256):
+            peak = peak_bytes(grid, memory_mib)
+            start = time.process_time()
+            for _ in iter_cast(grid, Sensor(), memory_bytes=memory_mib * 2**20, n_threads=1):
+                pass
+            taken = time.process_time() - start
+            rows.append(
+                {
+                    "map": f"{side} x {side}",
+                    "free cells": n_rays // Sensor().n_beams,
+                    "stated memory, MiB": memory_mib,
+                    "peak, MiB": peak / 2**20,
+                    "seconds": taken,
+                    "Mrays/s": n_rays / taken / 1e6,
+                }
+            )
+    return rows
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """The rows of the tables."""
+    repeats = 3 if quick else 9
+    chosen = list(maps())
+    rows = [row for title, grid in chosen for row in method_rows(title, grid, repeats)]
+    title, grid = chosen[0]
+    return [*rows, *scaling_rows(title, grid, repeats), *streaming_rows(quick)]
+
+
+if __name__ == "__main__":
+    import sys
+
+    from benchmarks.__main__ import markdown_table
+
+    print(markdown_table(run(quick="--quick" in sys.argv)))
