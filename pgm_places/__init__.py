@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from pgm_places.places import PlaceLabeler
     from pgm_places.potentials import Potentials, score
     from pgm_places.problem import LabelingProblem
+    from pgm_places.scan import Scan, ScanGeometry
     from pgm_places.sensing.sensor import Sensor, SensorNoise
+    from pgm_places.similarity import Similarity
+    from pgm_places.trajectory import Trajectory
 
 _HOMES = {
     "EdgeKind": "graph",
@@ -32,9 +35,13 @@ _HOMES = {
     "PgmPlacesError": "errors",
     "PlaceLabeler": "places",
     "Potentials": "potentials",
+    "Scan": "scan",
+    "ScanGeometry": "scan",
     "Sensor": "sensing.sensor",
     "SensorNoise": "sensing.sensor",
+    "Similarity": "similarity",
     "Status": "labeling",
+    "Trajectory": "trajectory",
     "build": "backends",
     "evaluate": "evaluation",
     "score": "potentials",
@@ -50,9 +57,13 @@ __all__ = [
     "PgmPlacesError",
     "PlaceLabeler",
     "Potentials",
+    "Scan",
+    "ScanGeometry",
     "Sensor",
     "SensorNoise",
+    "Similarity",
     "Status",
+    "Trajectory",
     "__version__",
     "build",
     "evaluate",

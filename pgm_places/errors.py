@@ -7,6 +7,7 @@
     │   ├── ConfigError                a configuration file or a method's options
     │   ├── MapError                   an occupancy grid, its image or its metadata
     │   ├── LabelError                 ground-truth labels or label names
+    │   ├── LogError                   a robot's log, bag or table of poses
     │   └── ModelFileError             a stored model that is damaged or of another kind
     ├── NotFittedError (ValueError)    a method was asked to infer before it learned
     ├── OutputError (RuntimeError)     a result could not be written; nothing is left half-written
@@ -19,6 +20,7 @@ __all__ = [
     "ConfigError",
     "InputError",
     "LabelError",
+    "LogError",
     "MapError",
     "ModelFileError",
     "NotFittedError",
@@ -46,6 +48,10 @@ class MapError(InputError):
 
 class LabelError(InputError):
     """Ground-truth labels or label names do not fit the map or the configuration."""
+
+
+class LogError(InputError):
+    """A robot's log, bag or table of poses is missing, damaged, or holds nothing to label."""
 
 
 class ModelFileError(InputError):

@@ -1,0 +1,191 @@
+"""A laser scan: where its beams point, how far they reach, and what they read."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite, pi
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, frozen
+from pgm_places.errors import InputError
+
+__all__ = ["Scan", "ScanGeometry"]
+
+_GAP_OF_A_FULL_CIRCLE = 1.5  # in beam spacings; a wider gap is a blind sector
+
+
+@dataclass(frozen=True, eq=False)
+class ScanGeometry:
+    """The beams of a laser range finder and the distances that it can tell.
+
+    Parameters
+    ----------
+    angles_rad : (M,) float
+        Direction of each beam against the sensor's heading, counter-clockwise, at least one beam.
+    range_max_m : float
+        Longest distance. A beam that met nothing within it *reads it*: that is the one way in
+        which "no return" is written everywhere in this package.
+    range_min_m : float
+        Shortest distance; anything below it is no measurement.
+
+    Raises
+    ------
+    InputError
+        There is no beam, an angle is not finite, or the limits are not
+        ``0 <= range_min_m < range_max_m``.
+
+    Examples
+    --------
+    >>> geometry = ScanGeometry.half_circle(180, range_max_m=80.0)
+    >>> geometry
+    ScanGeometry(180 beams over 179 degrees, 0 to 80 m)
+    >>> geometry.is_full_circle, ScanGeometry.full_circle(360).is_full_circle
+    (False, True)
+    """
+
+    angles_rad: NDArray[np.float64]
+    range_max_m: float
+    range_min_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        angles = finite_array("angles_rad", self.angles_rad, ("M",))
+        if len(angles) == 0:
+            raise InputError("angles_rad must hold at least one beam, got none")
+        low, high = float(self.range_min_m), float(self.range_max_m)
+        if not (isfinite(high) and 0 <= low < high):
+            raise InputError(
+                "range limits must be finite metres with 0 <= range_min_m < range_max_m, got "
+                f"range_min_m {low:g} and range_max_m {high:g}"
+            )
+        object.__setattr__(self, "angles_rad", frozen(angles))
+        object.__setattr__(self, "range_min_m", low)
+        object.__setattr__(self, "range_max_m", high)
+
+    def __repr__(self) -> str:
+        return (
+            f"ScanGeometry({self.n_beams} beams over {np.rad2deg(self.field_of_view_rad):.4g} "
+            f"degrees, {self.range_min_m:g} to {self.range_max_m:g} m)"
+        )
+
+    @classmethod
+    def full_circle(
+        cls, n_beams: int = 360, *, range_max_m: float = 30.0, range_min_m: float = 0.0
+    ) -> Self:
+        """Beams at ``2 pi i / n_beams``: the ones that the laser features are made from."""
+        return cls(
+            np.arange(n_beams, dtype=np.float64) * (2 * pi / n_beams), range_max_m, range_min_m
+        )
+
+    @classmethod
+    def half_circle(
+        cls, n_beams: int = 180, *, range_max_m: float = 30.0, range_min_m: float = 0.0
+    ) -> Self:
+        """Beams from the right (-90 degrees) to the left of a scanner that looks ahead.
+
+        An even number of beams is spaced by ``pi / n_beams`` and leaves out the last direction
+        (180 beams: -90, -89, ..., 89 degrees), an odd number reaches it (181 beams: -90 to 90).
+        That is how logs of such scanners are read everywhere.
+        """
+        spacing = pi / (n_beams - 1 if n_beams % 2 and n_beams > 1 else n_beams)
+        return cls(
+            np.arange(n_beams, dtype=np.float64) * spacing - pi / 2, range_max_m, range_min_m
+        )
+
+    @property
+    def n_beams(self) -> int:
+        """M, the number of beams."""
+        return len(self.angles_rad)
+
+    @cached_property
+    def _gaps(self) -> NDArray[np.float64]:
+        """(M,) angle from each beam to the next one around the circle, sorted by direction."""
+        around = np.sort(np.mod(self.angles_rad, 2 * pi))
+        return np.diff(around, append=around[0] + 2 * pi)
+
+    @property
+    def field_of_view_rad(self) -> float:
+        """The angle that the beams span: the full circle less the widest gap between two beams."""
+        return 2 * pi - float(self._gaps.max())
+
+    @property
+    def is_full_circle(self) -> bool:
+        """Whether the beams go all around: no gap is much wider than their usual spacing."""
+        if self.n_beams < 3:
+            return False
+        return bool(self._gaps.max() <= _GAP_OF_A_FULL_CIRCLE * np.median(self._gaps))
+
+    def same_as(self, other: "ScanGeometry") -> bool:
+        """Whether both have the same beams, to a hundredth of a degree, and the same limits."""
+        return (
+            self.n_beams == other.n_beams
+            and (self.range_min_m, self.range_max_m) == (other.range_min_m, other.range_max_m)
+            and bool(np.allclose(self.angles_rad, other.angles_rad, rtol=0.0, atol=2e-4))
+        )
+
+    def cleaned(self, readings_m: ArrayLike) -> NDArray[np.float32]:
+        """Raw readings (..., M) as ranges: everything that is no distance reads ``range_max_m``.
+
+        That is NaN, either infinity, what is below ``range_min_m`` and what is beyond
+        ``range_max_m``, the codes that sensors send for "nothing seen" among them.
+
+        Raises
+        ------
+        InputError
+            The last axis does not have one reading per beam.
+
+        Examples
+        --------
+        >>> geometry = ScanGeometry([-0.1, 0.0, 0.1], range_max_m=8.0, range_min_m=0.1)
+        >>> geometry.cleaned([float("nan"), 0.02, 3.5]).tolist()
+        [8.0, 8.0, 3.5]
+        """
+        readings = np.asarray(readings_m, np.float32)
+        if readings.shape[-1:] != (self.n_beams,):
+            raise InputError(
+                f"readings must have {self.n_beams} beams on their last axis, got shape "
+                f"{readings.shape}"
+            )
+        reach = np.float32(self.range_max_m)
+        # Not-a-number compares false, so it is caught by what is asked here, not by its opposite.
+        is_distance = (readings >= np.float32(self.range_min_m)) & (readings <= reach)
+        return np.where(is_distance, readings, reach)
+
+    def returned(self, ranges_m: ArrayLike) -> NDArray[np.bool_]:
+        """Mask of the ranges (..., M) at which something was met."""
+        return np.asarray(np.asarray(ranges_m) < np.float32(self.range_max_m))
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """One scan and where it was taken: what an online labeler is given step by step.
+
+    Parameters
+    ----------
+    time_s : float
+        When it was taken.
+    pose : (3,) float
+        x, y in metres and heading in radians of the sensor.
+    ranges_m : (M,) float32
+        Distance along each beam; ``geometry.range_max_m`` where nothing was met.
+    geometry : ScanGeometry
+        Its beams.
+    odometry : (3,) float or None
+        The pose that the robot's wheels told, where ``pose`` is a better one.
+    """
+
+    time_s: float
+    pose: NDArray[np.float64]
+    ranges_m: NDArray[np.float32]
+    geometry: ScanGeometry
+    odometry: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time_s", float(self.time_s))
+        object.__setattr__(self, "pose", frozen(finite_array("pose", self.pose, (3,))))
+        ranges = finite_array("ranges_m", self.ranges_m, (self.geometry.n_beams,), dtype=np.float32)
+        object.__setattr__(self, "ranges_m", frozen(ranges))
+        if self.odometry is not None:
+            odometry = frozen(finite_array("odometry", self.odometry, (3,)))
+            object.__setattr__(self, "odometry", odometry)

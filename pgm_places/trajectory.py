@@ -1,0 +1,316 @@
+"""A robot's trajectory: when it was where, what its laser saw there, and what place that was."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import hypot
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError, LabelError
+from pgm_places.graph import LabelGraph
+from pgm_places.scan import Scan, ScanGeometry
+from pgm_places.similarity import Similarity
+
+if TYPE_CHECKING:
+    from pgm_places.labelled_map import LabelledMap
+
+__all__ = ["Trajectory", "headings_along"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """T steps of a robot, in the order in which they were recorded.
+
+    Parameters
+    ----------
+    times_s : (T,) float
+        Time of each step. Logs with disordered stamps exist; they are kept as they are and
+        :attr:`n_backward_times` counts them.
+    poses : (T, 3) float
+        x, y in metres and heading in radians, counter-clockwise from the x axis: of the laser
+        where there are scans, else of the robot.
+    ranges_m : (T, M) float32 or None
+        What each beam read, from 0 to ``geometry.range_max_m``; a beam that met nothing reads
+        exactly ``geometry.range_max_m``. :meth:`ScanGeometry.cleaned` makes such ranges from raw
+        readings.
+    geometry : ScanGeometry or None
+        The beams; given exactly where ``ranges_m`` is.
+    labels : (T,) int or None
+        True place of each step as an index into ``label_names``, -1 where it is not known.
+    label_names : tuple of str or None
+        Given exactly where ``labels`` is.
+    odometry : (T, 3) float or None
+        What the robot's wheels told, where ``poses`` are better than that: corrected, or true.
+    name : str
+        What to call it in messages and tables.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit together, a number is not finite, a range is outside
+        ``[0, range_max_m]``, or one of two fields that belong together is missing.
+
+    Examples
+    --------
+    >>> path = Trajectory([0.0, 1.0, 2.0], [[0, 0, 0], [0.5, 0, 0], [0.5, 1.0, 1.57]])
+    >>> path
+    Trajectory('trajectory', 3 steps, 1.5 m)
+    >>> path.by_distance(0.6).tolist()
+    [0, 2]
+    """
+
+    times_s: NDArray[np.float64]
+    poses: NDArray[np.float64]
+    ranges_m: NDArray[np.float32] | None = None
+    geometry: ScanGeometry | None = None
+    labels: NDArray[np.int64] | None = None
+    label_names: tuple[str, ...] | None = None
+    odometry: NDArray[np.float64] | None = None
+    name: str = "trajectory"
+
+    def __post_init__(self) -> None:
+        times = finite_array("times_s", self.times_s, ("T",))
+        n_steps = len(times)
+        object.__setattr__(self, "times_s", frozen(times))
+        object.__setattr__(self, "poses", frozen(finite_array("poses", self.poses, (n_steps, 3))))
+        if self.odometry is not None:
+            odometry = finite_array("odometry", self.odometry, (n_steps, 3))
+            object.__setattr__(self, "odometry", frozen(odometry))
+        self._check_scans(n_steps)
+        self._check_labels(n_steps)
+
+    def _check_scans(self, n_steps: int) -> None:
+        if (self.ranges_m is None) != (self.geometry is None):
+            raise InputError("ranges_m and geometry belong together: give both, or neither")
+        if self.ranges_m is None or self.geometry is None:
+            return
+        ranges = finite_array(
+            "ranges_m", self.ranges_m, (n_steps, self.geometry.n_beams), dtype=np.float32
+        )
+        reach = np.float32(self.geometry.range_max_m)
+        if ranges.size and (ranges.min() < 0 or ranges.max() > reach):
+            raise InputError(
+                f"ranges_m must lie from 0 to range_max_m = {reach:g} m, got {ranges.min():g} to "
+                f"{ranges.max():g}; geometry.cleaned(readings) makes them so"
+            )
+        object.__setattr__(self, "ranges_m", frozen(ranges))
+
+    def _check_labels(self, n_steps: int) -> None:
+        if (self.labels is None) != (self.label_names is None):
+            raise InputError("labels and label_names belong together: give both, or neither")
+        if self.labels is None or self.label_names is None:
+            return
+        names = tuple(self.label_names)
+        labels = integer_array("labels", self.labels, (n_steps,), low=-1, high=len(names))
+        object.__setattr__(self, "labels", frozen(labels))
+        object.__setattr__(self, "label_names", names)
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    def __repr__(self) -> str:
+        parts = [f"{self.name!r}", f"{len(self)} steps", f"{self.path_length_m:.4g} m"]
+        if self.geometry is not None:
+            parts.append(f"{self.geometry.n_beams} beams")
+        if self.label_names is not None:
+            parts.append(f"labels {', '.join(self.label_names)}")
+        return f"Trajectory({', '.join(parts)})"
+
+    # ------------------------------------------------------------------ making
+
+    @classmethod
+    def from_scans(cls, scans: Iterable[Scan], *, name: str = "trajectory") -> Self:
+        """The trajectory along scans of one and the same geometry.
+
+        Odometry is kept where every scan has it.
+
+        Raises
+        ------
+        InputError
+            There is no scan, or a scan has other beams than the first one.
+        """
+        taken = list(scans)
+        if not taken:
+            raise InputError(f"{name}: there is no scan to make a trajectory of")
+        geometry = taken[0].geometry
+        for step, scan in enumerate(taken):
+            if scan.geometry is not geometry and not scan.geometry.same_as(geometry):
+                raise InputError(
+                    f"{name}: scan {step} has {scan.geometry} but the first one {geometry}; "
+                    "make one trajectory of each kind"
+                )
+        odometry = [scan.odometry for scan in taken if scan.odometry is not None]
+        return cls(
+            np.array([scan.time_s for scan in taken]),
+            np.stack([scan.pose for scan in taken]),
+            np.stack([scan.ranges_m for scan in taken]),
+            geometry,
+            odometry=np.stack(odometry) if len(odometry) == len(taken) else None,
+            name=name,
+        )
+
+    def with_scans(self, ranges_m: ArrayLike, geometry: ScanGeometry) -> Self:
+        """The same steps with other scans (T, M)."""
+        return replace(self, ranges_m=np.asarray(ranges_m, np.float32), geometry=geometry)
+
+    def with_labels(self, labels: ArrayLike, label_names: Iterable[str]) -> Self:
+        """The same steps with other labels (T,), -1 where the place is not known."""
+        return replace(self, labels=np.asarray(labels), label_names=tuple(label_names))
+
+    def labelled_by(self, labelled_map: "LabelledMap", label_names: Iterable[str]) -> Self:
+        """The same steps with the labels that a map of the same frame has at their positions.
+
+        Steps outside the map, or outside its window, become -1: not known.
+
+        Raises
+        ------
+        LabelError
+            The map holds a label index that has no name.
+        """
+        names = tuple(label_names)
+        cells = labelled_map.grid.cells_at_m(self.poses[:, :2])
+        inside = ((cells >= 0) & (cells < labelled_map.grid.shape)).all(axis=1)
+        rows, columns = cells[inside].T
+        found = labelled_map.labels[rows, columns].astype(np.int64)
+        if labelled_map.window is not None:
+            found[~labelled_map.window[rows, columns]] = -1
+        if found.size and found.max() >= len(names):
+            raise LabelError(
+                f"{labelled_map.name}: label index {found.max()} but there are only {len(names)} "
+                f"label names: {', '.join(names)}"
+            )
+        labels = np.full(len(self), -1, np.int64)
+        labels[inside] = found
+        return self.with_labels(labels, names)
+
+    # ------------------------------------------------------------------ parts
+
+    def subset(self, steps: ArrayLike | slice) -> Self:
+        """The chosen steps: a slice, a boolean mask (T,), or step numbers in the order wanted.
+
+        Raises
+        ------
+        InputError
+            A mask has another length, or a number is no step.
+        """
+        if isinstance(steps, slice):
+            index = np.arange(len(self))[steps]
+        else:
+            index = np.asarray(steps)
+            if index.dtype == np.bool_:
+                if index.shape != (len(self),):
+                    raise InputError(f"a mask must have shape ({len(self)},), got {index.shape}")
+                index = np.flatnonzero(index)
+            elif index.size == 0:
+                index = np.empty(0, np.int64)
+            index = integer_array("steps", index, ("S",), low=0, high=max(len(self), 1))
+        return replace(
+            self,
+            times_s=self.times_s[index],
+            poses=self.poses[index],
+            ranges_m=None if self.ranges_m is None else self.ranges_m[index],
+            labels=None if self.labels is None else self.labels[index],
+            odometry=None if self.odometry is None else self.odometry[index],
+        )
+
+    def __getitem__(self, steps: slice) -> Self:
+        return self.subset(steps)
+
+    def scan(self, step: int) -> Scan:
+        """The scan of a step, with its pose and time.
+
+        Raises
+        ------
+        InputError
+            The trajectory has no scans.
+        """
+        if self.ranges_m is None or self.geometry is None:
+            raise InputError(f"{self.name} has no scans; cast them in a map, or read another file")
+        odometry = None if self.odometry is None else self.odometry[step]
+        return Scan(
+            self.times_s[step], self.poses[step], self.ranges_m[step], self.geometry, odometry
+        )
+
+    def by_distance(self, step_m: float) -> NDArray[np.int64]:
+        """Numbers of the steps that each lie at least ``step_m`` from the one chosen before.
+
+        The first step is chosen; standing or turning on the spot chooses none, however much the
+        poses tremble. With 0 every step is chosen.
+        """
+        if not step_m >= 0:
+            raise InputError(f"step_m must be at least 0 metres, got {step_m}")
+        chosen: list[int] = []
+        last = (np.nan, np.nan)
+        for step, (x, y) in enumerate(self.poses[:, :2].tolist()):
+            if not hypot(x - last[0], y - last[1]) < step_m:
+                chosen.append(step)
+                last = (x, y)
+        return np.array(chosen, np.int64)
+
+    # ------------------------------------------------------------------ views
+
+    def graph(self) -> LabelGraph:
+        """The chain of its steps: what every method labels a trajectory on."""
+        return LabelGraph.from_trajectory(self.poses)
+
+    def transformed(self, similarity: Similarity) -> Self:
+        """The same trajectory in another frame; a scale also stretches the scans.
+
+        Odometry stays as the wheels told it, in its own frame.
+        """
+        stretched, geometry = self.ranges_m, self.geometry
+        if stretched is not None and geometry is not None and similarity.scale != 1:
+            factor = similarity.scale
+            geometry = ScanGeometry(
+                geometry.angles_rad, factor * geometry.range_max_m, factor * geometry.range_min_m
+            )
+            reach = np.float32(geometry.range_max_m)
+            returned = stretched < np.float32(self.geometry.range_max_m)  # type: ignore[union-attr]
+            stretched = np.where(returned, np.minimum(stretched * np.float32(factor), reach), reach)
+        return replace(
+            self, poses=similarity.of_poses(self.poses), ranges_m=stretched, geometry=geometry
+        )
+
+    @property
+    def step_lengths_m(self) -> NDArray[np.float64]:
+        """(T - 1,) distance from each step to the next one."""
+        steps = np.diff(self.poses[:, :2], axis=0)
+        return np.hypot(steps[:, 0], steps[:, 1])
+
+    @property
+    def path_length_m(self) -> float:
+        """Length of the way from the first step to the last."""
+        return float(self.step_lengths_m.sum())
+
+    @property
+    def n_backward_times(self) -> int:
+        """How many steps have an earlier stamp than the step before them."""
+        return int(np.count_nonzero(np.diff(self.times_s) < 0))
+
+
+def headings_along(positions_m: ArrayLike) -> NDArray[np.float64]:
+    """(T,) direction of travel at each position (T, 2): from the one before to the one after.
+
+    Where the robot stands still the last direction holds; a path without any motion heads along
+    the x axis.
+
+    Examples
+    --------
+    >>> headings_along([[0, 0], [1, 0], [1, 0], [1, 1]]).round(3).tolist()
+    [0.0, 0.0, 1.571, 1.571]
+    """
+    positions = finite_array("positions_m", positions_m, ("T", 2))
+    padded = np.concatenate([positions[:1], positions, positions[-1:]])
+    motion = padded[2:] - padded[:-2]
+    moving = (motion != 0).any(axis=1)
+    if not moving.any():
+        return np.zeros(len(positions))
+    # Each standing step takes over the last moving one before it, or the first one of all.
+    steps = np.where(moving, np.arange(len(positions)), -1)
+    steps = np.maximum.accumulate(steps)
+    steps[steps < 0] = int(moving.argmax())
+    direction: NDArray[np.float64] = np.arctan2(motion[:, 1], motion[:, 0])[steps]
+    return direction
