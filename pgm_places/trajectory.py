@@ -1,6 +1,6 @@
 """A robot's trajectory: when it was where, what its laser saw there, and what place that was."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import hypot
 from typing import TYPE_CHECKING, Self
@@ -160,6 +160,38 @@ class Trajectory:
         """The same steps with other labels (T,), -1 where the place is not known."""
         return replace(self, labels=np.asarray(labels), label_names=tuple(label_names))
 
+    def relabelled(self, new_names: Mapping[str, str], label_names: Iterable[str]) -> Self:
+        """The same steps with labels that go by other names, several to one where wanted.
+
+        Parameters
+        ----------
+        new_names : mapping of str to str
+            From the present names to new ones; a place whose name is left out becomes -1.
+        label_names : sequence of str
+            The new labels in the order of their numbers.
+
+        Raises
+        ------
+        LabelError
+            There are no labels, or a new name is not among ``label_names``.
+
+        Examples
+        --------
+        >>> path = Trajectory([0, 1], [[0, 0, 0], [1, 0, 0]]).with_labels([0, 1], ["1PO", "CR"])
+        >>> path.relabelled({"1PO": "room"}, ["corridor", "room"]).labels.tolist()
+        [1, -1]
+        """
+        if self.labels is None or self.label_names is None:
+            raise LabelError(f"{self.name} has no labels to give other names to")
+        names = tuple(label_names)
+        unknown = [name for name in new_names.values() if name not in names]
+        if unknown:
+            raise LabelError(f"{unknown[0]!r} is not among the labels: {', '.join(names)}")
+        numbers = [
+            names.index(new_names[name]) if name in new_names else -1 for name in self.label_names
+        ]
+        return self.with_labels(np.array([*numbers, -1])[self.labels], names)
+
     def labelled_by(self, labelled_map: "LabelledMap", label_names: Iterable[str]) -> Self:
         """The same steps with the labels that a map of the same frame has at their positions.
 
@@ -273,6 +305,24 @@ class Trajectory:
         return replace(
             self, poses=similarity.of_poses(self.poses), ranges_m=stretched, geometry=geometry
         )
+
+    def within(self, range_max_m: float) -> Self:
+        """The same scans of a sensor that sees no farther: longer ranges read ``range_max_m``.
+
+        Raises
+        ------
+        InputError
+            There are no scans, or they do not reach that far.
+        """
+        if self.ranges_m is None or self.geometry is None:
+            raise InputError(f"{self.name} has no scans to shorten")
+        if range_max_m > self.geometry.range_max_m:
+            raise InputError(
+                f"{self.name}: the scans reach {self.geometry.range_max_m:g} m, they cannot be "
+                f"cut at {range_max_m:g} m"
+            )
+        geometry = replace(self.geometry, range_max_m=range_max_m)
+        return self.with_scans(np.minimum(self.ranges_m, np.float32(range_max_m)), geometry)
 
     @property
     def step_lengths_m(self) -> NDArray[np.float64]:

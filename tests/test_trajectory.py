@@ -187,3 +187,23 @@ def test_standing_robots_keep_their_heading() -> None:
     path = [[0, 0], [0, 0], [0, 0], [0, 1], [0, 1], [0, 1]]
     np.testing.assert_allclose(headings_along(path), np.pi / 2, rtol=0, atol=1e-12)
     assert headings_along([[3, 3], [3, 3]]).tolist() == [0, 0]
+
+
+def test_labels_may_be_merged_and_left_out() -> None:
+    path = trajectory().relabelled({"room": "place", "corridor": "place"}, ["door", "place"])
+    assert path.labels is not None
+    assert path.labels.tolist() == [-1, 1, 1, -1, 1]
+    with pytest.raises(LabelError, match="'attic' is not among the labels: room"):
+        path.relabelled({"place": "attic"}, ["room"])
+    with pytest.raises(LabelError, match="has no labels"):
+        Trajectory(np.zeros(1), np.zeros((1, 3))).relabelled({}, [])
+
+
+def test_a_shorter_reach_reads_nothing_seen_beyond_it() -> None:
+    near = trajectory().within(2.0)
+    assert near.ranges_m is not None and near.geometry is not None
+    far = trajectory().ranges_m
+    assert far is not None
+    assert (near.geometry.returned(near.ranges_m) == (far < 2)).all()
+    with pytest.raises(InputError, match="reach 8 m, they cannot be cut at 9 m"):
+        trajectory().within(9.0)
