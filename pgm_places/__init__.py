@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pgm_places._version import __version__
 
 if TYPE_CHECKING:
+    from pgm_places.backend_files import load_backend, save_backend
     from pgm_places.backends import build
     from pgm_places.errors import PgmPlacesError
     from pgm_places.evaluation import evaluate
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from pgm_places.scan import Scan, ScanGeometry
     from pgm_places.sensing.sensor import Sensor, SensorNoise
     from pgm_places.similarity import Similarity
+    from pgm_places.structured import StructuredLabeler
     from pgm_places.trajectory import Trajectory
 
 _HOMES = {
@@ -41,9 +43,12 @@ _HOMES = {
     "SensorNoise": "sensing.sensor",
     "Similarity": "similarity",
     "Status": "labeling",
+    "StructuredLabeler": "structured",
     "Trajectory": "trajectory",
     "build": "backends",
     "evaluate": "evaluation",
+    "load_backend": "backend_files",
+    "save_backend": "backend_files",
     "score": "potentials",
 }
 
@@ -63,10 +68,13 @@ __all__ = [
     "SensorNoise",
     "Similarity",
     "Status",
+    "StructuredLabeler",
     "Trajectory",
     "__version__",
     "build",
     "evaluate",
+    "load_backend",
+    "save_backend",
     "score",
 ]
 

@@ -10,6 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._edges import (
+    empty_pairs,
+    lattice_edges,
+    nearest_pairs,
+    require_canonical,
+    sparse_pairs,
+)
 from pgm_places.errors import InputError
 from pgm_places.layout import GridLayout, StepLayout
 
@@ -58,7 +65,7 @@ class LabelGraph:
         Node pairs with ``i < j``, sorted, each once. Where direction matters it is i to j.
     edge_kind : (E,) int8 or None
         An :class:`EdgeKind` per edge.
-    positions_m : (N, 2) float or None
+    positions_m : (N, 2) or (N, 3) float or None
         Position of each node in metres, for drawing and for distances.
     layout : GridLayout, StepLayout or None
         How node values go back to where they came from.
@@ -84,15 +91,17 @@ class LabelGraph:
         if self.n_nodes < 0:
             raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
         edges = integer_array(
-            "edges", _empty_pairs(self.edges), ("E", 2), low=0, high=max(self.n_nodes, 1)
+            "edges", empty_pairs(self.edges), ("E", 2), low=0, high=max(self.n_nodes, 1)
         )
-        _require_canonical(edges)
+        require_canonical(edges)
         object.__setattr__(self, "edges", frozen(edges.astype(np.int32)))
         if self.edge_kind is not None:
             kind = integer_array("edge_kind", self.edge_kind, (len(edges),), low=0, high=128)
             object.__setattr__(self, "edge_kind", frozen(kind.astype(np.int8)))
         if self.positions_m is not None:
-            positions = finite_array("positions_m", self.positions_m, (self.n_nodes, 2))
+            positions = finite_array("positions_m", self.positions_m, (self.n_nodes, "2 or 3"))
+            if positions.shape[1] not in (2, 3):
+                raise InputError(f"positions_m must have 2 or 3 columns, got {positions.shape[1]}")
             object.__setattr__(self, "positions_m", frozen(positions))
         if isinstance(self.layout, GridLayout) and len(self.layout.cells_rc) != self.n_nodes:
             raise InputError(
@@ -127,7 +136,7 @@ class LabelGraph:
             A pair names a node outside ``0..n_nodes-1``, joins a node to itself, or comes twice.
         """
         pairs = integer_array(
-            "edges", _empty_pairs(edges), ("E", 2), low=0, high=max(int(n_nodes), 1)
+            "edges", empty_pairs(edges), ("E", 2), low=0, high=max(int(n_nodes), 1)
         )
         pairs = np.sort(pairs, axis=1)
         order = np.lexsort((pairs[:, 1], pairs[:, 0]))
@@ -192,6 +201,78 @@ class LabelGraph:
         return cls(len(cells), edges, kind, positions, layout)
 
     @classmethod
+    def from_lattice(cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False) -> Self:
+        """The pixels of an image, the voxels of a volume, the cells of a lattice of any dimension.
+
+        Parameters
+        ----------
+        nodes : tuple of int, or (...) bool
+            The shape of a full lattice, or a mask of the cells that are nodes.
+        diagonals : bool
+            Join cells that differ by one along several axes too, not only along one.
+
+        Nodes are in row-major order: values of a full lattice are ``array.reshape(N, -1)``, those
+        of a mask ``array[mask]``. Edges have kinds AXIS and DIAGONAL. In two dimensions there is a
+        layout, as from :meth:`from_grid`.
+
+        Examples
+        --------
+        >>> LabelGraph.from_lattice((4, 3, 2))
+        LabelGraph(24 nodes, 46 edges)
+        """
+        mask = np.ones(nodes, np.bool_) if isinstance(nodes, tuple) else np.asarray(nodes)
+        if mask.dtype != np.bool_ or mask.ndim == 0:
+            raise InputError(
+                "from_lattice wants a tuple of sizes or a boolean mask, got an array of shape "
+                f"{mask.shape} and dtype {mask.dtype}"
+            )
+        if mask.ndim == 2:
+            return cls.from_grid(mask, connectivity=8 if diagonals else 4)
+        edges, n_axes = lattice_edges(mask, diagonals=diagonals)
+        kind = np.where(n_axes > 1, EdgeKind.DIAGONAL, EdgeKind.AXIS)
+        return cls.from_edges(int(mask.sum()), edges, edge_kind=kind)
+
+    @classmethod
+    def from_points(cls, points: ArrayLike, *, n_neighbours: int = 8) -> Self:
+        """Each point joined to its nearest ones; an edge where either has the other among them.
+
+        Parameters
+        ----------
+        points : (N, D) float
+            Positions or features, compared by Euclidean distance. Points of two or three
+            dimensions become the graph's ``positions_m``.
+        n_neighbours : int
+            How many nearest points each is joined to; all of them where there are fewer.
+
+        Examples
+        --------
+        >>> LabelGraph.from_points([[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]], n_neighbours=1).edges
+        array([[0, 1],
+               [1, 2]], dtype=int32)
+        """
+        where = finite_array("points", points, ("N", "D"))
+        if n_neighbours < 1:
+            raise InputError(f"n_neighbours must be at least 1, got {n_neighbours}")
+        pairs = nearest_pairs(where, int(n_neighbours))
+        return cls.from_edges(
+            len(where), pairs, positions_m=where if where.shape[1] in (2, 3) else None
+        )
+
+    @classmethod
+    def from_sparse(cls, matrix: Any, *, positions_m: ArrayLike | None = None) -> Self:
+        """An edge wherever a sparse (N, N) matrix or array of SciPy is not 0, in either direction.
+
+        :meth:`edge_values` gives the matrix' values edge by edge, for ``edge_features``.
+
+        Raises
+        ------
+        InputError
+            The matrix is not square, or its diagonal is not 0.
+        """
+        n_nodes, pairs = sparse_pairs(matrix)
+        return cls.from_edges(n_nodes, pairs, positions_m=positions_m)
+
+    @classmethod
     def from_trajectory(cls, positions_m: ArrayLike) -> Self:
         """A chain over a trajectory's steps; ``positions_m`` (T, 2), or (T, 3) with heading."""
         poses = np.asarray(positions_m, np.float64)
@@ -228,7 +309,7 @@ class LabelGraph:
 
         ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
         """
-        pairs = np.asarray(_empty_pairs(links))
+        pairs = np.asarray(empty_pairs(links))
         integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first.n_nodes, 1))
         integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second.n_nodes, 1))
         shift = first.n_nodes
@@ -259,7 +340,7 @@ class LabelGraph:
         graph.add_nodes_from(range(self.n_nodes))
         graph.add_edges_from((int(i), int(j)) for i, j in self.edges)
         if self.positions_m is not None:
-            where = {i: (float(x), float(y)) for i, (x, y) in enumerate(self.positions_m)}
+            where = {i: tuple(map(float, at)) for i, at in enumerate(self.positions_m)}
             nx.set_node_attributes(graph, where, "pos")
         if self.edge_kind is not None:
             named = {
@@ -268,6 +349,20 @@ class LabelGraph:
             }
             nx.set_edge_attributes(graph, named, "kind")
         return graph
+
+    def edge_values(self, matrix: Any) -> NDArray[np.float64]:
+        """(E,) the value of a sparse (N, N) matrix at each edge, the larger of both directions."""
+        n_nodes = self.n_nodes
+        if matrix.shape != (n_nodes, n_nodes):
+            raise InputError(f"matrix must have shape ({n_nodes}, {n_nodes}), got {matrix.shape}")
+        if not self.n_edges:
+            return np.zeros(0)
+        rows = matrix.tocsr()
+        first, second = self.edges[:, 0], self.edges[:, 1]
+        return np.maximum(
+            np.asarray(rows[first, second], np.float64).ravel(),
+            np.asarray(rows[second, first], np.float64).ravel(),
+        )
 
     def subgraph(self, nodes: ArrayLike) -> Self:
         """The graph of the nodes where the mask (N,) is true, renumbered in order.
@@ -319,30 +414,6 @@ class LabelGraph:
         order = np.lexsort((heads, tails))
         start = np.concatenate([[0], np.cumsum(np.bincount(tails, minlength=self.n_nodes))])
         return Neighbours(frozen(start.astype(np.int64)), frozen(heads[order]), frozen(edge[order]))
-
-
-def _empty_pairs(edges: ArrayLike) -> NDArray[Any]:
-    pairs = np.asarray(edges)
-    return np.zeros((0, 2), np.int32) if pairs.size == 0 else pairs
-
-
-def _require_canonical(edges: NDArray[np.int64]) -> None:
-    if not len(edges):
-        return
-    loops = np.flatnonzero(edges[:, 0] == edges[:, 1])
-    if len(loops):
-        raise InputError(f"edge {int(loops[0])} joins node {edges[loops[0], 0]} to itself")
-    turned = np.flatnonzero(edges[:, 0] > edges[:, 1])
-    if len(turned):
-        i, j = edges[turned[0]]
-        raise InputError(f"edge {int(turned[0])} is ({i}, {j}) but i < j is wanted; use from_edges")
-    key = edges[:, 0] * (edges.max() + 1) + edges[:, 1]
-    step = np.diff(key)
-    if (step == 0).any():
-        i, j = edges[int(np.flatnonzero(step == 0)[0])]
-        raise InputError(f"edge ({i}, {j}) comes twice; each pair of nodes may be joined once")
-    if (step < 0).any():
-        raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
 
 
 def _kind_or(graph: LabelGraph, default: EdgeKind) -> NDArray[np.int8]:

@@ -8,14 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.backends import (
-    ENTRY_POINT_GROUP,
-    backend_class,
-    backend_names,
-    build,
-    option_fields,
-)
-from pgm_places.errors import ModelFileError, NotFittedError, OutputError
+from pgm_places.backend_files import get_backend, put_backend
+from pgm_places.errors import ModelFileError, NotFittedError
 from pgm_places.features.laser import LASER_FEATURES, feature_set_hash
 from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.models.boosted_list import BoostedList
@@ -143,46 +137,13 @@ def _get_list(
 
 
 def _put_method(arrays: Arrays, name: str, method: PlaceMethod) -> dict[str, Any]:
-    backend = method.backend
-    kept = []
-    for item in dataclasses.fields(backend):
-        value = getattr(backend, item.name)
-        if item.metadata.get("learned") and value is not None:
-            arrays[f"method/{name}/{item.name}"] = np.asarray(value)
-            kept.append(item.name)
     return {
         "name": name,
-        "backend": _registered_name(type(backend)),
         "unary": method.unary,
-        "options": {
-            item.name: getattr(backend, item.name) for item in option_fields(type(backend))
-        },
-        "learned": kept,
+        **put_backend(arrays, f"method/{name}", method.backend),
     }
 
 
 def _get_method(arrays: Arrays, number: int, item: dict[str, Any]) -> PlaceMethod:
-    from pgm_places.config import resolved_options
-
-    # Only registered methods: a file must not choose what gets imported.
-    if item["backend"] not in backend_names():
-        raise ModelFileError(f"methods[{number}]: no method {item['backend']!r} is installed")
-    cls = backend_class(item["backend"])
-    backend = build(item["backend"], resolved_options(cls, item["options"]))
-    known = {entry.name for entry in dataclasses.fields(cls) if entry.metadata.get("learned")}
-    values = {}
-    for name in item["learned"]:
-        if name not in known:
-            raise ModelFileError(f"methods[{number}]: {item['backend']} learns no {name!r}")
-        values[name] = arrays[f"method/{item['name']}/{name}"]
-    return PlaceMethod(dataclasses.replace(backend, **values), item["unary"])
-
-
-def _registered_name(cls: type[Any]) -> str:
-    for name in backend_names():
-        if backend_class(name) is cls:
-            return name
-    raise OutputError(
-        f"{cls.__qualname__} cannot be saved: it is not registered. Add it to the entry points "
-        f"of group {ENTRY_POINT_GROUP!r} so that it can be found again"
-    )
+    backend = get_backend(arrays, f"method/{item['name']}", item, where=f"methods[{number}]")
+    return PlaceMethod(backend, item["unary"])

@@ -69,6 +69,40 @@ class LabelingProblem:
                 raise InputError("edge_features must be at least 0; shift or split signed features")
             object.__setattr__(self, "edge_features", frozen(edges))
 
+    @classmethod
+    def from_probabilities(
+        cls,
+        graph: LabelGraph,
+        label_names: Sequence[str],
+        probabilities: ArrayLike,
+        *,
+        node_features: NDArray[np.float64] | None = None,
+        edge_features: NDArray[np.float64] | None = None,
+    ) -> Self:
+        """The problem whose unary is the logarithm of (N, K) probabilities, such as a classifier's.
+
+        A probability of 0 forbids the label there, whatever the neighbours say.
+
+        Raises
+        ------
+        InputError
+            A probability outside 0..1, or a row whose sum is not 1 within 1e-3.
+        """
+        table = finite_array("probabilities", probabilities, (graph.n_nodes, len(label_names)))
+        if table.size and (table.min() < 0 or table.max() > 1):
+            raise InputError(
+                f"probabilities must be from 0 to 1, got values from {table.min():g} to "
+                f"{table.max():g}; log-probabilities go in as unary"
+            )
+        wrong = np.flatnonzero(np.abs(table.sum(axis=1) - 1) > 1e-3)
+        if len(wrong):
+            raise InputError(
+                f"probabilities must sum to 1 in every row, got {table[wrong[0]].sum():g} in row "
+                f"{int(wrong[0])}"
+            )
+        with np.errstate(divide="ignore"):
+            return cls(graph, label_names, np.log(table), node_features, edge_features)
+
     @property
     def n_labels(self) -> int:
         """K, the number of labels."""

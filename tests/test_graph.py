@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy import sparse
 
 from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
 from pgm_places.errors import InputError
@@ -151,3 +152,97 @@ def test_empty_graph() -> None:
     graph = LabelGraph.from_edges(0, [])
     assert (graph.n_nodes, graph.n_edges, graph.is_chain) == (0, 0, True)
     assert graph.neighbours.start.tolist() == [0]
+
+
+def lattice_by_hand(mask: np.ndarray, diagonals: bool) -> set[tuple[int, int]]:
+    cells = np.argwhere(mask)
+    return {
+        (i, j)
+        for i in range(len(cells))
+        for j in range(i + 1, len(cells))
+        if np.abs(cells[i] - cells[j]).max() == 1
+        and (diagonals or np.abs(cells[i] - cells[j]).sum() == 1)
+    }
+
+
+volumes = arrays(np.bool_, st.lists(st.integers(1, 3), min_size=1, max_size=4).map(tuple))
+
+
+@pytest.mark.parametrize("diagonals", [False, True])
+@given(mask=volumes)
+def test_lattice_joins_cells_one_step_apart(diagonals: bool, mask: np.ndarray) -> None:
+    graph = LabelGraph.from_lattice(mask, diagonals=diagonals)
+    assert graph.n_nodes == mask.sum()
+    assert set(map(tuple, graph.edges.tolist())) == lattice_by_hand(mask, diagonals)
+    assert graph.edge_kind is not None
+    cells = np.argwhere(mask)
+    n_axes = np.abs(cells[graph.edges[:, 0]] - cells[graph.edges[:, 1]]).sum(axis=1)
+    assert ((n_axes > 1) == (graph.edge_kind == EdgeKind.DIAGONAL)).all()
+
+
+def test_lattice_of_a_shape_is_the_one_of_a_full_mask() -> None:
+    by_shape = LabelGraph.from_lattice((3, 4))
+    assert by_shape.edges.tolist() == LabelGraph.from_lattice(np.ones((3, 4), bool)).edges.tolist()
+    assert isinstance(by_shape.layout, GridLayout)
+    assert LabelGraph.from_lattice((5,)).is_chain
+
+
+def test_lattice_refuses_numbers_for_a_mask() -> None:
+    with pytest.raises(InputError, match=r"a tuple of sizes or a boolean mask.*dtype int64"):
+        LabelGraph.from_lattice(np.ones((3, 3), np.int64))
+
+
+points = arrays(
+    np.float64,
+    st.tuples(st.integers(0, 8), st.integers(1, 3)),
+    elements=st.integers(-3, 3).map(float),
+)
+
+
+@given(points=points, n_neighbours=st.integers(1, 4))
+def test_points_are_joined_to_their_nearest(points: np.ndarray, n_neighbours: int) -> None:
+    graph = LabelGraph.from_points(points, n_neighbours=n_neighbours)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    joined = np.zeros(distance.shape, bool)
+    joined[graph.edges[:, 0], graph.edges[:, 1]] = True
+    joined |= joined.T
+    wanted = min(n_neighbours, len(points) - 1)
+    for i in range(len(points)):
+        others = np.delete(distance[i], i)
+        # Ties may go either way; what counts is how far away the chosen ones are.
+        nearest = np.sort(others)[: max(wanted, 0)]
+        assert joined[i].sum() >= max(wanted, 0)
+        if wanted > 0:
+            assert np.sort(distance[i][joined[i]])[:wanted] == pytest.approx(nearest, abs=1e-12)
+
+
+def test_points_keep_positions_of_two_or_three_dimensions() -> None:
+    cube = np.random.default_rng(2).normal(size=(10, 3))
+    assert LabelGraph.from_points(cube).positions_m == pytest.approx(cube)
+    assert LabelGraph.from_points(np.ones((4, 5))).positions_m is None
+    graph = LabelGraph.from_points(cube).to_networkx()
+    assert graph.nodes[3]["pos"] == pytest.approx(tuple(cube[3]))
+    with pytest.raises(InputError, match="positions_m must have 2 or 3 columns, got 4"):
+        LabelGraph.from_edges(3, [], positions_m=np.ones((3, 4)))
+
+
+@given(
+    matrix=st.integers(0, 6).flatmap(lambda n: arrays(np.int8, (n, n), elements=st.integers(-1, 1)))
+)
+def test_sparse_matrix_has_an_edge_where_it_is_not_zero(matrix: np.ndarray) -> None:
+    np.fill_diagonal(matrix, 0)
+    graph = LabelGraph.from_sparse(sparse.csr_array(matrix))
+    expected = np.argwhere(np.triu((matrix != 0) | (matrix.T != 0)))
+    assert graph.n_nodes == len(matrix)
+    assert graph.edges.tolist() == expected.tolist()
+    values = graph.edge_values(sparse.coo_array(matrix))
+    assert values.tolist() == np.maximum(matrix, matrix.T)[tuple(expected.T)].tolist()
+
+
+def test_sparse_matrix_must_be_square_without_loops() -> None:
+    with pytest.raises(InputError, match=r"must have shape \(N, N\), got \(2, 3\)"):
+        LabelGraph.from_sparse(sparse.csr_array((2, 3)))
+    with pytest.raises(InputError, match=r"0 on its diagonal, got 2 other values.*setdiag"):
+        LabelGraph.from_sparse(sparse.eye_array(2).tocsr())
+    with pytest.raises(InputError, match=r"matrix must have shape \(3, 3\), got \(2, 2\)"):
+        LabelGraph.from_edges(3, []).edge_values(sparse.eye_array(2))

@@ -1,0 +1,71 @@
+"""Saved backends come back the same, and only registered ones are saved or loaded."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places import (
+    LabelGraph,
+    Labeling,
+    LabelingProblem,
+    Status,
+    build,
+    load_backend,
+    save_backend,
+)
+from pgm_places.backends import BACKENDS, Learnable
+from pgm_places.errors import ModelFileError, OutputError
+from pgm_places.io.model_files import load_folder, save_folder
+
+NAMES = ("room", "corridor")
+TRUTH = np.array([0, 0, 0, 1, 1, 1])
+
+
+@pytest.fixture
+def problem() -> LabelingProblem:
+    p = np.array([0.8, 0.4, 0.8, 0.2, 0.4, 0.1])
+    return LabelingProblem.from_probabilities(
+        LabelGraph.from_lattice((6,)), NAMES, np.stack([p, 1 - p], axis=1)
+    )
+
+
+@pytest.mark.parametrize("name", list(BACKENDS))
+def test_a_saved_backend_labels_as_before(
+    name: str, problem: LabelingProblem, tmp_path: Path
+) -> None:
+    backend = build(name)
+    if isinstance(backend, Learnable):
+        backend = backend.fit([problem], [TRUTH])
+    save_backend(tmp_path / "model", backend, NAMES)
+    again, names = load_backend(tmp_path / "model")
+    assert names == NAMES
+    assert type(again) is type(backend)
+    assert again.infer(problem).labels.tolist() == backend.infer(problem).labels.tolist()
+
+
+@dataclass(frozen=True)
+class Unregistered:
+    """A backend that no entry point names."""
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        return Labeling(np.zeros(problem.graph.n_nodes, np.int64), Status.CONVERGED)
+
+
+def test_an_unregistered_backend_is_not_saved(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"Unregistered cannot be saved.*pgm_places\.backends"):
+        save_backend(tmp_path / "model", Unregistered(), NAMES)
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("kind", "cake"), ("backend", "os:system"), ("options", {"weight": "much"}), ("learned", 3)],
+)
+def test_a_spoiled_folder_is_refused(key: str, value: object, tmp_path: Path) -> None:
+    save_backend(tmp_path / "model", build("potts"), NAMES)
+    manifest, arrays = load_folder(tmp_path / "model")
+    save_folder(tmp_path / "spoiled", {**manifest, key: value}, arrays)
+    with pytest.raises(ModelFileError):
+        load_backend(tmp_path / "spoiled")

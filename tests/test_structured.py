@@ -1,0 +1,122 @@
+"""StructuredLabeler: any classifier before any backend, by scikit-learn's rules."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sklearn.base import clone
+from sklearn.linear_model import LogisticRegression, Perceptron
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.tree import DecisionTreeClassifier
+
+from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
+from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.models.mrf import PottsField
+
+TRUTH = np.repeat([0, 1, 2, 0], 15)
+NAMES = ("rest", "walk", "run")
+
+
+@pytest.fixture(scope="module")
+def chains() -> list[LabelingProblem]:
+    rng = np.random.default_rng(4)
+    graph = LabelGraph.from_lattice((len(TRUTH),))
+    return [
+        LabelingProblem(
+            graph, NAMES, node_features=TRUTH[:, None] + 0.6 * rng.normal(size=(len(TRUTH), 2))
+        )
+        for _ in range(4)
+    ]
+
+
+@pytest.fixture(scope="module")
+def truths() -> list[NDArray[np.int64]]:
+    return [TRUTH] * 4
+
+
+def test_structure_helps_the_classifier(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    alone = StructuredLabeler("independent", LogisticRegression())
+    network = StructuredLabeler("amn", LogisticRegression())
+    scores = [m.fit(chains[:3], truths[:3]).score(chains[3:], truths[3:]) for m in (alone, network)]
+    assert scores[1] > scores[0]
+    assert network.infer(chains[3:])[0].score is not None
+
+
+def test_grid_search_with_groups_tunes_backend_and_classifier(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    search = GridSearchCV(
+        StructuredLabeler("potts", LogisticRegression(), metric="balanced_accuracy"),
+        {"backend__weight": [0.0, 1.0], "classifier__C": [0.1, 1.0]},
+        cv=GroupKFold(2),
+        error_score="raise",
+    ).fit(chains, truths, groups=[0, 0, 1, 1])
+    assert search.best_params_["backend__weight"] == 1.0
+    assert search.best_estimator_.backend_ == PottsField(weight=1.0)
+    assert search.best_score_ > 0.7
+
+
+def test_a_clone_is_unfitted_with_the_same_parameters(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    labeler = StructuredLabeler("potts", LogisticRegression(C=3.0)).set_params(backend__weight=0.5)
+    twin = clone(labeler.fit(chains, truths))
+    assert twin.get_params()["backend__weight"] == 0.5
+    assert twin.get_params()["classifier__C"] == 3.0
+    with pytest.raises(NotFittedError, match="call fit"):
+        twin.predict(chains)
+
+
+def test_out_of_fold_unaries_come_from_other_problems(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    """A tree is always right on its own examples, so an HMM that sees those trusts it blindly."""
+    in_sample, out_of_fold = (
+        StructuredLabeler("hmm", DecisionTreeClassifier(random_state=0), learn_on=how)
+        .fit(chains, truths)
+        .backend_.confusion
+        for how in ("in-sample", "out-of-fold")
+    )
+    assert np.trace(in_sample) > 2.7
+    assert np.trace(out_of_fold) < 2.5
+
+
+def test_one_problem_is_cut_into_stripes(chains: list[LabelingProblem]) -> None:
+    known = TRUTH.copy()
+    known[::7] = -1
+    labeler = StructuredLabeler("amn", LogisticRegression()).fit(chains[:1], [known])
+    assert labeler.score(chains[:1], [TRUTH]) > 0.9
+
+
+def test_without_a_classifier_the_unary_is_taken() -> None:
+    p = np.array([[0.9, 0.1], [0.4, 0.6], [0.9, 0.1]])
+    problem = LabelingProblem.from_probabilities(LabelGraph.from_lattice((3,)), ["a", "b"], p)
+    labeler = StructuredLabeler(PottsField()).fit([problem], [np.array([0, 0, 1])])
+    assert labeler.predict([problem])[0].tolist() == [0, 0, 0]
+
+
+def test_what_does_not_fit_is_refused(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    labeler = StructuredLabeler("potts", LogisticRegression())
+    with pytest.raises(InputError, match=r"got a single LabelingProblem; write \[it\]"):
+        labeler.fit(chains[0], truths)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="4 problems and 2 labelings"):
+        labeler.fit(chains, truths[:2])
+    with pytest.raises(InputError, match=r"y\[0\] must have shape \(60,\), got \(3,\)"):
+        labeler.fit(chains[:1], [np.array([0, 1, 2])])
+    with pytest.raises(LabelError, match="no training node is labelled 'run'"):
+        labeler.fit(chains, [np.where(TRUTH == 2, -1, TRUTH)] * 4)
+    with pytest.raises(ConfigError, match="Perceptron has none; wrap it"):
+        StructuredLabeler("potts", Perceptron()).fit(chains, truths)
+    with pytest.raises(ConfigError, match="did you mean 'accuracy'"):
+        StructuredLabeler("potts", metric="acuracy").fit(chains, truths)
+    with pytest.raises(ConfigError, match=r"no option 'wait'\. did you mean 'weight'"):
+        labeler.set_params(backend__wait=1.0)
+    bare = LabelingProblem(chains[0].graph, NAMES, unary=np.zeros((60, 3)))
+    with pytest.raises(InputError, match="needs the problem's node_features"):
+        labeler.fit([bare], truths[:1])
+    with pytest.raises(InputError, match="fitted on labels"):
+        other = LabelingProblem(chains[0].graph, ["a", "b", "c"], unary=np.zeros((60, 3)))
+        labeler.fit(chains, truths).predict([other])
