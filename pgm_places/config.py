@@ -146,6 +146,7 @@ class TopologyConfig(_Record):
 
     Rooms and corridors below ``min_area_m2``, doorways below ``min_doorway_area_m2``, and, where
     ``doorways_join_two``, doorways that touch fewer than two regions take a neighbour's label.
+    Passages narrower than ``min_width_m`` connect nothing.
     """
 
     correct: bool = True
@@ -153,6 +154,7 @@ class TopologyConfig(_Record):
     min_doorway_area_m2: Annotated[float, Field(ge=0)] = 0.1
     doorways_join_two: bool = True
     doorway_label: str = "doorway"
+    min_width_m: Annotated[float, Field(ge=0)] = 0.0
 
 
 class MethodConfig(_Record):

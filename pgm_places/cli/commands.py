@@ -113,7 +113,6 @@ def run_label(
         progress.warn(message)
     with progress.stage("files and picture"):
         written = write_labels(result, loaded, out)
-    rules, correct = rules_of(record)
     typer.echo(result.summary())
     with progress.stage("places"):
         written += write_places(
@@ -124,8 +123,7 @@ def run_label(
             label_names=result.label_names,
             beliefs=result.labeling.beliefs,
             layout=result.layout,
-            rules=rules,
-            correct=correct,
+            **rules_of(record),
         )
     for path in written:
         typer.echo(f"wrote {path}")

@@ -166,7 +166,7 @@ def export(
         str,
         typer.Option(
             help="nav2-route, regions, zones, keepout, speed-percent, speed-m-s, binary, graphml, "
-            "node-link, dot or geotiff."
+            "node-link, dot, geotiff or mcap."
         ),
     ],
     out: Annotated[
@@ -177,7 +177,7 @@ def export(
         typer.Option("--set", help="A mask's value of a class or place: room=100. Repeatable."),
     ] = None,
 ) -> None:
-    """Write the places for other tools: Nav2, QGIS, graph editors."""
+    """Write the places for other tools: Nav2, QGIS, graph editors, Foxglove, RViz."""
     from pgm_places.cli.places import run_export
 
     run_export(folder, to, out, values or [])

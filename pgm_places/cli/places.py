@@ -13,11 +13,14 @@ from pgm_places.topology.corrections import CorrectionRules
 __all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
 
 
-def rules_of(record: Mapping[str, Any]) -> tuple[CorrectionRules, bool]:
-    """The correction rules in a model's record, and whether to correct; else the paper's."""
+def rules_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """``topological_map``'s options in a model's record; else the paper's."""
     options = dict(record.get("config", {}).get("topology", {}))
-    correct = bool(options.pop("correct", True))
-    return CorrectionRules(**options), correct
+    return {
+        "correct": bool(options.pop("correct", True)),
+        "min_width_m": float(options.pop("min_width_m", 0.0)),
+        "rules": CorrectionRules(**options),
+    }
 
 
 def write_places(out: Path, title: str, **options: Any) -> list[Path]:

@@ -10,6 +10,7 @@ from pgm_places.io.filter_masks import FilterKind, write_filter_mask
 from pgm_places.io.geotiff import write_geotiff
 from pgm_places.io.graph_files import write_dot, write_graphml, write_node_link
 from pgm_places.io.nav2_route import write_nav2_route
+from pgm_places.io.place_bag import write_place_bag
 from pgm_places.io.region_features import write_region_features
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -28,6 +29,7 @@ EXPORTS: dict[str, Writer] = {
         write_geotiff(folder / "regions.tif", t, what="regions"),
         write_geotiff(folder / "labels.tif", t, what="labels"),
     ],
+    "mcap": lambda folder, t: write_place_bag(folder / "places", t),
 }
 """Formats that need nothing but the map."""
 

@@ -1,6 +1,7 @@
 """Masks for Nav2's costmap filters: zones, keep-out areas and speed limits by class or place."""
 
 import io
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -43,8 +44,7 @@ def mask_values(
     InputError
         A name that is neither a place nor a class, or a value out of range.
     """
-    if values is None:
-        values = {label: k + 1 for k, label in enumerate(topology.label_names)}
+    values = _named(topology, values)
     for name, value in values.items():
         if name not in topology.label_names:
             topology.place(name)
@@ -73,7 +73,9 @@ def write_filter_mask(
     from 0 to 100. What a filter makes of them is ``base + multiplier * value``: 100 keeps out; a
     percentage or metres per second of speed, 0 for no limit; for zones the number of the state, 0
     for the nominal one. The parameters are those of ``map_server`` and
-    ``costmap_filter_info_server``, whose topics the filter in your costmap has to name.
+    ``costmap_filter_info_server``, whose topics the filter in your costmap has to name; for zones
+    also those of a ``ZoneParameterFilter`` that knows every state of the mask, as it stops the
+    robot at a value that it does not know. Setpoints are left to the user.
 
     Parameters
     ----------
@@ -116,6 +118,7 @@ def write_filter_mask(
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
     )
     topic = f"/{target.name.replace('-', '_')}_mask"
+    states = _zone_states(topology, values, mask, f"{topic}_info") if kind == "zones" else ""
     params_path = write_text(
         target.with_name(f"{target.name}_params.yaml"),
         f"# {_legend(topology, values)}\n"
@@ -124,12 +127,50 @@ def write_filter_mask(
         "costmap_filter_info_server:\n  ros__parameters:\n"
         f"    type: {TYPES[kind]}\n"
         f'    filter_info_topic: "{topic}_info"\n    mask_topic: "{topic}"\n'
-        f"    base: {float(base)!r}\n    multiplier: {float(multiplier)!r}\n",
+        f"    base: {float(base)!r}\n    multiplier: {float(multiplier)!r}\n{states}",
     )
     return [image_path, yaml_path, params_path]
 
 
+def _zone_states(
+    topology: TopologicalMap,
+    values: Mapping[str, int] | None,
+    mask: NDArray[np.uint8],
+    info_topic: str,
+) -> str:
+    """Parameters of a zone filter with a state per value of the mask.
+
+    No state has ``setpoints``, as ROS reads no empty list; the filter says so and goes on.
+    """
+    named: dict[int, list[str]] = {}
+    for name, value in _named(topology, values).items():
+        named.setdefault(value, []).append(re.sub(r"\W+", "_", name).strip("_"))
+    used = [int(value) for value in np.unique(mask) if value]
+    # Two places may differ only in signs that no parameter name takes: the number tells them apart.
+    states = {value: f"{'_'.join(named[value])}_{value}" for value in used}
+    listed = ", ".join(f'"{state}"' for state in states.values())
+    lines = [
+        "local_costmap:",
+        "  local_costmap:",
+        "    ros__parameters:",
+        '      filters: ["zone_filter"]',
+        "      zone_filter:",
+        '        plugin: "nav2_costmap_2d::ZoneParameterFilter"',
+        f'        filter_info_topic: "{info_topic}"',
+        *([f"        states: [{listed}]"] if states else []),
+        *(f"        {state}:\n          id: {value}" for value, state in states.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _named(topology: TopologicalMap, values: Mapping[str, int] | None) -> Mapping[str, int]:
+    """Values by name: the classes' numbers from 1 where none are given."""
+    if values is not None:
+        return values
+    return {label: k + 1 for k, label in enumerate(topology.label_names)}
+
+
 def _legend(topology: TopologicalMap, values: Mapping[str, int] | None) -> str:
-    named = values or {label: k + 1 for k, label in enumerate(topology.label_names)}
+    named = _named(topology, values)
     listed = ", ".join(f"{value} {' '.join(name.split())}" for name, value in named.items())
     return f"values: 0 nothing, {listed}"

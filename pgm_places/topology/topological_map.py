@@ -122,6 +122,24 @@ class TopologicalMap:
         """The regions that touch a region, by id."""
         return [self._by_id[other] for other in sorted(self.graph[self.place(key).id])]
 
+    @cached_property
+    def _windows(self) -> list[tuple[slice, ...]]:
+        from scipy.ndimage import find_objects
+
+        return find_objects(self.region)
+
+    def window(self, key: int | str) -> tuple[slice, slice]:
+        """The rows and columns that a region spans."""
+        rows, columns = self._windows[self.place(key).id - 1]
+        return rows, columns
+
+    def cells(self, key: int | str) -> NDArray[np.int64]:
+        """(n, 2) row and column of the cells of a region: of a doorway, those that lead through."""
+        region = self.place(key)
+        rows, columns = self.window(region.id)
+        inside = self.region[rows, columns] == region.id
+        return np.argwhere(inside) + np.array([rows.start, columns.start])
+
     def path(self, start: int | str, end: int | str) -> list[Region]:
         """The regions to pass from one to another, both included, along the shortest way.
 

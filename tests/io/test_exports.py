@@ -115,6 +115,24 @@ def test_zones_number_the_classes(tmp_path: Path) -> None:
     assert "1 corridor, 2 room, 3 doorway" in params_path.read_text()
 
 
+@pytest.mark.parametrize("values", [None, {"room": 5, "room 2": 7, "corridor": 5}])
+def test_the_zone_filter_knows_every_state_of_the_mask(
+    values: dict[str, int] | None, tmp_path: Path
+) -> None:
+    # It throws at a value without a state: ids must be complete, from 1 to 255, names unique.
+    topology = floor_map()
+    _, path, params_path = write_filter_mask(tmp_path / "zones", topology, "zones", values=values)
+    params = yaml.safe_load(params_path.read_text())
+    costmap = params["local_costmap"]["local_costmap"]["ros__parameters"]
+    zones = costmap[costmap["filters"][0]]
+    assert zones["plugin"] == "nav2_costmap_2d::ZoneParameterFilter"
+    info = params["costmap_filter_info_server"]["ros__parameters"]
+    assert zones["filter_info_topic"] == info["filter_info_topic"]
+    ids = [zones[state]["id"] for state in zones["states"]]
+    assert sorted(ids) == sorted({int(v) for v in np.unique(load_map(path).occupancy)} - {0})
+    assert all(state.isidentifier() for state in zones["states"])
+
+
 def test_graph_files_are_read_back(tmp_path: Path) -> None:
     topology = floor_map(**FRAME)
     for to in ("graphml", "node-link", "dot"):

@@ -43,6 +43,15 @@ def test_questions() -> None:
     assert found.region_at(x, y) is None  # a wall
 
 
+def test_the_cells_of_a_doorway() -> None:
+    found = floor_map()
+    assert found.cells("doorway 1").tolist() == [[4, 3], [4, 4], [4, 5]]
+    for region in found.regions:
+        rows, columns = found.cells(region.id).T
+        assert (found.region[rows, columns] == region.id).all()
+        assert len(rows) == (found.region == region.id).sum()
+
+
 def test_unknown_places_and_missing_ways() -> None:
     labels = floor_labels()
     labels[4, 3:6] = -1  # the first doorway is walled up

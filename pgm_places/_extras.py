@@ -1,0 +1,39 @@
+"""Packages that only some tasks need: imported when such a task begins, or asked for by name."""
+
+import importlib
+from typing import Any
+
+from pgm_places.errors import InputError
+
+__all__ = ["needed"]
+
+
+def needed(module: str, *, extra: str, purpose: str) -> Any:
+    """The module of an optional package.
+
+    Parameters
+    ----------
+    module : str
+        What to import.
+    extra : str
+        The extra of this package that installs it.
+    purpose : str
+        What cannot be done without it: the beginning of the message.
+
+    Raises
+    ------
+    InputError
+        The package is not installed; the message says how to install it.
+
+    Examples
+    --------
+    >>> needed("json", extra="none", purpose="reading JSON").loads("[1]")
+    [1]
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f"{purpose} needs the package {module.partition('.')[0]!r} ({error}); install it with: "
+            f'pip install "pgm-places[{extra}]"'
+        ) from None

@@ -1,0 +1,196 @@
+"""The places as visualization markers: coloured areas, outlines, names, and the ways between."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.report.palette import label_colours, rgb_of
+from pgm_places.topology.regions import Region
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["ROS", "place_markers"]
+
+_AREA_ALPHA = 0.5
+_AREA_Z_M, _LINE_Z_M, _NAME_Z_M = 0.01, 0.03, 0.3
+_LINE_M, _POINT_M, _TEXT_M = 0.05, 0.2, 0.35
+_INK = (0.1, 0.1, 0.1)
+
+
+@dataclass(frozen=True)
+class ROS:
+    """Messages of one ROS distribution, by the names of their types.
+
+    Parameters
+    ----------
+    types : mapping of str to type
+        Message classes, as a type store of ``rosbags`` has them.
+    frame : str
+        The frame of everything that is made.
+    """
+
+    types: Mapping[str, Any]
+    frame: str
+
+    def new(self, name: str, **fields: Any) -> Any:
+        """A message of the type ``name``."""
+        return self.types[name](**fields)
+
+    def no_time(self) -> Any:
+        """Time 0: whatever the latest transform is."""
+        return self.new("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+
+    def header(self) -> Any:
+        """A header of the frame, without a time."""
+        return self.new("std_msgs/msg/Header", stamp=self.no_time(), frame_id=self.frame)
+
+    def point(self, x: float, y: float, z: float) -> Any:
+        """A point in metres."""
+        return self.new("geometry_msgs/msg/Point", x=float(x), y=float(y), z=float(z))
+
+    def turn(self, yaw_rad: float) -> Any:
+        """The rotation about the vertical axis."""
+        z, w = float(np.sin(yaw_rad / 2)), float(np.cos(yaw_rad / 2))
+        return self.new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
+
+    def colour(self, rgb: Sequence[float], alpha: float = 1.0) -> Any:
+        """A colour; parts from 0 to 1."""
+        r, g, b = rgb
+        return self.new("std_msgs/msg/ColorRGBA", r=r, g=g, b=b, a=alpha)
+
+    def marker(
+        self,
+        kind: str,
+        space: str,
+        number: int,
+        *,
+        colour: Any,
+        scale: tuple[float, float, float],
+        points: Iterable[Any] = (),
+        at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        text: str = "",
+    ) -> Any:
+        """A marker of a kind such as ``"LINE_LIST"``; it stays until it is replaced."""
+        cls = self.types["visualization_msgs/msg/Marker"]
+        x, y, z = scale
+        return cls(
+            header=self.header(),
+            ns=space,
+            id=number,
+            type=getattr(cls, kind),
+            action=cls.ADD,
+            pose=self.new(
+                "geometry_msgs/msg/Pose",
+                position=self.point(*at),
+                orientation=self.turn(0.0),
+            ),
+            scale=self.new("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            color=colour,
+            lifetime=self.new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
+            frame_locked=False,
+            points=list(points),
+            colors=[],
+            texture_resource="",
+            texture=self.new(
+                "sensor_msgs/msg/CompressedImage",
+                header=self.header(),
+                format="",
+                data=np.zeros(0, np.uint8),
+            ),
+            uv_coordinates=[],
+            text=text,
+            mesh_resource="",
+            mesh_file=self.new(
+                "visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)
+            ),
+            mesh_use_embedded_materials=False,
+        )
+
+
+def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
+    """A MarkerArray: ``areas``, ``outlines`` and ``names`` by id of place, and the ``ways``."""
+    names = topology.label_names
+    colours = {
+        name: (rgb_of(colour) / 255).tolist()
+        for name, colour in zip(names, label_colours(names), strict=True)
+    }
+    markers = []
+    for region in topology.regions:
+        colour = colours[region.label]
+        markers.append(_area(ros, topology, region, colour))
+        markers.append(_outline(ros, region, colour))
+        markers.append(
+            ros.marker(
+                "TEXT_VIEW_FACING",
+                "names",
+                region.id,
+                colour=ros.colour(_INK),
+                scale=(0.0, 0.0, _TEXT_M),
+                at=(*region.anchor_m, _NAME_Z_M),
+                text=region.name,
+            )
+        )
+    if topology.connections:
+        markers += _ways(ros, topology)
+    return ros.new("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def _area(ros: ROS, topology: TopologicalMap, region: Region, colour: Sequence[float]) -> Any:
+    """Two triangles per run of cells in a row."""
+    corners = topology.grid.cell_centres_m(_run_corners(topology, region) - 0.5)
+    return ros.marker(
+        "TRIANGLE_LIST",
+        "areas",
+        region.id,
+        colour=ros.colour(colour, _AREA_ALPHA),
+        scale=(1.0, 1.0, 1.0),
+        points=[ros.point(x, y, _AREA_Z_M) for x, y in corners.tolist()],
+    )
+
+
+def _run_corners(topology: TopologicalMap, region: Region) -> NDArray[np.float64]:
+    """(6 n, 2) row and column of the triangles' corners, counted along the cells' edges."""
+    rows, columns = topology.window(region.id)
+    inside = np.pad(topology.region[rows, columns] == region.id, ((0, 0), (1, 1)))
+    step = np.diff(inside.astype(np.int8), axis=1)
+    row, start = np.nonzero(step == 1)
+    _, end = np.nonzero(step == -1)
+    low, left, right = row + rows.start, start + columns.start, end + columns.start
+    triangles = [(low, left), (low, right), (low + 1, right)]
+    triangles += [(low, left), (low + 1, right), (low + 1, left)]
+    corners = np.array([np.stack(corner, axis=1) for corner in triangles], np.float64)
+    return corners.swapaxes(0, 1).reshape(-1, 2)
+
+
+def _outline(ros: ROS, region: Region, colour: Sequence[float]) -> Any:
+    points = []
+    for rings in region.polygons:
+        for ring in rings:
+            ends = np.stack([ring[:-1], ring[1:]], axis=1).reshape(-1, 2)
+            points += [ros.point(x, y, _LINE_Z_M) for x, y in ends.tolist()]
+    return ros.marker(
+        "LINE_LIST",
+        "outlines",
+        region.id,
+        colour=ros.colour(colour),
+        scale=(_LINE_M, 0.0, 0.0),
+        points=points,
+    )
+
+
+def _ways(ros: ROS, topology: TopologicalMap) -> list[Any]:
+    """Lines from anchor to passage to anchor, and a ball in each passage."""
+    lines, middles = [], []
+    for item in topology.connections:
+        middle = ros.point(*item.point_m, _LINE_Z_M)
+        middles.append(middle)
+        for number in (item.first, item.second):
+            lines += [ros.point(*topology.place(number).anchor_m, _LINE_Z_M), middle]
+    ink = ros.colour(_INK)
+    size = (_POINT_M, _POINT_M, _POINT_M)
+    return [
+        ros.marker("LINE_LIST", "ways", 0, colour=ink, scale=(_LINE_M, 0.0, 0.0), points=lines),
+        ros.marker("SPHERE_LIST", "passages", 0, colour=ink, scale=size, points=middles),
+    ]
