@@ -1,0 +1,225 @@
+"""A rolling map around the robot: what a laser saw lately, and what it would see behind itself."""
+
+from dataclasses import dataclass, field
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
+from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+__all__ = ["LocalMap"]
+
+HIT, MISS = 2, -1
+"""What a beam's end and a beam's crossing add: log-odds in steps of 0.4, that is, the odds of being
+occupied change by e^0.8 and e^-0.4 (probabilities 0.69 and 0.40 of an inverse sensor model)."""
+
+LOWEST, HIGHEST = -5, 9
+"""Bounds of a cell's evidence (log-odds -2 and 3.6): a door that opens is free after ten scans."""
+
+SCAN_NUMBERS = 255
+"""Scans between two clean-ups of which cells this scan has changed: the numbers fit a byte."""
+
+MOST_CELLS = 20_000
+"""Longest side of the window in cells; a larger one is a slip, such as a size in millimetres."""
+
+
+@dataclass(eq=False)
+class LocalMap:
+    """Occupancy evidence in a square window that moves along with the robot.
+
+    Every scan adds to the log-odds of the cells that its beams end in and takes from those that
+    they cross, once per cell and scan. The window moves without copying, and what it leaves is
+    forgotten, so that memory stays ``2 (size / resolution)^2`` bytes whatever the way's length.
+    A robot whose laser looks only forwards gets the beams behind it from here (paper, section 4,
+    Fig. 4).
+
+    Parameters
+    ----------
+    size_m : float
+        Side of the window in metres.
+    resolution_m : float
+        Side of a cell in metres.
+    robot_radius_m : float
+        Cells so near to the laser are free: the robot stands there. 0 for none.
+    through_unknown_m : float
+        How far a simulated ray goes on through unknown space before it is taken to end where that
+        space began. Far away, beams are wider apart than cells, which leaves holes; ``inf`` makes
+        unknown space free.
+
+    Examples
+    --------
+    >>> from math import pi
+    >>> local = LocalMap(size_m=10.0, resolution_m=0.1)
+    >>> ahead = np.linspace(-pi / 2, pi / 2, 181)
+    >>> local.update([0.0, 0.0, 0.0], np.full(181, 2.0), ahead, max_range_m=30.0)
+    >>> turned = [0.0, 0.0, pi]  # what lay ahead lies behind now
+    >>> behind = local.cast(turned, [pi], max_range_m=30.0)
+    >>> bool(abs(behind[0] - 2.0) <= 0.1)
+    True
+    """
+
+    size_m: float = 40.0
+    resolution_m: float = 0.05
+    robot_radius_m: float = 0.25
+    through_unknown_m: float = 0.3
+    _evidence: NDArray[np.int8] = field(init=False, repr=False)
+    _seen: NDArray[np.uint8] = field(init=False, repr=False)
+    _corner: NDArray[np.int64] | None = field(init=False, repr=False, default=None)
+    _scan: int = field(init=False, repr=False, default=0)
+
+    def __post_init__(self) -> None:
+        for name, least in (("size_m", 0.0), ("resolution_m", 0.0)):
+            value = getattr(self, name)
+            if not (isfinite(value) and value > least):
+                raise InputError(f"{name} must be a positive number of metres, got {value!r}")
+        if not (isfinite(self.robot_radius_m) and self.robot_radius_m >= 0):
+            raise InputError(f"robot_radius_m must be at least 0, got {self.robot_radius_m!r}")
+        if not self.through_unknown_m >= 0:
+            raise InputError(
+                f"through_unknown_m must be at least 0, or inf, got {self.through_unknown_m!r}"
+            )
+        n = round(self.size_m / self.resolution_m)
+        if not 8 <= n <= MOST_CELLS:
+            raise InputError(
+                f"size_m / resolution_m must give 8 to {MOST_CELLS} cells, got "
+                f"{self.size_m:g} / {self.resolution_m:g} = {n}"
+            )
+        self._evidence = np.zeros((n, n), np.int8)
+        self._seen = np.zeros((n, n), np.uint8)
+
+    @property
+    def n_cells(self) -> int:
+        """Cells along a side of the window."""
+        return len(self._evidence)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory taken, which never changes."""
+        return self._evidence.nbytes + self._seen.nbytes
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._evidence.fill(0)
+        self._seen.fill(0)
+        self._corner, self._scan = None, 0
+
+    def update(
+        self, pose: ArrayLike, ranges_m: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
+    ) -> None:
+        """Add a scan taken at a pose, after moving the window there.
+
+        Parameters
+        ----------
+        pose : (3,) float
+            x, y in metres and heading in radians of the laser, in any frame that stays the same.
+        ranges_m : (M,) float
+            Beam lengths. NaN, infinite, not positive, or at least ``max_range_m``: no answer, which
+            says nothing about the map.
+        angles_rad : (M,) float
+            Beam angles against the heading, counter-clockwise.
+        max_range_m : float
+            The sensor's maximum range.
+
+        Raises
+        ------
+        InputError
+            Pose or angles are not finite, or shapes do not fit.
+        """
+        from pgm_places.sensing._local_map_kernels import write_disc, write_scan
+
+        where = finite_array("pose", pose, (3,))
+        angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
+        ranges = np.asarray(ranges_m, np.float64)
+        if ranges.shape != angles.shape:
+            raise InputError(
+                f"ranges_m must have one value per angle ({len(angles)}), got {ranges.shape}"
+            )
+        with np.errstate(invalid="ignore"):
+            answered = (ranges > 0) & (ranges < max_range_m)
+        lengths = np.where(answered, ranges / self.resolution_m, 0.0)
+        x, y, wrap = self._move_to(where)
+        write_scan(
+            self._evidence, self._seen, *wrap, x, y, where[2], lengths, angles,
+            HIT, MISS, LOWEST, HIGHEST, self._next_scan(),
+        )  # fmt: skip
+        if self.robot_radius_m > 0:
+            radius = self.robot_radius_m / self.resolution_m
+            write_disc(self._evidence, *wrap, x, y, radius, MISS)
+
+    def cast(
+        self, pose: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
+    ) -> NDArray[np.float64]:
+        """(M,) ranges in metres that a laser at the pose would read along the angles.
+
+        Parameters
+        ----------
+        pose : (3,) float
+            As in :meth:`update`.
+        angles_rad : (M,) float
+            Beam angles against the heading, counter-clockwise.
+        max_range_m : float
+            Longest range returned, also where a ray meets nothing.
+
+        A pose inside an occupied cell reads 0 along every beam.
+        """
+        from pgm_places.sensing._local_map_kernels import cast_rays
+
+        where = finite_array("pose", pose, (3,))
+        angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
+        found = np.empty(len(angles))
+        x, y, wrap = self._place(where)
+        limit = max_range_m / self.resolution_m
+        through = self.through_unknown_m / self.resolution_m
+        cast_rays(self._evidence, *wrap, x, y, where[2], angles, limit, through, found)
+        return np.minimum(found * self.resolution_m, max_range_m)
+
+    def to_grid(self) -> OccupancyGrid:
+        """The window as a map: evidence above 0 is occupied, below 0 free, 0 unknown."""
+        corner = np.zeros(2, np.int64) if self._corner is None else self._corner
+        shift = -(corner % self.n_cells)
+        values = np.roll(self._evidence, (int(shift[1]), int(shift[0])), axis=(0, 1))
+        cells = np.full(values.shape, UNKNOWN, np.int8)
+        cells[values > 0] = OCCUPIED
+        cells[values < 0] = FREE
+        x, y = corner * self.resolution_m
+        return OccupancyGrid(cells, self.resolution_m, (float(x), float(y)))
+
+    def _next_scan(self) -> int:
+        self._scan += 1
+        if self._scan > SCAN_NUMBERS:
+            self._seen.fill(0)
+            self._scan = 1
+        return self._scan
+
+    def _place(self, where: NDArray[np.float64]) -> tuple[float, float, tuple[int, int]]:
+        """Position in cells from the window's corner, and where that corner is kept."""
+        n = self.n_cells
+        corner = self._corner
+        if corner is None:
+            corner = np.floor(where[:2] / self.resolution_m).astype(np.int64) - n // 2
+        x, y = where[:2] / self.resolution_m - corner
+        return float(x), float(y), (int(corner[1] % n), int(corner[0] % n))
+
+    def _move_to(self, where: NDArray[np.float64]) -> tuple[float, float, tuple[int, int]]:
+        """Put the robot's cell into the middle of the window; what enters is unknown."""
+        n = self.n_cells
+        wanted = np.floor(where[:2] / self.resolution_m).astype(np.int64) - n // 2
+        if self._corner is not None:
+            column, row = wanted - self._corner
+            if max(abs(column), abs(row)) >= n:
+                self._evidence.fill(0)
+            else:
+                self._evidence[_entered(self._corner[1], row, n)] = 0
+                self._evidence[:, _entered(self._corner[0], column, n)] = 0
+        self._corner = wanted
+        return self._place(where)
+
+
+def _entered(corner: int, step: int, n: int) -> NDArray[np.int64]:
+    """Where the rows (or columns) are kept that enter when the corner moves by ``step`` cells."""
+    if step >= 0:
+        return np.arange(corner + n, corner + n + step) % n
+    return np.arange(corner + step, corner) % n
