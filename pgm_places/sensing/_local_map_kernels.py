@@ -13,6 +13,7 @@ from pgm_places._jit import njit
 __all__ = ["cast_rays", "write_disc", "write_scan"]
 
 TINY = 1e-12  # components below it are rounding left over from a right angle
+DEPTH = 0.1  # cells behind the surface that a beam met: the matter lies there, not in front
 
 
 @njit
@@ -76,8 +77,8 @@ def write_scan(
         if not lengths[beam] > 0.0:
             continue
         angle = heading_rad + angles_rad[beam]
-        column = int(np.floor(x + lengths[beam] * np.cos(angle)))
-        row = int(np.floor(y + lengths[beam] * np.sin(angle)))
+        column = int(np.floor(x + (lengths[beam] + DEPTH) * np.cos(angle)))
+        row = int(np.floor(y + (lengths[beam] + DEPTH) * np.sin(angle)))
         if 0 <= row < n and 0 <= column < n:
             at = _kept_at(row, wrap_row, n), _kept_at(column, wrap_column, n)
             _add(evidence, seen, at[0], at[1], hit, low, high, scan)
@@ -136,8 +137,9 @@ def cast_rays(
     limit: float,
     through: float,
     out: NDArray[np.float64],
+    met: NDArray[np.bool_],
 ) -> None:
-    """Length of each ray in cells, to the first cell with evidence above 0.
+    """Length of each ray in cells, to the first cell with evidence above 0; whether it met one.
 
     A ray that crosses more than ``through`` cells' length of unknown space in a row ends where that
     space began; space outside the window is unknown. ``limit`` where a ray met nothing so far.
@@ -149,6 +151,7 @@ def cast_rays(
         step_x, per_x, next_x = _way(np.cos(angle), x - column)
         step_y, per_y, next_y = _way(np.sin(angle), y - row)
         travelled, unknown_from, reading = 0.0, -1.0, limit
+        met[beam] = False
         while travelled < limit:
             inside = 0 <= row < n and 0 <= column < n
             value = 0
@@ -156,6 +159,7 @@ def cast_rays(
                 value = evidence[_kept_at(row, wrap_row, n), _kept_at(column, wrap_column, n)]
             if value > 0:
                 reading = travelled
+                met[beam] = True
                 break
             if value < 0:
                 unknown_from = -1.0

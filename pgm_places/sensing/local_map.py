@@ -56,9 +56,9 @@ class LocalMap:
     >>> ahead = np.linspace(-pi / 2, pi / 2, 181)
     >>> local.update([0.0, 0.0, 0.0], np.full(181, 2.0), ahead, max_range_m=30.0)
     >>> turned = [0.0, 0.0, pi]  # what lay ahead lies behind now
-    >>> behind = local.cast(turned, [pi], max_range_m=30.0)
-    >>> bool(abs(behind[0] - 2.0) <= 0.1)
-    True
+    >>> ranges, met = local.cast(turned, [pi], max_range_m=30.0)
+    >>> bool(abs(ranges[0] - 2.0) <= 0.1), met.tolist()
+    (True, [True])
     """
 
     size_m: float = 40.0
@@ -151,8 +151,8 @@ class LocalMap:
 
     def cast(
         self, pose: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
-    ) -> NDArray[np.float64]:
-        """(M,) ranges in metres that a laser at the pose would read along the angles.
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(M,) ranges in metres that a laser at the pose would read, and whether obstacles are met.
 
         Parameters
         ----------
@@ -163,18 +163,19 @@ class LocalMap:
         max_range_m : float
             Longest range returned, also where a ray meets nothing.
 
-        A pose inside an occupied cell reads 0 along every beam.
+        A ray that meets no obstacle ends where known space ends, or at ``max_range_m``. A pose
+        inside an occupied cell reads 0 along every beam.
         """
         from pgm_places.sensing._local_map_kernels import cast_rays
 
         where = finite_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
-        found = np.empty(len(angles))
+        found, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
         x, y, wrap = self._place(where)
         limit = max_range_m / self.resolution_m
         through = self.through_unknown_m / self.resolution_m
-        cast_rays(self._evidence, *wrap, x, y, where[2], angles, limit, through, found)
-        return np.minimum(found * self.resolution_m, max_range_m)
+        cast_rays(self._evidence, *wrap, x, y, where[2], angles, limit, through, found, met)
+        return np.minimum(found * self.resolution_m, max_range_m), met
 
     def to_grid(self) -> OccupancyGrid:
         """The window as a map: evidence above 0 is occupied, below 0 free, 0 unknown."""

@@ -19,7 +19,7 @@ from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing._tiling import NodeNumbers, tiles
 from pgm_places.sensing.sensor import Sensor
 
-__all__ = ["ScanBlock", "cast_cells", "cast_poses", "iter_cast"]
+__all__ = ["PoseCaster", "ScanBlock", "cast_cells", "cast_poses", "iter_cast"]
 
 OnProgress = Callable[[float], object]
 """Called with the fraction that is done, 0 to 1."""
@@ -214,38 +214,65 @@ def cast_poses(
     >>> cast_poses(grid, [[0.12, 0.05, 0.0]], [0.0, 3.141592653589793], max_range_m=5.0).round(2)
     array([[0.18, 0.12]], dtype=float32)
     """
-    from pgm_places.sensing._dda_kernels import dda_from_poses
+    caster = PoseCaster(grid, stop_at_unknown=stop_at_unknown)
+    return caster.cast(poses, angles_rad, max_range_m=max_range_m, n_threads=n_threads)
 
-    poses = finite_array("poses", poses, ("P", 3))
-    angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
-    reach = Sensor(1, max_range_m, stop_at_unknown).max_range_m
-    height, width = grid.shape
-    blocked = blocked_window(grid, Box(0, height, 0, width), stop_at_unknown)
-    cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-    offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m
-    cells = offset @ np.array([[cos, -sin], [sin, cos]])  # turned back by the grid's yaw
-    # Positions off the map are put on the blocked rim, where they read 0.
-    x = np.clip(cells[:, 0], -1.0, width) + 1.0
-    y = np.clip(cells[:, 1], -1.0, height) + 1.0
-    headings = poses[:, 2] - grid.yaw_rad
-    ranges = np.empty((len(poses), len(angles)), np.float32)
 
-    def cast(task: int) -> None:
-        part = slice(task * _POSES_PER_TASK, (task + 1) * _POSES_PER_TASK)
-        dda_from_poses(
-            blocked,
-            x[part],
-            y[part],
-            headings[part],
-            angles,
-            grid.resolution_m,
-            reach / grid.resolution_m,
-            np.float32(reach),
-            ranges[part],
-        )
+class PoseCaster:
+    """Casts from poses in one and the same map, again and again: the map is prepared once.
 
-    run_tasks(cast, -(-len(poses) // _POSES_PER_TASK), n_threads=n_threads)
-    return ranges
+    Parameters
+    ----------
+    grid, stop_at_unknown
+        As in :func:`cast_poses`.
+    """
+
+    def __init__(self, grid: OccupancyGrid, *, stop_at_unknown: bool = True) -> None:
+        height, width = grid.shape
+        self._grid = grid
+        self._blocked = blocked_window(grid, Box(0, height, 0, width), stop_at_unknown)
+
+    def cast(
+        self,
+        poses: ArrayLike,
+        angles_rad: ArrayLike,
+        *,
+        max_range_m: float,
+        n_threads: int | None = None,
+    ) -> NDArray[np.float32]:
+        """(P, M) ranges in metres; arguments as in :func:`cast_poses`."""
+        from pgm_places.sensing._dda_kernels import dda_from_poses
+
+        grid = self._grid
+        poses = finite_array("poses", poses, ("P", 3))
+        angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
+        reach = Sensor(1, max_range_m).max_range_m
+        height, width = grid.shape
+        cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
+        offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m
+        cells = offset @ np.array([[cos, -sin], [sin, cos]])  # turned back by the grid's yaw
+        # Positions off the map are put on the blocked rim, where they read 0.
+        x = np.clip(cells[:, 0], -1.0, width) + 1.0
+        y = np.clip(cells[:, 1], -1.0, height) + 1.0
+        headings = poses[:, 2] - grid.yaw_rad
+        ranges = np.empty((len(poses), len(angles)), np.float32)
+
+        def cast(task: int) -> None:
+            part = slice(task * _POSES_PER_TASK, (task + 1) * _POSES_PER_TASK)
+            dda_from_poses(
+                self._blocked,
+                x[part],
+                y[part],
+                headings[part],
+                angles,
+                grid.resolution_m,
+                reach / grid.resolution_m,
+                np.float32(reach),
+                ranges[part],
+            )
+
+        run_tasks(cast, -(-len(poses) // _POSES_PER_TASK), n_threads=n_threads)
+        return ranges
 
 
 def _wanted(grid: OccupancyGrid, mask: ArrayLike | None) -> NDArray[np.bool_]:

@@ -1,0 +1,202 @@
+"""Scans of any laser as the full circle of beams that the features expect."""
+
+from dataclasses import dataclass, field
+from math import pi
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, nearest_name
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.grid import OccupancyGrid
+from pgm_places.scan import ScanGeometry
+from pgm_places.sensing.local_map import LocalMap
+from pgm_places.sensing.ray_casting import PoseCaster
+
+__all__ = ["FullCircle", "MissingBeams"]
+
+MissingBeams = Literal["local-map", "known-map", "mirror", "max-range"]
+
+SPACINGS_AWAY = 0.75
+"""A beam stands for a direction if it is within so many beam spacings of it."""
+
+
+@dataclass(eq=False)
+class FullCircle:
+    """Turns the scans of one laser, one after the other, into beams all around.
+
+    The 321 features are defined on beams at ``2 pi i / n_beams`` against the heading. A direction
+    that the laser looks into takes its nearest beam; the others, and beams without an answer, are
+    filled in.
+
+    Parameters
+    ----------
+    geometry : ScanGeometry
+        The laser's beams.
+    max_range_m : float
+        Longest range that comes out: that of the sensor which the classifier learned with.
+    missing : {"local-map", "known-map", "mirror", "max-range"}
+        Where missing beams come from: a rolling map of what the robot saw lately (paper, section
+        4, Fig. 4); ray casting in a known map from the robot's pose; the front's mirror image; or
+        the maximum range.
+    all_from_map : bool
+        Take every beam from the map, also those that the laser has: what the scans say about a
+        place together, without people who pass and glass that one scan looks through.
+    known_map : OccupancyGrid, optional
+        For ``"known-map"``; in the frame of the poses.
+    local_map : LocalMap, optional
+        For ``"local-map"``; the default one if not given.
+    n_beams : int
+        Beams that come out.
+
+    Raises
+    ------
+    ConfigError
+        An option is unknown, or a map is missing or not used.
+
+    Examples
+    --------
+    >>> geometry = ScanGeometry.half_circle(181, range_max_m=30.0)
+    >>> circle = FullCircle(geometry, max_range_m=12.0, missing="mirror", n_beams=4)
+    >>> circle.add([0.0, 0.0, 0.0], np.linspace(1.0, 3.0, 181)).tolist()
+    [2.0, 3.0, 2.0, 1.0]
+    """
+
+    geometry: ScanGeometry
+    max_range_m: float
+    missing: MissingBeams = "local-map"
+    all_from_map: bool = False
+    known_map: OccupancyGrid | None = None
+    local_map: LocalMap | None = None
+    n_beams: int = 360
+    _beam_of: NDArray[np.int64] = field(init=False, repr=False)
+    _caster: PoseCaster | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        check_missing(self.missing, all_from_map=self.all_from_map)
+        if (self.known_map is not None) != (self.missing == "known-map"):
+            wanted = "needs a map" if self.known_map is None else "does not use the map given"
+            raise ConfigError(
+                f"missing = {self.missing!r} {wanted}; a known map goes with 'known-map'"
+            )
+        if self.missing == "local-map":
+            self.local_map = self.local_map or LocalMap()
+        elif self.local_map is not None:
+            raise ConfigError(f"missing = {self.missing!r} does not use the local map given")
+        if self.known_map is not None:
+            self._caster = PoseCaster(self.known_map)
+        self._beam_of = _nearest_beams(self.geometry.angles_rad, self.angles_rad)
+        if (self._beam_of < 0).all():
+            raise InputError(f"{self.geometry} has no beam near any of {self.n_beams} directions")
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """(n_beams,) directions of the beams that come out."""
+        return np.arange(self.n_beams, dtype=np.float64) * (2 * pi / self.n_beams)
+
+    def add(self, pose: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float32]:
+        """(n_beams,) ranges all around, after one more scan (M,) taken at a pose (3,)."""
+        where = finite_array("pose", pose, (3,))
+        ranges = self.geometry.cleaned(ranges_m)
+        if self.local_map is not None:
+            reach = self.geometry.range_max_m
+            self.local_map.update(where, ranges, self.geometry.angles_rad, max_range_m=reach)
+        return self._completed(where[None], ranges[None])[0]
+
+    def complete(self, poses: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float32]:
+        """(T, n_beams) ranges all around for scans (T, M) taken one after the other at poses."""
+        where = finite_array("poses", poses, ("T", 3))
+        ranges = self.geometry.cleaned(ranges_m)
+        if len(ranges) != len(where):
+            raise InputError(f"there are {len(where)} poses but {len(ranges)} scans")
+        if self.missing != "local-map":  # no scan depends on the ones before
+            return self._completed(where, ranges)
+        rows = [self.add(pose, row) for pose, row in zip(where, ranges, strict=True)]
+        return np.array(rows, np.float32).reshape(len(where), self.n_beams)
+
+    def _completed(
+        self, poses: NDArray[np.float64], ranges: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        if self.missing in ("local-map", "known-map"):
+            return self._filled_from_map(poses, ranges)
+        reach = np.float32(self.max_range_m)
+        seen = self._beam_of >= 0
+        bridged = _bridged(np.where(self.geometry.returned(ranges), ranges, np.nan), reach)
+        found = np.full((len(poses), self.n_beams), reach, np.float32)
+        found[:, seen] = bridged[:, self._beam_of[seen]]
+        if self.missing == "mirror":
+            found[:, ~seen] = found[:, self._mirror_of[~seen]]
+        return np.minimum(found, reach)
+
+    def _filled_from_map(
+        self, poses: NDArray[np.float64], ranges: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        reach = np.float32(self.max_range_m)
+        seen = self._beam_of >= 0
+        found = np.where(seen, ranges[:, self._beam_of], reach)
+        answered = seen & self.geometry.returned(ranges)[:, self._beam_of]
+        wanted = np.ones_like(answered) if self.all_from_map else ~answered
+        for row, pose in enumerate(poses):
+            beams = np.flatnonzero(wanted[row])
+            simulated, met = self._cast(pose, self.angles_rad[beams])
+            # No answer from a beam that the laser has says that there is no obstacle, unless the
+            # map knows one: glass and black things give no answer either.
+            open_space = seen[beams] & ~met & (not self.all_from_map)
+            found[row, beams] = np.where(open_space, reach, simulated)
+        return np.minimum(found, reach)
+
+    def _cast(
+        self, pose: NDArray[np.float64], angles: NDArray[np.float64]
+    ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Ranges in the map along the angles, and whether they end at something."""
+        if self.local_map is not None:
+            return self.local_map.cast(pose, angles, max_range_m=self.max_range_m)
+        assert self._caster is not None  # the constructor has checked
+        ranges = self._caster.cast(pose[None], angles, max_range_m=self.max_range_m)[0]
+        return ranges, ranges < np.float32(self.max_range_m)
+
+    @property
+    def _mirror_of(self) -> NDArray[np.int64]:
+        """(n_beams,) the seen beam that lies nearest to each beam's mirror image in the y axis."""
+        angles = self.angles_rad
+        seen = np.flatnonzero(self._beam_of >= 0)
+        apart = _turn_between(pi - angles[:, None], angles[None, seen])
+        return seen[apart.argmin(axis=1)]
+
+
+def check_missing(missing: str, *, all_from_map: bool) -> None:
+    """Refuse an unknown source of missing beams, or all beams from a map that is not there."""
+    if missing not in get_args(MissingBeams):
+        known = list(get_args(MissingBeams))
+        raise ConfigError(f"missing must not be {missing!r}. {nearest_name(missing, known)}")
+    if all_from_map and missing not in ("local-map", "known-map"):
+        raise ConfigError(f"all_from_map needs a map, but missing is {missing!r}")
+
+
+def _turn_between(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The smaller angle between two directions."""
+    return np.abs(np.mod(first - second + pi, 2 * pi) - pi)
+
+
+def _nearest_beams(angles: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Number of the beam nearest to each wanted direction, -1 where none is near enough."""
+    around = np.sort(np.mod(angles, 2 * pi))
+    gaps = np.diff(around, append=around[0] + 2 * pi)
+    spacing = max(float(np.median(gaps)), 2 * pi / len(wanted))
+    apart = _turn_between(wanted[:, None], angles[None, :])
+    nearest = apart.argmin(axis=1)
+    near = apart[np.arange(len(wanted)), nearest] <= SPACINGS_AWAY * spacing
+    return np.where(near, nearest, -1).astype(np.int64)
+
+
+def _bridged(ranges: NDArray[np.float32], reach: np.float32) -> NDArray[np.float32]:
+    """Readings that are NaN drawn between their neighbours; a scan without any is ``reach``."""
+    beams = np.arange(ranges.shape[1])
+    bridged = ranges.copy()
+    for scan in np.flatnonzero(np.isnan(ranges).any(axis=1)):
+        known = ~np.isnan(ranges[scan])
+        bridged[scan] = (
+            np.interp(beams, beams[known], ranges[scan, known]) if known.any() else reach
+        )
+    return bridged

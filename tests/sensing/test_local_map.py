@@ -1,0 +1,149 @@
+from math import inf, pi
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.sensing.local_map import HIGHEST, LOWEST, LocalMap
+from pgm_places.sensing.ray_casting import cast_poses
+
+AHEAD = np.linspace(-pi / 2, pi / 2, 361)
+AROUND = np.linspace(0, 2 * pi, 720, endpoint=False)
+
+
+def walled_room(side_m: float = 6.0, resolution_m: float = 0.05) -> OccupancyGrid:
+    """A square room with a pillar, its corner at the frame's origin."""
+    n = round(side_m / resolution_m)
+    cells = np.full((n, n), FREE, np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = OCCUPIED
+    third = n // 3
+    cells[third : third + 6, third : third + 6] = OCCUPIED
+    return OccupancyGrid(cells, resolution_m)
+
+
+def after_turning_around(local: LocalMap, room: OccupancyGrid, where: list[float]) -> None:
+    for heading in np.linspace(0, 2 * pi, 16, endpoint=False):
+        pose = [*where, heading]
+        ranges = cast_poses(room, [pose], AHEAD, max_range_m=30.0)[0]
+        local.update(pose, ranges, AHEAD, max_range_m=30.0)
+
+
+def slow_evidence(
+    lengths: NDArray[np.float64], angles: NDArray[np.float64], n: int, x: float, y: float
+) -> NDArray[np.int64]:
+    """One scan's change per cell by sampling beams finely: 1 ended at, -1 crossed, 0 neither."""
+    change = np.zeros((n, n), np.int64)
+    for length, angle in zip(lengths, angles, strict=True):
+        for at in np.arange(0.0, length, 1e-3):
+            change[int(y + at * np.sin(angle)), int(x + at * np.cos(angle))] = -1
+    for length, angle in zip(lengths, angles, strict=True):
+        change[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = 1
+    return change
+
+
+def test_one_scan_marks_ends_occupied_and_what_was_crossed_free() -> None:
+    local = LocalMap(size_m=3.2, resolution_m=0.1, robot_radius_m=0.0)
+    rng = np.random.default_rng(1)
+    angles = rng.uniform(0, 2 * pi, 12)
+    ranges = rng.uniform(0.2, 1.3, 12)
+    local.update([0.05, 0.05, 0.3], ranges, angles, max_range_m=5.0)
+    expected = slow_evidence(ranges / 0.1, angles + 0.3, 32, 16.5, 16.5)
+    cells = local.to_grid().cells
+    assert (cells[expected == 1] == OCCUPIED).all()
+    # Samples a thousandth of a cell apart may miss a corner that a beam just touches.
+    differing = cells != np.choose(expected + 1, [FREE, UNKNOWN, OCCUPIED])
+    assert differing.sum() <= 3
+
+
+def test_rays_behind_the_robot_read_what_it_saw_when_it_looked_there() -> None:
+    room, local = walled_room(), LocalMap(size_m=16.0)
+    after_turning_around(local, room, [1.0, 3.0])
+    pose = [1.0, 3.0, 0.7]
+    ranges, met = local.cast(pose, AROUND, max_range_m=30.0)
+    true = cast_poses(room, [pose], AROUND, max_range_m=30.0)[0]
+    assert met.mean() > 0.98
+    assert np.quantile(np.abs(ranges - true), 0.95) <= 2 * local.resolution_m
+
+
+def test_the_window_moves_in_any_direction_without_losing_what_stays_inside() -> None:
+    room, local = walled_room(), LocalMap(size_m=20.0)
+    after_turning_around(local, room, [3.0, 1.0])
+    seen = local.to_grid()
+    nothing: NDArray[np.float64] = np.full(len(AHEAD), 30.0)
+    for where in ([-3.7, 2.2], [4.1, -2.9], [3.0, 1.0]):
+        local.update([*where, 0.0], nothing, AHEAD, max_range_m=30.0)
+        now = local.to_grid()
+        centres = now.cell_centres_m(np.argwhere(now.occupied))
+        rows, columns = seen.cells_at_m(centres).T
+        assert len(centres) == seen.occupied.sum()
+        assert (seen.cells[rows, columns] == OCCUPIED).all()
+
+
+def test_what_leaves_the_window_is_forgotten_and_memory_stays_the_same() -> None:
+    room, local = walled_room(), LocalMap(size_m=8.0)
+    before = local.n_bytes
+    after_turning_around(local, room, [3.0, 1.0])
+    for x in np.arange(3.0, 30.0, 0.5):  # away, step by step, and back at once
+        local.update([x, 1.0, 0.0], np.full(len(AHEAD), 30.0), AHEAD, max_range_m=30.0)
+    local.update([3.0, 1.0, 0.0], np.full(len(AHEAD), 30.0), AHEAD, max_range_m=30.0)
+    assert not local.to_grid().occupied.any()
+    assert local.n_bytes == before == 2 * 160 * 160
+
+
+def test_evidence_stays_within_its_bounds_however_long_the_robot_stands() -> None:
+    local = LocalMap(size_m=6.0, resolution_m=0.1)
+    for _ in range(600):  # more scans than fit the byte that numbers them
+        local.update([0.0, 0.0, 0.0], np.full(len(AHEAD), 2.0), AHEAD, max_range_m=30.0)
+    assert local._evidence.min() == LOWEST
+    assert local._evidence.max() == HIGHEST
+    for _ in range(10):  # the door at two metres opens
+        local.update([0.0, 0.0, 0.0], np.full(len(AHEAD), 2.9), AHEAD, max_range_m=30.0)
+    ranges, met = local.cast([0.0, 0.0, 0.0], [0.0], max_range_m=30.0)
+    assert met.all() and ranges[0] > 2.7
+
+
+def test_beams_without_an_answer_change_nothing() -> None:
+    local = LocalMap(size_m=6.0, resolution_m=0.1, robot_radius_m=0.0)
+    readings = np.array([np.nan, np.inf, 0.0, -1.0, 5.0, 7.0])
+    local.update([0.0, 0.0, 0.0], readings, np.arange(6.0), max_range_m=5.0)
+    assert local.to_grid().unknown.all()
+
+
+@pytest.mark.parametrize(("through_m", "expected"), [(0.0, 0.2), (inf, 5.0)])
+def test_unknown_space_ends_rays_or_is_free(through_m: float, expected: float) -> None:
+    local = LocalMap(size_m=6.0, resolution_m=0.1, robot_radius_m=0.25, through_unknown_m=through_m)
+    local.update([0.0, 0.0, 0.0], [2.0], [0.0], max_range_m=30.0)
+    ranges, met = local.cast([0.0, 0.0, 0.0], [pi], max_range_m=5.0)
+    assert ranges[0] == pytest.approx(expected, abs=0.1)
+    assert not met.any()
+
+
+def test_an_unused_map_reads_nothing_and_clear_forgets() -> None:
+    local = LocalMap(size_m=6.0, resolution_m=0.1)
+    assert local.cast([9.0, -4.0, 1.0], [0.0], max_range_m=5.0)[0][0] == 0.0
+    local.update([0.0, 0.0, 0.0], [2.0], [0.0], max_range_m=30.0)
+    local.clear()
+    assert local.to_grid().unknown.all()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"size_m": 0.0},
+        {"resolution_m": -1.0},
+        {"size_m": 0.1},
+        {"size_m": 1e6},
+        {"robot_radius_m": -0.1},
+        {"through_unknown_m": float("nan")},
+    ],
+)
+def test_impossible_sizes_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(InputError):
+        LocalMap(**options)
+
+
+def test_ranges_and_angles_must_fit() -> None:
+    with pytest.raises(InputError, match="one value per angle"):
+        LocalMap().update([0.0, 0.0, 0.0], [1.0, 2.0], [0.0], max_range_m=30.0)
