@@ -263,11 +263,7 @@ def grid_connectivity(graph: LabelGraph) -> int | None:
     layout = graph.layout
     if not isinstance(layout, GridLayout):
         return None
-    cell = np.zeros(layout.shape, np.bool_)
-    cell[layout.cells_rc[:, 0], layout.cells_rc[:, 1]] = True
-    sides = np.count_nonzero(cell[:, 1:] & cell[:, :-1]) + np.count_nonzero(cell[1:] & cell[:-1])
-    corners = np.count_nonzero(cell[1:, 1:] & cell[:-1, :-1])
-    corners += np.count_nonzero(cell[1:, :-1] & cell[:-1, 1:])
+    sides, corners = layout.n_pairs
     if graph.n_edges == sides + corners:
         return 8
     return 4 if graph.n_edges == sides else None

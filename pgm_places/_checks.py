@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
 
-__all__ = ["finite_array", "frozen", "integer_array", "label_raster", "nearest_name"]
+__all__ = ["finite_array", "frozen", "integer_array", "label_raster", "nearest_name", "sealed"]
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -16,6 +16,12 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
         array = np.array(array, order="C", copy=True)
         array.setflags(write=False)
     return array
+
+
+def sealed(array: NDArray[Any]) -> NDArray[Any]:
+    """The array itself, made read-only: for results that nobody else holds; saves a copy."""
+    array.setflags(write=False)
+    return frozen(array)
 
 
 def _shape_text(shape: tuple[int | str | None, ...]) -> str:

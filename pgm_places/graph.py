@@ -1,6 +1,6 @@
 """The graph that everything is labelled on: grid cells, trajectory steps, or nodes of your own."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from pgm_places.grid import OccupancyGrid
+    from pgm_places.grid_graph import GridGraph
 
 __all__ = ["EdgeKind", "LabelGraph", "Neighbours"]
 
@@ -160,7 +161,7 @@ class LabelGraph:
         *,
         connectivity: int = 8,
         mask: ArrayLike | None = None,
-    ) -> Self:
+    ) -> "GridGraph":
         """The free cells of a map as nodes, joined to their free neighbours.
 
         Parameters
@@ -172,11 +173,11 @@ class LabelGraph:
         mask : (H, W) bool, optional
             Take only the free cells inside it.
 
-        Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL.
+        Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL and
+        are listed only when something asks for them.
         """
-        if connectivity not in (4, 8):
-            raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
         from pgm_places.grid import OccupancyGrid
+        from pgm_places.grid_graph import GridGraph
 
         if isinstance(grid, OccupancyGrid):
             free, walls = grid.free, grid.occupied
@@ -192,16 +193,13 @@ class LabelGraph:
             if chosen.shape != free.shape:
                 raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
             free = free & chosen
-        cells = np.argwhere(free).astype(np.int32)
-        layout = GridLayout((free.shape[0], free.shape[1]), cells, walls)
-        edges, kind = _grid_edges(layout, connectivity)
-        positions = None
-        if isinstance(grid, OccupancyGrid):
-            positions = grid.cell_centres_m(cells)
-        return cls(len(cells), edges, kind, positions, layout)
+        layout = GridLayout.of_mask(free, walls)
+        return GridGraph(layout, connectivity, grid if isinstance(grid, OccupancyGrid) else None)
 
     @classmethod
-    def from_lattice(cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False) -> Self:
+    def from_lattice(
+        cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False
+    ) -> "LabelGraph":
         """The pixels of an image, the voxels of a volume, the cells of a lattice of any dimension.
 
         Parameters
@@ -364,26 +362,30 @@ class LabelGraph:
             np.asarray(rows[second, first], np.float64).ravel(),
         )
 
-    def subgraph(self, nodes: ArrayLike) -> Self:
+    def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
         """The graph of the nodes where the mask (N,) is true, renumbered in order.
 
         A grid's layout is kept (with fewer cells), a trajectory's is dropped.
         """
-        keep = np.asarray(nodes, np.bool_)
-        if keep.shape != (self.n_nodes,):
-            raise InputError(f"nodes must be a mask of shape ({self.n_nodes},), got {keep.shape}")
+        keep = self._mask_of_nodes(nodes)
         number = np.cumsum(keep, dtype=np.int32) - 1
         inside = keep[self.edges].all(axis=1)
         layout = None
         if isinstance(self.layout, GridLayout):
             layout = GridLayout(self.layout.shape, self.layout.cells_rc[keep], self.layout.walls)
-        return type(self)(
+        return LabelGraph(
             int(keep.sum()),
             number[self.edges[inside]],
             None if self.edge_kind is None else self.edge_kind[inside],
             None if self.positions_m is None else self.positions_m[keep],
             layout,
         )
+
+    def _mask_of_nodes(self, nodes: ArrayLike) -> NDArray[np.bool_]:
+        keep = np.asarray(nodes, np.bool_)
+        if keep.shape != (self.n_nodes,):
+            raise InputError(f"nodes must be a mask of shape ({self.n_nodes},), got {keep.shape}")
+        return keep
 
     # ------------------------------------------------------------------ derived
 
@@ -395,10 +397,10 @@ class LabelGraph:
     @cached_property
     def is_chain(self) -> bool:
         """Whether the edges are exactly 0-1-2-...-(N-1)."""
-        steps = np.arange(max(self.n_nodes - 1, 0))
-        return self.n_edges == len(steps) and bool(
-            (self.edges == np.stack([steps, steps + 1], axis=1)).all()
-        )
+        if self.n_edges != max(self.n_nodes - 1, 0):
+            return False
+        steps = np.arange(self.n_edges)
+        return bool((self.edges == np.stack([steps, steps + 1], axis=1)).all())
 
     @cached_property
     def degree(self) -> NDArray[np.int64]:
@@ -420,28 +422,3 @@ def _kind_or(graph: LabelGraph, default: EdgeKind) -> NDArray[np.int8]:
     return (
         graph.edge_kind if graph.edge_kind is not None else np.full(graph.n_edges, default, np.int8)
     )
-
-
-def _grid_edges(
-    layout: GridLayout, connectivity: int
-) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
-    """Edges of a grid in sorted order: per node right, then the row above from left to right."""
-    steps: Sequence[tuple[int, int, EdgeKind]] = [(0, 1, EdgeKind.AXIS)]
-    if connectivity == 8:
-        steps = [
-            *steps,
-            (1, -1, EdgeKind.DIAGONAL),
-            (1, 0, EdgeKind.AXIS),
-            (1, 1, EdgeKind.DIAGONAL),
-        ]
-    else:
-        steps = [*steps, (1, 0, EdgeKind.AXIS)]
-    height, width = layout.shape
-    padded = np.full((height + 1, width + 2), -1, np.int32)
-    padded[:-1, 1:-1] = layout.node_of_cell
-    rows, columns = layout.cells_rc[:, 0], layout.cells_rc[:, 1] + 1
-    heads = np.stack([padded[rows + dr, columns + dc] for dr, dc, _ in steps], axis=1)
-    tails = np.broadcast_to(np.arange(len(rows), dtype=np.int32)[:, None], heads.shape)
-    kinds = np.broadcast_to(np.array([k for *_, k in steps], np.int8), heads.shape)
-    present = heads >= 0
-    return np.stack([tails[present], heads[present]], axis=1), kinds[present]

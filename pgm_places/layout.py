@@ -2,15 +2,17 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
 
 __all__ = ["GridLayout", "StepLayout"]
+
+ROWS_AT_ONCE = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +42,40 @@ class GridLayout:
                 )
             object.__setattr__(self, "walls", frozen(self.walls))
 
+    @classmethod
+    def of_mask(cls, mask: NDArray[np.bool_], walls: NDArray[np.bool_] | None = None) -> Self:
+        """The layout whose nodes are the cells of a mask (H, W), in row-major order."""
+        starts = np.concatenate([[0], np.cumsum(np.count_nonzero(mask, axis=1))])
+        cells = np.empty((int(starts[-1]), 2), np.int32)
+        for row in range(0, len(mask), ROWS_AT_ONCE):  # np.argwhere would take four times as much
+            part = mask[row : row + ROWS_AT_ONCE]
+            inside = cells[starts[row] : starts[row + len(part)]]
+            inside[:, 0], inside[:, 1] = np.nonzero(part)
+            inside[:, 0] += row
+        return cls((mask.shape[0], mask.shape[1]), sealed(cells), walls)
+
+    def mask(self) -> NDArray[np.bool_]:
+        """(H, W) whether each cell is a node."""
+        raster = np.zeros(self.shape, np.bool_)
+        raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = True
+        return raster
+
+    @cached_property
+    def n_pairs(self) -> tuple[int, int]:
+        """How many pairs of nodes share a side, and how many a corner."""
+        cell = self.mask()
+        sides = np.count_nonzero(cell[:, 1:] & cell[:, :-1])
+        sides += np.count_nonzero(cell[1:] & cell[:-1])
+        corners = np.count_nonzero(cell[1:, 1:] & cell[:-1, :-1])
+        corners += np.count_nonzero(cell[1:, :-1] & cell[:-1, 1:])
+        return int(sides), int(corners)
+
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
         """(H, W) node index of each cell, -1 where the cell is no node."""
         raster = np.full(self.shape, -1, np.int32)
         raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = np.arange(len(self.cells_rc))
-        return frozen(raster)
+        return sealed(raster)
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""

@@ -118,6 +118,8 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
     potentials.check_fits(graph)
     chosen = integer_array("labels", labels, (graph.n_nodes,), low=0, high=potentials.n_labels)
     total = float(potentials.unary[np.arange(graph.n_nodes), chosen].sum())
+    if potentials.agreement is None and potentials.pairwise is None:
+        return total  # without asking for the edges, which a grid lists only on demand
     first, second = chosen[graph.edges[:, 0]], chosen[graph.edges[:, 1]]
     if potentials.agreement is not None:
         same = np.flatnonzero(first == second)

@@ -41,7 +41,7 @@ def a_problem(noise: float, seed: int = 0) -> tuple[LabelingProblem, NDArray[np.
     grid, truth = a_floor()
     graph = LabelGraph.from_grid(grid)
     rng = np.random.default_rng(seed)
-    true = np.asarray(graph.layout.from_raster(truth))  # type: ignore[union-attr]
+    true = np.asarray(graph.layout.from_raster(truth))
     seen = np.where(rng.random(len(true)) < noise, rng.integers(0, 3, len(true)), true)
     z = np.full((len(true), 3), 0.125)
     z[np.arange(len(true)), seen] = 0.75
@@ -240,7 +240,7 @@ def test_noise_on_the_real_building_is_smoothed_away() -> None:
     left[:, :366] = True
     halves = [LabelGraph.from_grid(grid, mask=mask & (labels >= 0)) for mask in (left, ~left)]
     known, true = (
-        np.asarray(half.layout.from_raster(labels), np.int64)  # type: ignore[union-attr]
+        np.asarray(half.layout.from_raster(labels), np.int64)
         for half in halves
     )
     rng = np.random.default_rng(0)
