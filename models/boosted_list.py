@@ -96,7 +96,11 @@ class BoostedList:
 
         In the order of ``classes``; clipped from below and normalised again if ``clip`` > 0.
         """
-        log_z = self._unclipped(self.scores(X, n_threads=n_threads))
+        return self.log_histogram_of(self.scores(X, n_threads=n_threads))
+
+    def log_histogram_of(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, K) log z from F (K - 1, N), as :meth:`log_histogram` has it."""
+        log_z = self._unclipped(scores)
         if self.clip > 0:
             np.maximum(log_z, np.log(self.clip), out=log_z)
             log_z -= np.log(np.exp(log_z).sum(axis=1, keepdims=True))
@@ -141,6 +145,16 @@ class BoostedList:
             )
         parts = tuple(item.renumbered(place) for item in self.classifiers)
         return replace(self, classifiers=parts, n_features=len(kept))
+
+    def part(self, columns: ArrayLike) -> Self:
+        """The stumps that look at these columns, for matrices that hold only them, in this order.
+
+        F is a sum over stumps: the :meth:`scores` of parts that share no column and together have
+        all add up to those of the list, but for rounding.
+        """
+        kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
+        own = tuple(item.only(kept) for item in self.classifiers)
+        return replace(self, classifiers=own).restricted(kept)
 
     def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
         """The distinct columns in the order boosting chose them, at most ``limit``.

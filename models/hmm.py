@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,6 +66,8 @@ class HiddenMarkovModel:
     >>> model.infer(problem).labels.tolist()
     [0, 0, 0, 1, 1, 1]
     """
+
+    uses_node_features: ClassVar[bool] = False
 
     mode: str = "filter"
     observation: str = "hard"

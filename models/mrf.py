@@ -1,6 +1,7 @@
 """A Markov random field with one weight, the simplest structured baseline."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,6 +40,8 @@ class PottsField:
     >>> PottsField().infer(LabelingProblem(chain, ["room", "corridor"], unary)).labels.tolist()
     [0, 0, 0]
     """
+
+    uses_node_features: ClassVar[bool] = False
 
     weight: float = 1.0
     inference: str = "graph-cut"

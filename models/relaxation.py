@@ -3,12 +3,12 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array
+from pgm_places._checks import integer_array, sealed
 from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.evaluation import evaluate
@@ -65,6 +65,8 @@ class Relaxation:
     >>> Relaxation().fit([problem], [truth]).infer(problem).labels.tolist()
     [0, 0, 0, 1, 1, 1]
     """
+
+    uses_node_features: ClassVar[bool] = False
 
     iterations: int = 50
     tolerance: float = 1e-4
@@ -207,7 +209,7 @@ class Relaxation:
         return Labeling(
             relaxed.beliefs.argmax(axis=1),
             Status.CONVERGED if relaxed.converged else Status.STOPPED,
-            beliefs=relaxed.beliefs,
+            beliefs=sealed(relaxed.beliefs),
             info={
                 "iterations": relaxed.iterations,
                 "history": history,

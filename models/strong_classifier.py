@@ -90,6 +90,13 @@ class StrongClassifier:
             total = total + np.where(X[:, j] < cut, vote, -vote)
             yield total
 
+    def only(self, columns: NDArray[np.int64]) -> "StrongClassifier":
+        """The stumps that look at one of these columns."""
+        kept = np.isin(self.feature, columns)
+        return StrongClassifier(
+            self.feature[kept], self.threshold[kept], self.polarity[kept], self.alpha[kept]
+        )
+
     def renumbered(self, place: NDArray[np.int64]) -> "StrongClassifier":
         """The same classifier where column j is found at ``place[j]``."""
         return StrongClassifier(place[self.feature], self.threshold, self.polarity, self.alpha)

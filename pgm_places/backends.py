@@ -2,7 +2,8 @@
 
 A backend is a frozen dataclass. Its fields are its options, its defaults are the defaults, its
 docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and
-are NumPy arrays or None; they are saved with the model and are no options.
+are NumPy arrays or None; they are saved with the model and are no options. One that never looks at
+a problem's node features says so with a class attribute ``uses_node_features = False``.
 """
 
 import dataclasses
@@ -19,7 +20,16 @@ from pgm_places.errors import ConfigError
 from pgm_places.labeling import Labeling
 from pgm_places.problem import LabelingProblem
 
-__all__ = ["BACKENDS", "Backend", "Learnable", "backend_class", "backend_names", "build", "learned"]
+__all__ = [
+    "BACKENDS",
+    "Backend",
+    "Learnable",
+    "backend_class",
+    "backend_names",
+    "build",
+    "learned",
+    "uses_node_features",
+]
 
 BACKENDS: Mapping[str, str] = {
     "hmm": "pgm_places.models.hmm:HiddenMarkovModel",
@@ -60,6 +70,11 @@ class Learnable(Protocol):
 def learned(**keywords: Any) -> Any:
     """A dataclass field that learning fills: an array or None, stored with the model."""
     return dataclasses.field(default=None, repr=False, metadata={"learned": True}, **keywords)
+
+
+def uses_node_features(backend: Any) -> bool:
+    """Whether node features have to be computed for a backend: unless it says that it uses none."""
+    return bool(getattr(backend, "uses_node_features", True))
 
 
 def backend_names() -> list[str]:

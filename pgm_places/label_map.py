@@ -89,17 +89,29 @@ def label_map(
         )
     used, warnings = _at_model_resolution(labeler, grid)
     name = method or labeler.default_method
-    graph, scores = labeler.scores(used, methods=[name], n_threads=n_threads, progress=progress)
-    with progress.stage(f"labelling with {name}"):
-        labeling = labeler.infer(graph, scores, name)
-    layout = graph.layout
-    assert isinstance(layout, GridLayout)  # scores() made it from a grid
+    layout, labeling = _labelled(labeler, used, name, n_threads, progress)
     raster = layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
     if used is not grid:
         raster = _painted_back(raster, used, grid)
     return LabelledPlaces(
         grid, raster, used, layout, labeling, tuple(labeler.label_names), name, tuple(warnings)
     )
+
+
+def _labelled(
+    labeler: PlaceLabeler,
+    grid: OccupancyGrid,
+    name: str,
+    n_threads: int | None,
+    progress: Progress,
+) -> tuple[GridLayout, Labeling]:
+    """What a method makes of a map; the scores it is made from are let go of."""
+    problem = labeler.problem(grid, method=name, n_threads=n_threads, progress=progress)
+    with progress.stage(f"labelling with {name}"):
+        labeling = labeler.method(name).backend.infer(problem)
+    layout = problem.graph.layout
+    assert isinstance(layout, GridLayout)  # problem() made it from a grid
+    return layout, labeling
 
 
 def _at_model_resolution(

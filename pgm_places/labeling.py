@@ -61,7 +61,9 @@ class Labeling:
         object.__setattr__(self, "labels", frozen(labels))
         if self.beliefs is not None:
             beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"))
-            if not np.allclose(beliefs.sum(axis=1), 1.0, rtol=0.0, atol=1e-6):
+            excess = beliefs.sum(axis=1)
+            excess -= 1.0
+            if np.abs(excess, out=excess).max(initial=0.0) > 1e-6:
                 raise InputError("beliefs must sum to one in every row")
             object.__setattr__(self, "beliefs", frozen(beliefs))
         object.__setattr__(self, "info", MappingProxyType(dict(self.info)))

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name
-from pgm_places.backends import Backend, Learnable, build
+from pgm_places._checks import nearest_name, sealed
+from pgm_places.backends import Backend, Learnable, build, uses_node_features
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
@@ -176,7 +176,10 @@ class PlaceLabeler:
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
-        """The graph of the map's free cells (inside ``mask``) and what the lists say of each."""
+        """The graph of the map's free cells (inside ``mask``) and what the lists say of each.
+
+        Only what the methods want is computed.
+        """
         if self.unary_model is None:
             raise NotFittedError("this PlaceLabeler has not learned yet; call fit(maps) first")
         chosen = [self.method(name) for name in (methods or self.methods)]
@@ -185,18 +188,27 @@ class PlaceLabeler:
             grid,
             graph,
             with_context=any(method.unary == "context" for method in chosen),
+            with_node_features=any(uses_node_features(method.backend) for method in chosen),
             n_threads=n_threads,
             progress=progress,
         )
         return graph, scores
 
     def problem(
-        self, grid: OccupancyGrid, *, method: str | None = None, mask: ArrayLike | None = None
+        self,
+        grid: OccupancyGrid,
+        *,
+        method: str | None = None,
+        mask: ArrayLike | None = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
     ) -> LabelingProblem:
-        """The labelling problem that a method would be given for a map."""
-        chosen = self.method(method)
-        graph, scores = self.scores(grid, mask=mask, methods=[method or self.default_method])
-        return self._problem(graph, scores, chosen.unary)
+        """The labelling problem that a method is given for a map."""
+        name = method or self.default_method
+        graph, scores = self.scores(
+            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
+        )
+        return self._problem(graph, scores, self.method(name).unary)
 
     def label(
         self,
@@ -208,11 +220,11 @@ class PlaceLabeler:
         progress: Progress | None = None,
     ) -> Labeling:
         """The labels of the map's free cells, in the node order of ``LabelGraph.from_grid``."""
-        name = method or self.default_method
-        graph, scores = self.scores(
-            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
+        problem = self.problem(
+            grid, method=method, mask=mask, n_threads=n_threads, progress=progress
         )
-        return self.infer(graph, scores, name)
+        found: Labeling = self.method(method).backend.infer(problem)
+        return found
 
     def infer(self, graph: LabelGraph, scores: CellScores, method: str) -> Labeling:
         """What a method makes of scores that are already there."""
@@ -243,7 +255,11 @@ class PlaceLabeler:
             graph,
             self.label_names,
             unary=values,
-            node_features=np.asarray(scores.node_features, np.float64),
+            node_features=(
+                None
+                if scores.node_features is None
+                else sealed(np.asarray(scores.node_features, np.float64))
+            ),
         )
 
 

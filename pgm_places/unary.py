@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import sealed
 from pgm_places.errors import InputError
-from pgm_places.features.context import window_means
+from pgm_places.features.context import iter_window_means, window_means
 from pgm_places.features.extraction import extract
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.graph import LabelGraph
@@ -39,13 +40,13 @@ class CellScores:
         Logarithm of the histogram z of the list on laser features (paper eq. 8).
     context : (N, K) float or None
         The same from the list that also sees the neighbourhood's z, where there is one.
-    node_features : (N, D) float32
+    node_features : (N, D) float32 or None
         The features that boosting chose first, for models that learn their own unary.
     """
 
     laser: NDArray[np.float64]
     context: NDArray[np.float64] | None
-    node_features: NDArray[np.float32]
+    node_features: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,29 +82,34 @@ class UnaryModel:
         graph: LabelGraph,
         *,
         with_context: bool = True,
+        with_node_features: bool = True,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> CellScores:
         """The scores of a grid graph's nodes: scans, features and list, streamed in tiles.
 
-        Memory beyond the result is bounded by the ray caster's tiles, whatever the map's size.
+        Only the features that the lists and the result need are computed. Memory beyond the result
+        is bounded by the ray caster's tiles, whatever the map's size; with context, ``8 (K - 1)``
+        bytes a node more.
         """
         layout = _grid_layout(graph)
         progress = progress or Silent()
-        with_context = with_context and self.context_classifier is not None
-        later = self._later_laser_columns() if with_context else np.zeros(0, np.int64)
-        kept = np.union1d(self.node_columns, later).astype(np.int64)
-        needed = np.union1d(self.classifier.used_features, kept).astype(np.int64)
+        second = self.context_classifier if with_context else None
+        later = np.zeros(0, np.int64) if second is None else _laser_columns(second)
+        handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
+        needed = np.unique(np.concatenate([self.classifier.used_features, later, handed]))
         first_list = self.classifier.restricted(needed)
-        kept_at = np.searchsorted(needed, kept)
+        laser_part = None if second is None else second.part(needed)
 
         n = graph.n_nodes
         laser = np.empty((n, self.n_labels))
-        features = np.empty((n, len(kept)), np.float32)
-        mask = layout.node_of_cell >= 0
+        features = np.empty((n, len(handed)), np.float32) if with_node_features else None
+        # The second list waits for the first one's results all around: its stumps on the scans
+        # vote now, so that the scans' features need not be kept.
+        votes = None if second is None else np.empty((len(second.classifiers), n))
         with progress.stage("scans, features and list") as stage:
             done = 0
-            for block in iter_cast(grid, self.sensor, mask=mask, n_threads=n_threads):
+            for block in iter_cast(grid, self.sensor, mask=layout.mask(), n_threads=n_threads):
                 values = extract(
                     block.ranges,
                     max_range_m=self.sensor.max_range_m,
@@ -111,38 +117,44 @@ class UnaryModel:
                     n_threads=n_threads,
                 )
                 laser[block.nodes] = aligned_log_proba(first_list, values, self.n_labels, n_threads)
-                features[block.nodes] = values[:, kept_at]
+                if features is not None:
+                    features[block.nodes] = values[:, np.searchsorted(needed, handed)]
+                if laser_part is not None and votes is not None:
+                    votes[:, block.nodes] = laser_part.scores(values, n_threads=n_threads)
                 done += len(block.nodes)
                 stage.update(done / max(n, 1))
         context = None
-        if with_context:
+        if second is not None and votes is not None:
             with progress.stage("spatial context"):
-                context = self._context_scores(grid, layout, laser, features, kept)
-        return CellScores(laser, context, features[:, np.searchsorted(kept, self.node_columns)])
-
-    def _later_laser_columns(self) -> NDArray[np.int64]:
-        """The laser features that the second list uses."""
-        if self.context_classifier is None:
-            return np.zeros(0, np.int64)
-        used = self.context_classifier.used_features
-        return np.asarray(used[used < len(LASER_FEATURES)], np.int64)
+                context = self._context_scores(second, grid, layout, laser, votes)
+        return CellScores(
+            sealed(laser),
+            None if context is None else sealed(context),
+            None if features is None else sealed(features),
+        )
 
     def _context_scores(
         self,
+        second: BoostedList,
         grid: OccupancyGrid,
         layout: GridLayout,
         laser: NDArray[np.float64],
-        features: NDArray[np.float32],
-        kept: NDArray[np.int64],
+        votes: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        assert self.context_classifier is not None  # for the type checker; scores() looked
-        means = window_means(layout, np.exp(laser), self.context_m, grid.resolution_m)
-        later = self._later_laser_columns()
-        n_laser = len(LASER_FEATURES)
-        columns = np.concatenate([later, n_laser + np.arange(means.shape[1])])
-        values = np.concatenate([features[:, np.searchsorted(kept, later)], means], axis=1)
-        second_list = self.context_classifier.restricted(columns)
-        return aligned_log_proba(second_list, values, self.n_labels)
+        """(N, K) log z of the second list, from its votes (C, N) on laser features alone."""
+        context_part = second.part(np.arange(len(LASER_FEATURES), second.n_features))
+        context = np.empty_like(laser)
+        bands = iter_window_means(
+            layout,
+            lambda nodes: np.exp(laser[nodes]),
+            self.n_labels,
+            self.context_m,
+            grid.resolution_m,
+        )
+        for nodes, means in bands:
+            scores = votes[:, nodes] + context_part.scores(means)
+            context[nodes] = _aligned(second, second.log_histogram_of(scores), self.n_labels)
+        return context
 
 
 def fit_unary(
@@ -276,13 +288,22 @@ def aligned_log_proba(
     fitted: BoostedList, values: NDArray[np.float32], n_labels: int, n_threads: int | None = None
 ) -> NDArray[np.float64]:
     """(N, K) log z with one column per label index, also for labels the list never saw."""
-    found = fitted.log_histogram(values, n_threads=n_threads)
+    return _aligned(fitted, fitted.log_histogram(values, n_threads=n_threads), n_labels)
+
+
+def _aligned(fitted: BoostedList, found: NDArray[np.float64], n_labels: int) -> NDArray[np.float64]:
     classes = np.asarray(fitted.classes, np.int64)
     if len(classes) == n_labels:
         return found
     full = np.full((len(found), n_labels), found.min(initial=0.0))
     full[:, classes] = found
     return full
+
+
+def _laser_columns(fitted: BoostedList) -> NDArray[np.int64]:
+    """The laser features that a list on laser and context features uses."""
+    used = fitted.used_features
+    return np.asarray(used[used < len(LASER_FEATURES)], np.int64)
 
 
 def _training_features(

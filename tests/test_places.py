@@ -71,7 +71,7 @@ def test_threads_do_not_change_a_bit(
     assert scores.context is not None
     assert reference.context is not None
     assert (scores.context == reference.context).all()
-    assert (scores.node_features == reference.node_features).all()
+    np.testing.assert_array_equal(scores.node_features, reference.node_features, strict=True)
 
 
 def test_a_window_gives_the_same_scores_for_its_cells(

@@ -1,6 +1,6 @@
 """Spatial context as features: the mean label histogram in windows around each cell."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.layout import GridLayout
 
-__all__ = ["window_means"]
+__all__ = ["iter_window_means", "window_means"]
+
+ROWS_AT_ONCE = 128
+
+Values = Callable[[slice], NDArray[np.float64]]
+"""(n, K) values of a range of nodes."""
 
 
 def window_means(
@@ -35,34 +40,103 @@ def window_means(
     """
     if values.ndim != 2 or len(values) != len(layout.cells_rc):
         raise InputError(f"values must have shape ({len(layout.cells_rc)}, K), got {values.shape}")
-    radii = [max(1, round(width / resolution_m)) for width in half_widths_m]
-    count = _integral(layout.to_raster(np.ones(len(values)), fill=0.0))
-    means = np.empty((len(values), len(radii) * values.shape[1]), np.float32)
-    weights = [_window_sums(count, layout.cells_rc, radius) for radius in radii]
-    for k in range(values.shape[1]):
-        sums = _integral(layout.to_raster(values[:, k], fill=0.0))
-        for w, radius in enumerate(radii):
-            total = _window_sums(sums, layout.cells_rc, radius)
-            means[:, w * values.shape[1] + k] = total / weights[w]
+    n_labels = values.shape[1]
+    means = np.empty((len(values), len(half_widths_m) * n_labels), np.float32)
+    parts = iter_window_means(
+        layout, lambda nodes: values[nodes], n_labels, half_widths_m, resolution_m
+    )
+    for nodes, part in parts:
+        means[nodes] = part
     return means
 
 
-def _integral(raster: NDArray[np.float64]) -> NDArray[np.float64]:
-    padded = np.zeros((raster.shape[0] + 1, raster.shape[1] + 1))
-    np.cumsum(np.cumsum(raster, axis=0), axis=1, out=padded[1:, 1:])
-    return padded
+def iter_window_means(
+    layout: GridLayout,
+    values: Values,
+    n_labels: int,
+    half_widths_m: Sequence[float],
+    resolution_m: float,
+) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+    """The same means, a band of rows at a time, so that memory does not grow with the map's height.
+
+    Parameters
+    ----------
+    layout, half_widths_m, resolution_m
+        As in :func:`window_means`; the nodes in row-major order.
+    values : callable
+        Returns the values (n, K) of a range of nodes; asked once for each node, in order.
+    n_labels : int
+        K.
+
+    Yields
+    ------
+    slice, (n, W * K) float32
+        A range of nodes and their means, the same bits as in one piece.
+    """
+    radii = [max(1, round(width / resolution_m)) for width in half_widths_m]
+    height, width = layout.shape
+    first_of_row = np.searchsorted(layout.cells_rc[:, 0], np.arange(height + 1))
+    sums = _RollingIntegral(1 + n_labels, width)
+    for bottom in range(0, height, ROWS_AT_ONCE):
+        top = min(bottom + ROWS_AT_ONCE, height)
+        nodes = slice(int(first_of_row[bottom]), int(first_of_row[top]))
+        sums.forget_below(bottom - max(radii, default=0))
+        ahead = min(top + max(radii, default=0), height)
+        if sums.n_rows < ahead:
+            new = slice(int(first_of_row[sums.n_rows]), int(first_of_row[ahead]))
+            raster = np.zeros((1 + n_labels, ahead - sums.n_rows, width))
+            rows, columns = layout.cells_rc[new].T
+            raster[0, rows - sums.n_rows, columns] = 1.0
+            raster[1:, rows - sums.n_rows, columns] = values(new).T
+            sums.append(raster)
+        if nodes.start == nodes.stop:
+            continue
+        means = np.empty((nodes.stop - nodes.start, len(radii) * n_labels), np.float32)
+        for w, radius in enumerate(radii):
+            totals = sums.windows(layout.cells_rc[nodes], radius, height)
+            means[:, w * n_labels : (w + 1) * n_labels] = (totals[1:] / totals[0]).T
+        yield nodes, means
 
 
-def _window_sums(
-    integral: NDArray[np.float64], cells_rc: NDArray[np.int32], radius: int
-) -> NDArray[np.float64]:
-    height, width = integral.shape[0] - 1, integral.shape[1] - 1
-    low = np.maximum(cells_rc - radius, 0)
-    high = np.minimum(cells_rc + radius + 1, [height, width])
-    total: NDArray[np.float64] = (
-        integral[high[:, 0], high[:, 1]]
-        - integral[low[:, 0], high[:, 1]]
-        - integral[high[:, 0], low[:, 1]]
-        + integral[low[:, 0], low[:, 1]]
-    )
-    return total
+class _RollingIntegral:
+    """Integral images of several planes, of which only the rows still needed are kept.
+
+    Row r, column c of an integral image is the sum of the plane's first r rows and c columns. Rows
+    are added in order, so that the sums have the same bits however they are cut into pieces.
+    """
+
+    def __init__(self, n_planes: int, width: int) -> None:
+        self.n_rows = 0
+        self._first = 0
+        self._below = np.zeros((n_planes, width))  # sums of the columns so far
+        self._kept = np.zeros((n_planes, 1, width + 1))
+
+    def forget_below(self, row: int) -> None:
+        """Drop the rows of the integral images before ``row``."""
+        drop = max(row - self._first, 0)
+        self._kept, self._first = self._kept[:, drop:], self._first + drop
+
+    def append(self, planes: NDArray[np.float64]) -> None:
+        """Take the next rows (P, n, width) of the planes, which are overwritten."""
+        planes[:, 0] += self._below
+        np.cumsum(planes, axis=1, out=planes)
+        self._below = planes[:, -1].copy()
+        new = np.zeros((planes.shape[0], planes.shape[1], planes.shape[2] + 1))
+        np.cumsum(planes, axis=2, out=new[:, :, 1:])
+        self._kept = np.concatenate([self._kept, new], axis=1)
+        self.n_rows += planes.shape[1]
+
+    def windows(self, cells_rc: NDArray[np.int32], radius: int, height: int) -> NDArray[np.float64]:
+        """(P, n) sums over the square windows around cells, cut off at the raster's edges."""
+        width = self._kept.shape[2] - 1
+        low = np.maximum(cells_rc - radius, 0)
+        high = np.minimum(cells_rc + radius + 1, [height, width])
+        bottom, top = low[:, 0] - self._first, high[:, 0] - self._first
+        left, right = low[:, 1], high[:, 1]
+        total: NDArray[np.float64] = (
+            self._kept[:, top, right]
+            - self._kept[:, bottom, right]
+            - self._kept[:, top, left]
+            + self._kept[:, bottom, left]
+        )
+        return total

@@ -239,10 +239,7 @@ def test_noise_on_the_real_building_is_smoothed_away() -> None:
     left = np.zeros(grid.shape, np.bool_)
     left[:, :366] = True
     halves = [LabelGraph.from_grid(grid, mask=mask & (labels >= 0)) for mask in (left, ~left)]
-    known, true = (
-        np.asarray(half.layout.from_raster(labels), np.int64)
-        for half in halves
-    )
+    known, true = (np.asarray(half.layout.from_raster(labels), np.int64) for half in halves)
     rng = np.random.default_rng(0)
     seen = np.where(rng.random(len(true)) < 0.3, rng.integers(0, 3, len(true)), true)
     train = LabelingProblem(halves[0], NAMES, unary=np.zeros((len(known), 3)))
