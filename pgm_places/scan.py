@@ -13,6 +13,7 @@ from pgm_places.errors import InputError
 
 __all__ = ["Scan", "ScanGeometry"]
 
+_ANGLE_TOLERANCE_RAD = 2e-4  # a hundredth of a degree
 _GAP_OF_A_FULL_CIRCLE = 1.5  # in beam spacings; a wider gap is a blind sector
 
 
@@ -104,6 +105,19 @@ class ScanGeometry:
         around = np.sort(np.mod(self.angles_rad, 2 * pi))
         return np.diff(around, append=around[0] + 2 * pi)
 
+    @cached_property
+    def spacing_rad(self) -> float | None:
+        """Angle from each beam to the next one where all are the same, else None; 0 for one beam.
+
+        Negative where the beams come in clockwise order.
+        """
+        if self.n_beams == 1:
+            return 0.0
+        spacing = float(self.angles_rad[-1] - self.angles_rad[0]) / (self.n_beams - 1)
+        even = self.angles_rad[0] + spacing * np.arange(self.n_beams)
+        is_even = np.allclose(self.angles_rad, even, rtol=0.0, atol=_ANGLE_TOLERANCE_RAD)
+        return spacing if is_even else None
+
     @property
     def field_of_view_rad(self) -> float:
         """The angle that the beams span: the full circle less the widest gap between two beams."""
@@ -121,7 +135,9 @@ class ScanGeometry:
         return (
             self.n_beams == other.n_beams
             and (self.range_min_m, self.range_max_m) == (other.range_min_m, other.range_max_m)
-            and bool(np.allclose(self.angles_rad, other.angles_rad, rtol=0.0, atol=2e-4))
+            and bool(
+                np.allclose(self.angles_rad, other.angles_rad, rtol=0.0, atol=_ANGLE_TOLERANCE_RAD)
+            )
         )
 
     def cleaned(self, readings_m: ArrayLike) -> NDArray[np.float32]:

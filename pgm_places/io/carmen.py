@@ -26,7 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, LogError
-from pgm_places.io.loaded_log import LoadedLog, order_warnings
+from pgm_places.io.loaded_log import (
+    LoadedLog,
+    code_warnings,
+    kind_warnings,
+    most_frequent_kind,
+    order_warnings,
+)
 from pgm_places.io.log_lines import LogLines
 from pgm_places.scan import Scan, ScanGeometry
 from pgm_places.trajectory import Trajectory
@@ -42,9 +48,6 @@ _LASERS: dict[Laser, tuple[bytes, bytes]] = {
 _KNOWN = {b"ODOM", b"PARAM", *(kind for kinds in _LASERS.values() for kind in kinds)}
 _LONGEST_M = 81.83
 """The SICK LMS in centimetre mode: readings from 8183 on are codes for errors and no return."""
-# A wall does not stand at one and the same distance, the longest of all, for so many readings.
-_CODE_SHARE = 0.005
-_CODE_READINGS = 20
 
 
 @dataclass
@@ -226,15 +229,11 @@ def read_carmen(
         warnings.append(f"{_lines(reader.n_damaged)} could not be read and left out")
     name = Path(path).name.removesuffix(".gz").removesuffix(".log")
     if scans:
-        kept = _most_frequent_kind(scans)
-        if len(kept) < len(scans):
-            warnings.append(
-                f"the scans have different beams: {len(kept)} of {kept[0].geometry} are kept, "
-                f"{len(scans) - len(kept)} of other kinds left out"
-            )
+        kept = most_frequent_kind(scans)
+        warnings += kind_warnings(scans, kept)
         trajectory = _with_real_odometry(Trajectory.from_scans(kept, name=name))
         if range_max_m is None:
-            warnings += _suspected_code(trajectory)
+            warnings += code_warnings(trajectory)
     else:
         trajectory = _odometry_only(reader, path, name)
         kinds = " and ".join(kind.decode() for kind in _LASERS[laser])
@@ -248,13 +247,6 @@ def read_carmen(
 
 def _lines(n: int) -> str:
     return "1 damaged line" if n == 1 else f"{n} damaged lines"
-
-
-def _most_frequent_kind(scans: list[Scan]) -> list[Scan]:
-    """The scans of the most frequent geometry, the earlier one where two are as frequent."""
-    frequency = Counter(id(scan.geometry) for scan in scans)
-    kind = frequency.most_common(1)[0][0]
-    return [scan for scan in scans if id(scan.geometry) == kind]
 
 
 def _with_real_odometry(trajectory: Trajectory) -> Trajectory:
@@ -273,22 +265,3 @@ def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Traject
         )
     rows: NDArray[np.float64] = np.array(reader.odometry)
     return Trajectory(rows[:, 0], rows[:, 1:], name=name)
-
-
-def _suspected_code(trajectory: Trajectory) -> list[str]:
-    """A warning where the longest reading is so frequent that it must stand for "nothing seen"."""
-    ranges, geometry = trajectory.ranges_m, trajectory.geometry
-    if ranges is None or geometry is None:
-        return []
-    met = ranges[geometry.returned(ranges)]
-    if met.size == 0:
-        return []
-    longest = met.max()
-    readings = np.count_nonzero(met == longest)
-    share = readings / ranges.size
-    if share < _CODE_SHARE or readings < _CODE_READINGS:
-        return []
-    return [
-        f"{100 * share:.1f} % of the readings are exactly {longest:g} m, the longest of all: if "
-        f"that is how the sensor says that it saw nothing, give {longest:g} as range_max_m"
-    ]

@@ -14,7 +14,6 @@ from pgm_places.trajectory import Trajectory
 
 __all__ = ["write_carmen"]
 
-_STEP_TOLERANCE_RAD = 1e-6
 _RESOLUTION_M = 0.001
 
 
@@ -81,16 +80,14 @@ def _message_ends(geometry: ScanGeometry) -> tuple[str, tuple[str, str]]:
     front = ScanGeometry.half_circle(n_beams, range_max_m=reach, range_min_m=geometry.range_min_m)
     if geometry.same_as(front):
         return f"FLASER {n_beams}", ("", "")
-    start = float(geometry.angles_rad[0])
-    span = float(geometry.angles_rad[-1]) - start
-    spacing = span / max(n_beams - 1, 1)
-    even = start + spacing * np.arange(n_beams)
-    if np.abs(geometry.angles_rad - even).max() > _STEP_TOLERANCE_RAD:
+    start, spacing = float(geometry.angles_rad[0]), geometry.spacing_rad
+    if spacing is None:
         raise InputError(
             f"a CARMEN log can hold evenly spaced beams only, and those of {geometry} are not; "
             "choose another format or other beams"
         )
-    head = f"ROBOTLASER1 0 {start!r} {span + spacing!r} {spacing!r} {reach!r} 0.01 0 {n_beams}"
+    span = spacing * n_beams
+    head = f"ROBOTLASER1 0 {start!r} {span!r} {spacing!r} {reach!r} 0.01 0 {n_beams}"
     return head, ("0 ", "0 0 0 0 0 ")
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from pgm_places.errors import InputError, LogError
+from pgm_places.io.bag_access import is_bag
 from pgm_places.io.loaded_log import LoadedLog
 from pgm_places.trajectory import Trajectory
 
@@ -18,16 +19,24 @@ def read_trajectory(
     range_max_m: float | None = None,
     label_column: str | None = None,
     label_names: Sequence[str] | None = None,
+    scan_topic: str | None = None,
+    pose_topic: str | None = None,
+    fixed_frame: str | None = None,
 ) -> LoadedLog:
     """The trajectory in a file, with what there is to say about the file.
 
     Parameters
     ----------
     path : path
-        A CARMEN log, plain or gzip (:func:`~pgm_places.io.carmen.read_carmen`), or a table of
+        A CARMEN log, plain or gzip (:func:`~pgm_places.io.carmen.read_carmen`); a ROS bag, a file
+        (``.bag``, ``.mcap``) or a folder (:func:`~pgm_places.io.bags.read_bag`); or a table of
         poses whose name ends in ``.csv`` (:func:`~pgm_places.io.pose_csv.read_pose_csv`).
-    laser, range_max_m
+    laser
         For CARMEN logs; see there.
+    range_max_m
+        For logs and bags: from which reading on a beam has met nothing.
+    scan_topic, pose_topic, fixed_frame
+        For bags; see there.
     label_column, label_names
         For tables; see there.
 
@@ -43,6 +52,18 @@ def read_trajectory(
         from pgm_places.io.pose_csv import read_pose_csv
 
         return read_pose_csv(path, label_column=label_column, label_names=label_names)
+    if is_bag(path):
+        from pgm_places.io.bags import read_bag
+
+        return read_bag(
+            path,
+            scan_topic=scan_topic,
+            pose_topic=pose_topic,
+            fixed_frame=fixed_frame,
+            range_max_m=range_max_m,
+        )
+    if path.is_dir():
+        raise LogError(f"{path} is a folder without a metadata.yaml, so no ROS 2 bag")
     from pgm_places.io.carmen import read_carmen
 
     return read_carmen(path, laser=laser, range_max_m=range_max_m)
@@ -53,7 +74,8 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
 
     ``.log`` and ``.log.gz`` are CARMEN logs (:func:`~pgm_places.io.carmen_writer.write_carmen`),
     ``.csv`` a table of times, poses and labels
-    (:func:`~pgm_places.io.pose_csv.write_pose_csv`).
+    (:func:`~pgm_places.io.pose_csv.write_pose_csv`), ``.bag``, ``.mcap`` and names without an
+    ending ROS bags (:func:`~pgm_places.io.bag_writer.write_bag`).
 
     Raises
     ------
@@ -71,6 +93,11 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
         from pgm_places.io.pose_csv import write_pose_csv
 
         return write_pose_csv(path, trajectory)
+    if path.suffix in ("", ".bag", ".mcap"):
+        from pgm_places.io.bag_writer import write_bag
+
+        return write_bag(path, trajectory)
     raise InputError(
-        f"a trajectory can be written as .log, .log.gz or .csv, but the name is {path.name!r}"
+        "a trajectory can be written as .log, .log.gz, .csv, .bag, .mcap, or as the folder of a "
+        f"ROS 2 bag (no ending), but the name is {path.name!r}"
     )
