@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from pgm_places._extras import needed
 from pgm_places.errors import InputError, LogError, PgmPlacesError
 
-__all__ = ["is_bag", "open_bag", "require_rosbags", "stamp_s"]
+__all__ = ["is_bag", "open_bag", "stamp_s"]
 
 _SUFFIXES = (".bag", ".mcap", ".db3")
 
@@ -22,23 +23,6 @@ def is_bag(path: Path | str) -> bool:
     """Whether a path looks like a bag: by its ending, or a folder with a ``metadata.yaml``."""
     path = Path(path)
     return path.suffix.lower() in _SUFFIXES or (path / "metadata.yaml").is_file()
-
-
-def require_rosbags() -> None:
-    """Refuse to go on without the ``rosbags`` package.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
-    try:
-        import rosbags.highlevel  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "ROS bags need the package rosbags, which is not installed; install it with "
-            "pip install 'pgm-places[bags]'"
-        ) from None
 
 
 @contextlib.contextmanager
@@ -54,17 +38,16 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     InputError
         ``rosbags`` is not installed.
     """
-    require_rosbags()
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
+    highlevel = needed("rosbags.highlevel", extra="bags", purpose="reading ROS bags")
+    typesys = needed("rosbags.typesys", extra="bags", purpose="reading ROS bags")
+    definitions = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     path = Path(path)
     if not path.exists():
         raise LogError(f"cannot read the bag {path}: there is no such file or folder")
     if path.suffix == ".db3" and (path.parent / "metadata.yaml").is_file():
         path = path.parent
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        with highlevel.AnyReader([path], default_typestore=definitions) as reader:
             yield reader
     except PgmPlacesError:
         raise

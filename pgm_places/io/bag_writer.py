@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._extras import needed
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import atomic_file, atomic_folder
-from pgm_places.io.bag_access import require_rosbags
 from pgm_places.trajectory import Trajectory
 
 __all__ = ["write_bag"]
@@ -61,7 +61,7 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
             f"a bag wants stamps from 0 s on, but {trajectory.name} begins at "
             f"{trajectory.times_s.min():g} s"
         )
-    require_rosbags()
+    needed("rosbags", extra="bags", purpose="writing ROS bags")
     if path.suffix == ".bag":
         with atomic_file(path) as temporary:
             _write_ros1(temporary, trajectory)

@@ -1,0 +1,230 @@
+"""A simulated robot: drives through a map and records what a real one would."""
+
+from dataclasses import dataclass, field, replace
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
+from pgm_places.grid import OccupancyGrid
+from pgm_places.scan import ScanGeometry
+from pgm_places.sensing.odometry_noise import OdometryNoise
+from pgm_places.sensing.path_planning import PathPlanner
+from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.sensing.sensor import SensorNoise
+from pgm_places.trajectory import Trajectory
+
+__all__ = ["SimulatedRobot", "scans_along"]
+
+_PIECE_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRobot:
+    """A round robot with a laser in its middle.
+
+    Parameters
+    ----------
+    geometry : ScanGeometry
+        The laser's beams; by default 180 over the half circle ahead, up to 30 m.
+    radius_m : float
+        It keeps so far from walls and unknown space.
+    speed_m_s, turn_rad_s : float
+        How fast it drives and how fast it turns.
+    scan_every_s : float
+        Time between two scans.
+    sensor_noise : SensorNoise or None
+        Errors of the laser; None for exact ranges.
+    odometry_noise : OdometryNoise or None
+        Errors of the wheels; None for a trajectory without odometry.
+
+    Raises
+    ------
+    InputError
+        A size, speed or time is not positive.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid(np.zeros((20, 60)), resolution_m=0.1)
+    >>> robot = SimulatedRobot(ScanGeometry.full_circle(8, range_max_m=5.0))
+    >>> robot.drive(grid, [[1.0, 1.0], [5.0, 1.0]])
+    Trajectory('simulated', 51 steps, 4 m, 8 beams)
+    """
+
+    geometry: ScanGeometry = field(default_factory=ScanGeometry.half_circle)
+    radius_m: float = 0.25
+    speed_m_s: float = 0.4
+    turn_rad_s: float = 1.0
+    scan_every_s: float = 0.2
+    sensor_noise: SensorNoise | None = None
+    odometry_noise: OdometryNoise | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("radius_m", "speed_m_s", "turn_rad_s", "scan_every_s"):
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0):
+                raise InputError(f"{name} must be a positive number, got {value}")
+
+    def drive(
+        self,
+        grid: OccupancyGrid,
+        stops_m: ArrayLike,
+        *,
+        name: str = "simulated",
+        n_threads: int | None = None,
+    ) -> Trajectory:
+        """The trajectory of a drive from stop to stop (S, 2) on planned ways.
+
+        Raises
+        ------
+        InputError
+            There are fewer than two stops, or one is no place for the robot.
+        """
+        stops = finite_array("stops_m", stops_m, ("S", 2))
+        planner = PathPlanner(grid, radius_m=self.radius_m)
+        return self.follow(grid, planner.way(*stops), name=name, n_threads=n_threads)
+
+    def explore(
+        self,
+        grid: OccupancyGrid,
+        *,
+        start_m: ArrayLike | None = None,
+        spacing_m: float = 3.0,
+        max_length_m: float | None = None,
+        seed: int = 0,
+        name: str = "simulated",
+        n_threads: int | None = None,
+    ) -> Trajectory:
+        """The trajectory of a tour past all places that the robot fits into.
+
+        Parameters
+        ----------
+        grid : OccupancyGrid
+            The map.
+        start_m : (2,), optional
+            Where it begins; a place drawn with the seed by default.
+        spacing_m : float
+            How far places may be from the tour's nearest stop.
+        max_length_m : float, optional
+            The tour ends after so much way.
+        seed : int
+            Draws the start.
+        name, n_threads
+            Of the trajectory; for ray casting.
+
+        Raises
+        ------
+        InputError
+            The robot fits nowhere, or not at the start.
+        """
+        planner = PathPlanner(grid, radius_m=self.radius_m)
+        rng = np.random.default_rng(seed)
+        way = planner.tour(start_m=start_m, spacing_m=spacing_m, rng=rng)
+        if max_length_m is not None:
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+            way = way[: max(2, int(np.searchsorted(along, max_length_m, "right")))]
+        return self.follow(grid, way, name=name, n_threads=n_threads)
+
+    def follow(
+        self,
+        grid: OccupancyGrid,
+        way_m: ArrayLike,
+        *,
+        name: str = "simulated",
+        n_threads: int | None = None,
+    ) -> Trajectory:
+        """The trajectory along a way of points (P, 2) that need not be planned here."""
+        times, poses = self._motion(finite_array("way_m", way_m, ("P", 2)))
+        trajectory = Trajectory(times, poses, name=name)
+        noise = self.odometry_noise
+        if noise is not None:
+            trajectory = replace(trajectory, odometry=noise.odometry(poses))
+        return scans_along(
+            grid, trajectory, self.geometry, noise=self.sensor_noise, n_threads=n_threads
+        )
+
+    def _motion(
+        self, way_m: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times and poses: driving and turning go on together, the slower one sets the pace."""
+        legs = np.diff(way_m, axis=0)
+        moving = np.hypot(legs[:, 0], legs[:, 1]) > 0
+        if not moving.any():
+            raise InputError("a way wants two different points at least")
+        points = _finely(np.concatenate([way_m[:1], way_m[1:][moving]]))
+        legs = np.diff(points, axis=0)
+        headings = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
+        headings = np.concatenate([headings, headings[-1:]])
+        driving = np.hypot(legs[:, 0], legs[:, 1]) / self.speed_m_s
+        turning = np.abs(np.diff(headings)) / self.turn_rad_s
+        passed = np.concatenate([[0.0], np.cumsum(np.maximum(driving, turning))])
+        times = np.arange(0.0, passed[-1] + self.scan_every_s, self.scan_every_s)
+        x, y, heading = (np.interp(times, passed, values) for values in (*points.T, headings))
+        heading = np.mod(heading + np.pi, 2 * np.pi) - np.pi
+        return times, np.column_stack([x, y, heading])
+
+
+def _finely(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same way with more points, so that turns take place at its corners and nowhere else."""
+    legs = np.diff(points, axis=0)
+    pieces = np.ceil(np.hypot(legs[:, 0], legs[:, 1]) / _PIECE_M).astype(np.int64)
+    leg = np.repeat(np.arange(len(legs)), pieces)
+    piece = np.arange(len(leg)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    inner = points[leg] + legs[leg] * (piece / pieces[leg])[:, None]
+    return np.concatenate([inner, points[-1:]])
+
+
+def scans_along(
+    grid: OccupancyGrid,
+    trajectory: Trajectory,
+    geometry: ScanGeometry,
+    *,
+    noise: SensorNoise | None = None,
+    n_threads: int | None = None,
+) -> Trajectory:
+    """The same trajectory with scans cast in a map of its frame, for poses that come without.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map; beams end at obstacles and at unknown space. A pose inside a wall or off the map
+        reads 0, or "nothing seen" where the sensor has a shortest range.
+    trajectory : Trajectory
+        Poses in the map's frame.
+    geometry : ScanGeometry
+        The sensor.
+    noise : SensorNoise, optional
+        Its errors; each step's depend on the seed and the step's number only.
+    n_threads : int, optional
+        Any number gives the same bits.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0, 100]], resolution_m=0.1)
+    >>> path = Trajectory([0.0], [[0.12, 0.05, 0.0]])
+    >>> scans_along(grid, path, ScanGeometry([0.0, np.pi], 5.0)).ranges_m.round(2)
+    array([[0.18, 0.12]], dtype=float32)
+    """
+    reach = geometry.range_max_m
+    ranges = cast_poses(
+        grid, trajectory.poses, geometry.angles_rad, max_range_m=reach, n_threads=n_threads
+    )
+    if noise is not None and not noise.is_silent:
+        from pgm_places.sensing._noise_kernels import add_noise
+
+        steps = np.arange(len(ranges))
+        add_noise(
+            ranges,
+            steps,
+            np.zeros(len(ranges), np.int64),
+            steps.astype(np.int32),
+            noise.seed & 0xFFFFFFFF,
+            noise.seed >> 32,
+            float(noise.sigma_m),
+            float(noise.p_random),
+            float(noise.p_max),
+            reach,
+        )
+    return trajectory.with_scans(geometry.cleaned(ranges), geometry)
