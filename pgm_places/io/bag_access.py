@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places._extras import needed
-from pgm_places.errors import InputError, LogError, PgmPlacesError
+from pgm_places.errors import LogError, PgmPlacesError
 
 __all__ = ["is_bag", "open_bag", "stamp_s"]
 
