@@ -82,6 +82,8 @@ class HiddenMarkovModel:
     """(K,) probability of each label at the first step."""
     prior: NDArray[np.float64] | None = learned()
     """(K,) share of each label in training."""
+    stay: NDArray[np.float64] | None = learned()
+    """(K, K) like ``transition``, where the robot stayed; None for the same label again."""
 
     def __post_init__(self) -> None:
         for name, allowed in CHOICES.items():
@@ -145,6 +147,65 @@ class HiddenMarkovModel:
             initial=_normalised(first),
             prior=_normalised(share),
         )
+
+    def with_counts(
+        self,
+        *,
+        confusions: ArrayLike | None = None,
+        moves: ArrayLike | None = None,
+        stays: ArrayLike | None = None,
+        first: ArrayLike | None = None,
+    ) -> Self:
+        """A new one with statistics that were counted elsewhere; those not given stay as they are.
+
+        Parameters
+        ----------
+        confusions : (K, K) float, optional
+            How often the classifier's best label was the column where the row was true. Its rows'
+            sums also are the labels' shares.
+        moves, stays : (K, K) float, optional
+            How often the robot was at the column's label after the row's, having moved or stayed;
+            for example from :func:`pgm_places.sensing.simulated_moves.simulate_moves`.
+        first : (K,) float, optional
+            How often a trajectory began at each label; equal where never given.
+
+        ``smoothing`` is added to every count, ``stays`` excepted: what never happened to a robot
+        that stands is not made possible.
+
+        Raises
+        ------
+        InputError
+            A count is negative or not finite, or shapes do not fit.
+
+        Examples
+        --------
+        >>> model = HiddenMarkovModel(smoothing=0.0)
+        >>> model = model.with_counts(confusions=[[8, 2], [1, 9]], moves=[[19, 1], [1, 19]])
+        >>> model.confusion.tolist(), model.transition.tolist()
+        ([[0.8, 0.2], [0.1, 0.9]], [[0.95, 0.05], [0.05, 0.95]])
+        """
+        found: dict[str, NDArray[np.float64]] = {}
+        n_labels: int | str = "K"
+        for name, counts in (("confusions", confusions), ("moves", moves), ("stays", stays)):
+            if counts is not None:
+                table = _counts(name, counts, (n_labels, n_labels))
+                n_labels = len(table)
+                found[name] = table
+        learned_now: dict[str, Any] = {}
+        if "confusions" in found:
+            learned_now["confusion"] = _normalised(found["confusions"] + self.smoothing)
+            learned_now["prior"] = _normalised(found["confusions"].sum(axis=1) + self.smoothing)
+        if "moves" in found:
+            learned_now["transition"] = _normalised(found["moves"] + self.smoothing)
+        if "stays" in found:
+            learned_now["stay"] = _normalised(found["stays"])
+        if first is not None:
+            learned_now["initial"] = _normalised(
+                _counts("first", first, (n_labels,)) + self.smoothing
+            )
+        elif self.initial is None and found:
+            learned_now["initial"] = np.full(int(n_labels), 1.0 / int(n_labels))
+        return replace(self, **learned_now)
 
     # ------------------------------------------------------------------ inference
 
@@ -244,9 +305,11 @@ class HiddenMarkovModel:
         return np.full(len(self.initial), 1.0 / len(self.initial))
 
     def _transitions(self) -> NDArray[np.float64]:
-        """(2, K, K): for MOVE as learned, for STAY the same label again."""
-        assert self.transition is not None  # the likelihood has checked
-        return np.stack([self.transition, np.eye(len(self.transition))])
+        """(2, K, K): for MOVE as learned, for STAY as learned or else the same label again."""
+        if self.transition is None:
+            raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
+        stay = np.eye(len(self.transition)) if self.stay is None else self.stay
+        return np.stack([self.transition, stay])
 
     def _actions(self, graph: LabelGraph) -> NDArray[np.int64]:
         """(T - 1,) MOVE or STAY between each step and the next."""
@@ -268,6 +331,17 @@ def _chain_unary(problem: LabelingProblem) -> NDArray[np.float64]:
     if problem.unary is None:
         raise InputError("'hmm' needs unary log-probabilities; the problem has none")
     return problem.unary
+
+
+def _counts(
+    name: str, values: ArrayLike, shape: tuple[int | str | None, ...]
+) -> NDArray[np.float64]:
+    counts: NDArray[np.float64] = finite_array(name, values, shape)
+    if counts.ndim == 2 and counts.shape[0] != counts.shape[1]:
+        raise InputError(f"{name} must be square, got shape {counts.shape}")
+    if (counts < 0).any():
+        raise InputError(f"{name} must hold counts of at least 0, got {counts.min()}")
+    return counts
 
 
 def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -235,3 +235,56 @@ def test_bad_problems() -> None:
         model.fit([problem, fewer], [truth, truth])
     with pytest.raises(InputError, match="unary must have shape"):
         model.step(np.zeros((1, 3)))
+
+
+def test_counts_from_elsewhere_give_the_model_that_fitting_would() -> None:
+    graph = LabelGraph.from_trajectory(np.zeros((6, 2)))
+    truth = np.array([0, 0, 1, 1, 0, 1])
+    unary = np.log(np.eye(2)[[0, 1, 1, 1, 0, 0]] * 0.8 + 0.1)
+    problem = LabelingProblem(graph, ["room", "corridor"], unary=unary)
+    fitted = HiddenMarkovModel().fit([problem], [truth])
+    counted = HiddenMarkovModel().with_counts(
+        confusions=[[2, 1], [1, 2]], moves=[[1, 2], [1, 1]], first=[1, 0]
+    )
+    for name in ("transition", "confusion", "initial", "prior"):
+        np.testing.assert_allclose(getattr(counted, name), getattr(fitted, name))
+
+
+def test_counts_replace_only_what_they_name() -> None:
+    model = HiddenMarkovModel().with_counts(confusions=np.eye(3), moves=np.eye(3))
+    other = model.with_counts(moves=np.ones((3, 3)))
+    assert other.confusion is model.confusion
+    assert other.transition is not None
+    np.testing.assert_allclose(other.transition, np.full((3, 3), 1 / 3))
+
+
+def test_a_robot_that_stays_follows_the_transitions_learned_for_staying() -> None:
+    stays = np.array([[3.0, 1.0], [0.0, 4.0]])
+    model = HiddenMarkovModel(stay_below_m=0.1).with_counts(
+        confusions=np.eye(2), moves=np.ones((2, 2)), stays=stays
+    )
+    belief, possible = model.step(np.log([0.5, 0.5]), [1.0, 0.0], moved_m=0.0)
+    expected = np.array([0.75, 0.25]) * model.confusion[:, 0]  # type: ignore[index]
+    assert possible
+    np.testing.assert_allclose(belief, expected / expected.sum())
+
+
+@pytest.mark.parametrize(
+    "counts",
+    [
+        {"moves": [[1.0, -1.0], [0.0, 1.0]]},
+        {"moves": np.ones((2, 3))},
+        {"moves": np.eye(2), "confusions": np.eye(3)},
+        {"moves": np.eye(2), "first": [1.0, 1.0, 1.0]},
+        {"confusions": np.full((2, 2), np.nan)},
+    ],
+)
+def test_counts_that_cannot_be_are_refused(counts: dict[str, object]) -> None:
+    with pytest.raises(InputError):
+        HiddenMarkovModel().with_counts(**counts)  # type: ignore[arg-type]
+
+
+def test_a_model_without_transitions_says_so() -> None:
+    model = HiddenMarkovModel().with_counts(confusions=np.eye(2))
+    with pytest.raises(NotFittedError, match="transitions"):
+        model.step(np.log([0.5, 0.5]))

@@ -1,0 +1,134 @@
+"""Which place a robot reaches from which: counted on short simulated runs in labelled maps."""
+
+from collections.abc import Sequence
+from math import isfinite, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.labelled_map import LabelledMap
+
+__all__ = ["MOVE_M", "STAY_M", "simulate_moves"]
+
+MOVE_M = (0.2, 0.5)
+"""How far a robot drives between two updates (paper, section 5)."""
+
+STAY_M = (0.0, 0.05)
+"""How far a robot that stays seems to move: its localisation trembles."""
+
+MOST_ROUNDS = 200
+"""Draws of all runs still wanted before a map counts as one in which nothing can move."""
+
+
+def simulate_moves(
+    maps: Sequence[LabelledMap],
+    n_labels: int,
+    *,
+    n_runs: int = 1000,
+    step_m: tuple[float, float] = MOVE_M,
+    seed: int = 0,
+) -> NDArray[np.int64]:
+    """(K, K) how often simulated runs led from the row's label to the column's.
+
+    A run starts at a random position, heading anywhere, in a random labelled free cell of all maps
+    together, and goes a random distance straight on (paper, section 5). Runs that would leave the
+    free space, or end where the label is not known, are drawn again.
+
+    Parameters
+    ----------
+    maps : sequence of LabelledMap
+        Where to drive; starts lie inside their windows.
+    n_labels : int
+        K.
+    n_runs : int
+        Runs that are counted.
+    step_m : (float, float)
+        Shortest and longest distance in metres, drawn uniformly. :data:`MOVE_M` is the action
+        MOVE, :data:`STAY_M` the action STAY.
+    seed : int
+        Of the draws.
+
+    Raises
+    ------
+    InputError
+        There is no labelled free cell, a label is not below K, the distances are no range, or
+        hardly any run succeeds.
+
+    Examples
+    --------
+    >>> from pgm_places.grid import OccupancyGrid
+    >>> grid = OccupancyGrid(np.zeros((40, 40), np.int8), resolution_m=0.05)
+    >>> labels = np.repeat(np.array([[0] * 20 + [1] * 20], np.int16), 40, axis=0)
+    >>> counts = simulate_moves([LabelledMap(grid, labels)], 2, n_runs=1000)
+    >>> int(counts.sum()), bool(counts[0, 0] > 5 * counts[0, 1])
+    (1000, True)
+    """
+    low, high = float(step_m[0]), float(step_m[1])
+    if not (isfinite(high) and 0 <= low <= high):
+        raise InputError(f"step_m must be a range of metres from 0 up, got {step_m}")
+    if n_runs < 1:
+        raise InputError(f"n_runs must be at least 1, got {n_runs}")
+    sizes = np.array([int(item.labelled_cells.sum()) for item in maps], np.int64)
+    if not sizes.sum():
+        raise InputError("simulated runs need a labelled free cell to start from; there is none")
+    rng = np.random.default_rng(seed)
+    shares = rng.multinomial(n_runs, sizes / sizes.sum())
+    counts = np.zeros((n_labels, n_labels), np.int64)
+    for item, share in zip(maps, shares, strict=True):
+        starts, ends = _runs(item, int(share), (low, high), rng)
+        if starts.size and max(starts.max(), ends.max()) >= n_labels:
+            raise InputError(
+                f"{item.name}: label index {max(starts.max(), ends.max())} but there are only "
+                f"{n_labels} labels"
+            )
+        np.add.at(counts, (starts, ends), 1)
+    return counts
+
+
+def _runs(
+    item: LabelledMap, n_runs: int, step_m: tuple[float, float], rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Labels at the start and at the end of runs that succeed."""
+    cells = np.argwhere(item.labelled_cells)
+    starts: list[NDArray[np.int64]] = []
+    ends: list[NDArray[np.int64]] = []
+    wanted = n_runs
+    for _ in range(MOST_ROUNDS):
+        if not wanted:
+            break
+        chosen = cells[rng.integers(len(cells), size=wanted)]
+        position = chosen + rng.random((wanted, 2))
+        heading = rng.uniform(0.0, 2 * pi, wanted)
+        length = rng.uniform(*step_m, wanted) / item.grid.resolution_m
+        motion = np.stack([np.sin(heading), np.cos(heading)], axis=1) * length[:, None]
+        after = np.floor(position + motion).astype(np.int64)
+        passable = _all_free(item.grid.free, position, motion)
+        label = np.full(wanted, -1, np.int64)
+        label[passable] = item.labels[after[passable, 0], after[passable, 1]]
+        good = label >= 0
+        starts.append(item.labels[chosen[good, 0], chosen[good, 1]].astype(np.int64))
+        ends.append(label[good])
+        wanted -= int(good.sum())
+    if wanted:
+        raise InputError(
+            f"{item.name}: {wanted} of {n_runs} simulated runs of {step_m[0]:g} to {step_m[1]:g} m "
+            "found no way; are the free space too small or its labels too sparse for such a step?"
+        )
+    return np.concatenate([*starts, np.zeros(0, np.int64)]), np.concatenate(
+        [*ends, np.zeros(0, np.int64)]
+    )
+
+
+def _all_free(
+    free: NDArray[np.bool_], position: NDArray[np.float64], motion: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Whether straight runs stay on free cells, looked at every half cell."""
+    longest = float(np.linalg.norm(motion, axis=1).max(initial=0.0))
+    passable = np.ones(len(position), np.bool_)
+    for fraction in np.linspace(0.0, 1.0, int(2 * longest) + 2):
+        at = np.floor(position + fraction * motion).astype(np.int64)
+        inside = ((at >= 0) & (at < free.shape)).all(axis=1)
+        row, column = np.where(inside[:, None], at, 0).T
+        passable &= inside & free[row, column]
+    return passable

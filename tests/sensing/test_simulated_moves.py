@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError
+from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.sensing.simulated_moves import STAY_M, simulate_moves
+
+
+def two_rooms(door_cells: int) -> LabelledMap:
+    """Rooms 0 and 2 side by side, with a door, label 1, in the wall between them."""
+    cells = np.full((60, 61), FREE, np.int8)
+    labels = np.zeros(cells.shape, np.int16)
+    labels[:, 31:] = 2
+    labels[:, 30] = -1
+    cells[:, 30] = OCCUPIED
+    door = slice(30 - door_cells // 2, 30 + (door_cells + 1) // 2)
+    cells[door, 30] = FREE
+    labels[door, 28:33] = 1
+    return LabelledMap(OccupancyGrid(cells, 0.05), labels)
+
+
+def test_runs_never_go_through_walls() -> None:
+    counts = simulate_moves([two_rooms(0)], 3, n_runs=3000)
+    assert counts[0, 2] == counts[2, 0] == 0
+    assert counts[1].sum() == 0
+    assert counts.sum() == 3000
+
+
+def test_the_other_room_is_reached_through_the_door() -> None:
+    counts = simulate_moves([two_rooms(20)], 3, n_runs=6000)
+    assert counts[0, 1] > counts[0, 2]
+    assert counts[2, 1] > counts[2, 0]
+    # A door is narrow: a robot in it is rather somewhere else after a step.
+    assert counts[1, 1] < counts[1, 0] + counts[1, 2]
+
+
+def test_a_robot_that_stays_stays_at_its_place() -> None:
+    counts = simulate_moves([two_rooms(20)], 3, n_runs=3000, step_m=STAY_M)
+    assert np.trace(counts) > 0.98 * counts.sum()
+    still = simulate_moves([two_rooms(20)], 3, n_runs=500, step_m=(0.0, 0.0))
+    assert np.trace(still) == 500
+
+
+def test_the_same_seed_gives_the_same_counts_and_another_does_not() -> None:
+    maps = [two_rooms(20), two_rooms(4)]
+    first = simulate_moves(maps, 3, n_runs=500, seed=4)
+    np.testing.assert_array_equal(first, simulate_moves(maps, 3, n_runs=500, seed=4))
+    assert (first != simulate_moves(maps, 3, n_runs=500, seed=5)).any()
+
+
+def test_starts_lie_inside_the_window() -> None:
+    item = two_rooms(20)
+    window = np.zeros(item.grid.shape, np.bool_)
+    window[:, :20] = True
+    windowed = LabelledMap(item.grid, item.labels, window)
+    counts = simulate_moves([windowed], 3, n_runs=500)
+    assert counts[1:].sum() == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"n_runs": 0}, {"step_m": (0.5, 0.2)}, {"step_m": (-1.0, 0.2)}, {"step_m": (40.0, 50.0)}],
+)
+def test_runs_that_cannot_be_driven_are_refused(options: dict[str, object]) -> None:
+    with pytest.raises(InputError):
+        simulate_moves([two_rooms(20)], 3, **options)  # type: ignore[arg-type]
+
+
+def test_labels_are_needed() -> None:
+    item = two_rooms(20)
+    with pytest.raises(InputError, match="only 2 labels"):
+        simulate_moves([item], 2)
+    blank = LabelledMap(item.grid, np.full(item.grid.shape, -1, np.int16))
+    with pytest.raises(InputError, match="labelled free cell"):
+        simulate_moves([blank], 3)
