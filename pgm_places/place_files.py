@@ -17,7 +17,7 @@ from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary import UnaryModel
 
-__all__ = ["load_labeler", "save_labeler"]
+__all__ = ["get_list", "get_sensor", "load_labeler", "put_list", "save_labeler"]
 
 KIND = "place-labeler"
 
@@ -40,15 +40,18 @@ def save_labeler(
         "connectivity": labeler.connectivity,
         "sensor": dataclasses.asdict(unary.sensor),
         "context_m": list(unary.context_m),
-        "classifier": _put_list(arrays, "classifier", unary.classifier),
+        "classifier": put_list(arrays, "classifier", unary.classifier),
         "context_classifier": None,
         "methods": [],
+        "movement": None,
         "record": dict(record or {}),
     }
     if unary.context_classifier is not None:
-        manifest["context_classifier"] = _put_list(arrays, "context", unary.context_classifier)
+        manifest["context_classifier"] = put_list(arrays, "context", unary.context_classifier)
     for name, method in labeler.methods.items():
         manifest["methods"].append(_put_method(arrays, name, method))
+    if labeler.movement is not None:
+        manifest["movement"] = put_backend(arrays, "movement", labeler.movement)
     save_folder(folder, manifest, arrays)
 
 
@@ -81,17 +84,15 @@ def load_labeler(folder: Path) -> tuple[PlaceLabeler, dict[str, Any]]:
 
 
 def _labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
-    sensor_record = dict(manifest["sensor"])
-    noise = sensor_record.pop("noise")
-    sensor = Sensor(**sensor_record, noise=None if noise is None else SensorNoise(**noise))
+    sensor = get_sensor(manifest["sensor"])
     context_m = tuple(float(width) for width in manifest["context_m"])
     label_names = tuple(str(name) for name in manifest["label_names"])
     n_laser, n_labels = len(LASER_FEATURES), len(label_names)
-    classifier = _get_list(arrays, "classifier", manifest["classifier"], n_laser, n_labels)
+    classifier = get_list(arrays, "classifier", manifest["classifier"], n_laser, n_labels)
     context = None
     if manifest["context_classifier"] is not None:
         n_columns = n_laser + len(context_m) * n_labels
-        context = _get_list(arrays, "context", manifest["context_classifier"], n_columns, n_labels)
+        context = get_list(arrays, "context", manifest["context_classifier"], n_columns, n_labels)
     columns = arrays["unary/node_columns"].astype(np.int64)
     if columns.ndim != 1 or (columns < 0).any() or (columns >= n_laser).any():
         raise ModelFileError(f"unary/node_columns must be feature indices below {n_laser}")
@@ -100,6 +101,9 @@ def _labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
         item["name"]: _get_method(arrays, number, item)
         for number, item in enumerate(manifest["methods"])
     }
+    movement = None
+    if manifest.get("movement") is not None:  # absent from models of before
+        movement = get_backend(arrays, "movement", manifest["movement"], where="movement")
     return PlaceLabeler(
         label_names,
         methods,
@@ -108,18 +112,28 @@ def _labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
         context_m=context_m,
         unary_model=unary,
         resolution_m=float(manifest["resolution_m"]),
+        movement=movement,
     )
 
 
-def _put_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:
+def get_sensor(record: Mapping[str, Any]) -> Sensor:
+    """The sensor that ``dataclasses.asdict`` described."""
+    options = dict(record)
+    noise = options.pop("noise")
+    return Sensor(**options, noise=None if noise is None else SensorNoise(**noise))
+
+
+def put_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:
+    """The list as plain data; its arrays go into ``arrays`` under the prefix."""
     meta, parts = classifier.to_arrays()
     arrays.update({f"{prefix}/{name}": array for name, array in parts.items()})
     return dict(meta)
 
 
-def _get_list(
+def get_list(
     arrays: Arrays, prefix: str, meta: dict[str, Any], n_columns: int, n_labels: int
 ) -> BoostedList:
+    """The list that :func:`put_list` described, if it has these columns and labels."""
     parts = {
         name.removeprefix(f"{prefix}/"): array
         for name, array in arrays.items()

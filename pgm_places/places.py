@@ -17,6 +17,7 @@ from pgm_places.graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
 from pgm_places.labelled_map import LabelledMap, require_examples
+from pgm_places.movement import learn_movement
 from pgm_places.problem import LabelingProblem
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
@@ -24,6 +25,7 @@ from pgm_places.unary import RAREST_FIRST, CellScores, UnaryModel, fit_unary
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
+    from pgm_places.models.hmm import HiddenMarkovModel
 
 __all__ = ["PlaceLabeler", "PlaceMethod"]
 
@@ -78,6 +80,9 @@ class PlaceLabeler:
         See :func:`pgm_places.unary.fit_unary`.
     unary_model : UnaryModel or None
         Filled by :meth:`fit`.
+    movement : HiddenMarkovModel or None
+        Filled by :meth:`fit`: which place follows which along a robot's way, and how the list
+        errs, for :class:`pgm_places.trajectory_labeler.TrajectoryLabeler`.
 
     Examples
     --------
@@ -102,6 +107,7 @@ class PlaceLabeler:
     n_node_features: int = 30
     unary_model: UnaryModel | None = field(default=None, repr=False)
     resolution_m: float | None = None
+    movement: "HiddenMarkovModel | None" = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "label_names", tuple(self.label_names))
@@ -165,7 +171,19 @@ class PlaceLabeler:
                     seconds = time.perf_counter() - start
                 method = PlaceMethod(backend, method.unary, seconds)
             fitted[name] = method
-        return replace(self, methods=fitted, unary_model=unary_model, resolution_m=resolution_m)
+        movement = None
+        try:
+            laser = [part.laser for part in scores]
+            movement = learn_movement(maps, truths, laser, len(self.label_names))
+        except InputError as error:  # labels too sparse to drive from one to the next
+            progress.warn(f"this model will label maps, but no trajectories: {error}")
+        return replace(
+            self,
+            methods=fitted,
+            unary_model=unary_model,
+            resolution_m=resolution_m,
+            movement=movement,
+        )
 
     def scores(
         self,

@@ -27,7 +27,17 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
 
-__all__ = ["CellScores", "UnaryModel", "contiguous_blocks", "fit_unary"]
+__all__ = [
+    "CellScores",
+    "UnaryModel",
+    "aligned_log_proba",
+    "contiguous_blocks",
+    "fit_unary",
+    "fold_groups",
+    "held_out_scores",
+    "training_features",
+    "with_explicit_order",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,20 +210,20 @@ def fit_unary(
     progress = progress or Silent()
     masks = [item.labelled_cells for item in maps]
     sizes = [int(mask.sum()) for mask in masks]
-    laser_features = _training_features(maps, sensor, n_threads, progress)
+    laser_features = training_features(maps, sensor, n_threads, progress)
     truth = np.concatenate(
         [item.labels[mask] for item, mask in zip(maps, masks, strict=True)]
     ).astype(np.int64)
-    groups = _fold_groups(masks, n_folds)
+    groups = fold_groups(masks, n_folds)
 
-    classifier = _with_explicit_order(classifier, truth)
+    classifier = with_explicit_order(classifier, truth)
     with progress.stage("decision list"):
         fitted = clone(classifier).fit(laser_features, truth, groups=groups)
     node_columns = np.asarray(fitted.features_in_order_of_choice(n_node_features), np.int64)
     in_sample = aligned_log_proba(fitted.boosted_list_, laser_features, n_labels, n_threads)
     held_out = None
     if context_m or learn_on == "out-of-fold":
-        held_out = _out_of_fold(
+        held_out = held_out_scores(
             fitted, laser_features, truth, groups, n_labels, progress, "held-out scores"
         )
     learn_from = in_sample if learn_on == "in-sample" or held_out is None else held_out
@@ -227,7 +237,9 @@ def fit_unary(
         context_scores = (
             aligned_log_proba(second.boosted_list_, both, n_labels, n_threads)
             if learn_on == "in-sample"
-            else _out_of_fold(second, both, truth, groups, n_labels, progress, "held-out context")
+            else held_out_scores(
+                second, both, truth, groups, n_labels, progress, "held-out context"
+            )
         )
     model = UnaryModel(
         sensor,
@@ -250,7 +262,7 @@ def fit_unary(
     ]
 
 
-def _with_explicit_order(
+def with_explicit_order(
     classifier: "DecisionListClassifier", truth: NDArray[np.int64]
 ) -> "DecisionListClassifier":
     """The list with ``"rarest-first"`` written out as the labels by increasing frequency.
@@ -306,7 +318,7 @@ def _laser_columns(fitted: BoostedList) -> NDArray[np.int64]:
     return np.asarray(used[used < len(LASER_FEATURES)], np.int64)
 
 
-def _training_features(
+def training_features(
     maps: Sequence[LabelledMap], sensor: Sensor, n_threads: int | None, progress: Progress
 ) -> NDArray[np.float32]:
     """All laser features of all labelled cells, map after map in node order."""
@@ -324,11 +336,12 @@ def _training_features(
     return features
 
 
-def _fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:
+def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:
+    """Block numbers of the cells of several masks, map after map."""
     return np.concatenate([contiguous_blocks(np.argwhere(mask), n_folds) for mask in masks])
 
 
-def _out_of_fold(
+def held_out_scores(
     fitted: "DecisionListClassifier",
     features: NDArray[np.float32],
     truth: NDArray[np.int64],

@@ -1,0 +1,126 @@
+"""The belief about the robot's place, updated scan by scan."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.labeling import Labeling, Status
+from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.scan import Scan
+from pgm_places.scan_model import ScanModel
+from pgm_places.segments import DistanceGate
+from pgm_places.sensing.full_circle import FullCircle
+
+__all__ = ["BeliefFilter", "OnlineLabeler"]
+
+
+class BeliefFilter:
+    """A hidden Markov model that counts the steps within ``every_m`` as one observation.
+
+    Within a segment the observation is the mean of the list's probabilities so far, on top of the
+    belief at the end of the segment before: a robot that stands still does not count the same
+    evidence again and again, and still has an up-to-date belief after every scan.
+
+    Parameters
+    ----------
+    model : HiddenMarkovModel
+        Fitted.
+    every_m : float
+        Distance in metres that ends a segment.
+    """
+
+    def __init__(self, model: HiddenMarkovModel, every_m: float) -> None:
+        self._model = model
+        self._gate = DistanceGate(every_m)
+        self._before: NDArray[np.float64] | None = None  # belief at the end of the segment before
+        self._belief: NDArray[np.float64] | None = None
+        self._sum: NDArray[np.float64] | None = None
+        self._count = 0
+        self._moved_m = float("inf")
+
+    def step(self, x: float, y: float, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(K,) belief after the list said ``log_z`` (K,) of a scan taken at (x, y) in metres."""
+        return self._step(x, y, log_z)[0]
+
+    def _step(
+        self, x: float, y: float, log_z: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], bool]:
+        moved = self._gate.opens(x, y)
+        if moved is not None:
+            self._before, self._moved_m = self._belief, moved
+            self._sum, self._count = np.zeros(len(log_z)), 0
+        assert self._sum is not None  # the first step opens a segment
+        self._sum = self._sum + np.exp(log_z)
+        self._count += 1
+        with np.errstate(divide="ignore"):
+            mean = np.log(self._sum / self._count)
+        self._belief, possible = self._model.step(mean, self._before, moved_m=self._moved_m)
+        return self._belief, possible
+
+    def run(self, poses: NDArray[np.float64], scores: NDArray[np.float64]) -> Labeling:
+        """Labels and beliefs along a whole trajectory: poses (T, 3) and log z (T, K)."""
+        beliefs = np.empty(scores.shape)
+        impossible = []
+        for t, ((x, y), row) in enumerate(zip(poses[:, :2].tolist(), scores, strict=True)):
+            beliefs[t], possible = self._step(x, y, row)
+            if not possible:
+                impossible.append(t)
+        info = {"impossible": impossible}
+        labels = beliefs.argmax(axis=1)
+        return Labeling(labels, Status.CONVERGED, beliefs=beliefs, info=info)
+
+
+class OnlineLabeler:
+    """Labels one robot's scans as they come in; made by :meth:`TrajectoryLabeler.online`.
+
+    Attributes
+    ----------
+    label_names : tuple of K str
+        The columns of beliefs.
+    n_steps : int
+        Scans so far.
+    """
+
+    def __init__(
+        self,
+        model: ScanModel,
+        circle: FullCircle,
+        belief_filter: BeliefFilter,
+        label_names: tuple[str, ...],
+    ) -> None:
+        self._model, self._circle, self._filter = model, circle, belief_filter
+        self.label_names = label_names
+        self.n_steps = 0
+
+    def step(
+        self, scan: Scan, pose: ArrayLike | None = None, *, extra: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """(K,) probability of each label after one more scan.
+
+        Parameters
+        ----------
+        scan : Scan
+            Of the laser that this labeler was made for.
+        pose : (3,) float, optional
+            x, y in metres and heading in radians, where the scan's own is not the one to use.
+        extra : (D,) float, optional
+            The columns beside the laser's that the model learned with.
+
+        Raises
+        ------
+        InputError
+            The scan has other beams.
+        """
+        if scan.geometry is not self._circle.geometry and not scan.geometry.same_as(
+            self._circle.geometry
+        ):
+            raise InputError(
+                f"this labeler was made for {self._circle.geometry}, but the scan has "
+                f"{scan.geometry}; make another with online(scan.geometry)"
+            )
+        where = scan.pose if pose is None else np.asarray(pose, np.float64)
+        circle = self._circle.add(where, scan.ranges_m)
+        row = None if extra is None else np.asarray(extra, np.float32)[None]
+        log_z = self._model.log_proba(circle[None], row, n_threads=1)[0]
+        self.n_steps += 1
+        return self._filter.step(float(where[0]), float(where[1]), log_z)

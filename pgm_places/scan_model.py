@@ -1,0 +1,186 @@
+"""From a robot's scans to what the boosted list says of each: features of the completed circle."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
+from pgm_places.features.extraction import extract
+from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.grid import OccupancyGrid
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.scan import ScanGeometry
+from pgm_places.sensing.full_circle import FullCircle, MissingBeams, check_missing
+from pgm_places.sensing.local_map import LocalMap
+from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.trajectory import Trajectory
+from pgm_places.unary import aligned_log_proba
+
+__all__ = ["BeamOptions", "ScanModel", "circles_along"]
+
+N_LASER = len(LASER_FEATURES)
+
+
+@dataclass(frozen=True)
+class BeamOptions:
+    """How the scans of a robot become the beams that the features expect.
+
+    Parameters
+    ----------
+    missing : {"local-map", "known-map", "mirror", "max-range"}
+        Where beams come from that the laser does not have: see
+        :class:`pgm_places.sensing.full_circle.FullCircle`.
+    all_from_map : bool
+        Take every beam from the map.
+    local_size_m, local_resolution_m : float
+        Side of the local map and of its cells in metres.
+    through_unknown_m : float
+        See :class:`pgm_places.sensing.local_map.LocalMap`.
+    """
+
+    missing: MissingBeams = "local-map"
+    all_from_map: bool = False
+    local_size_m: float = 40.0
+    local_resolution_m: float = 0.05
+    through_unknown_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_missing(self.missing, all_from_map=self.all_from_map)
+
+    def circle(
+        self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
+    ) -> FullCircle:
+        """A fresh completion for one robot; a known map is used only if ``missing`` asks for it.
+
+        Raises
+        ------
+        InputError
+            ``missing`` asks for a known map and there is none.
+        """
+        if self.missing == "known-map" and known_map is None:
+            raise InputError(
+                "the missing beams are to be cast in the known map, but no map is given; give "
+                "one, or use missing='local-map'"
+            )
+        local = None
+        if self.missing == "local-map":
+            local = LocalMap(
+                self.local_size_m,
+                self.local_resolution_m,
+                through_unknown_m=self.through_unknown_m,
+            )
+        return FullCircle(
+            geometry,
+            sensor.max_range_m,
+            self.missing,
+            self.all_from_map,
+            known_map if self.missing == "known-map" else None,
+            local,
+            sensor.n_beams,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ScanModel:
+    """A boosted list on the laser features of a scan, and on columns from elsewhere after them.
+
+    Parameters
+    ----------
+    classifier : BoostedList
+        On 321 + D columns; its classes are label indices.
+    n_labels : int
+        K.
+    sensor : Sensor
+        Beams and reach that the list learned with.
+    extra_names : tuple of D str
+        Columns after the laser's, such as counts of objects seen by a camera.
+    """
+
+    classifier: BoostedList
+    n_labels: int
+    sensor: Sensor
+    extra_names: tuple[str, ...] = ()
+    _needed: NDArray[np.int64] = field(init=False, repr=False)
+    _short_list: BoostedList = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.classifier.n_features != N_LASER + len(self.extra_names):
+            raise InputError(
+                f"the list wants {self.classifier.n_features} columns, but there are {N_LASER} "
+                f"laser features and {len(self.extra_names)} extra columns"
+            )
+        needed = self.classifier.used_features
+        object.__setattr__(self, "_needed", needed)
+        object.__setattr__(self, "_short_list", self.classifier.restricted(needed))
+
+    def log_proba(
+        self,
+        circles_m: ArrayLike,
+        extra: ArrayLike | None = None,
+        *,
+        n_threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """(T, K) log z of scans (T, n_beams) all around and their extra columns (T, D)."""
+        laser = self._needed[self._needed < N_LASER]
+        values = extract(
+            circles_m, max_range_m=self.sensor.max_range_m, columns=laser, n_threads=n_threads
+        )
+        columns = check_extra(extra, len(values), self.extra_names)
+        if len(laser) < len(self._needed):
+            chosen = columns[:, self._needed[len(laser) :] - N_LASER]
+            values = np.concatenate([values, chosen], axis=1)
+        return aligned_log_proba(self._short_list, values, self.n_labels, n_threads)
+
+
+def circles_along(
+    trajectory: Trajectory,
+    sensor: Sensor,
+    beams: BeamOptions,
+    *,
+    known_map: OccupancyGrid | None = None,
+    n_threads: int | None = None,
+) -> NDArray[np.float32]:
+    """(T, n_beams) ranges all around at each step of a trajectory.
+
+    A trajectory without scans takes them all from the known map.
+
+    Raises
+    ------
+    InputError
+        There are neither scans nor a known map.
+    """
+    if trajectory.ranges_m is None or trajectory.geometry is None:
+        if known_map is None:
+            raise InputError(
+                f"{trajectory.name} has no scans; give the map in which they are to be cast"
+            )
+        return cast_poses(
+            known_map,
+            trajectory.poses,
+            sensor.angles_rad,
+            max_range_m=sensor.max_range_m,
+            n_threads=n_threads,
+        )
+    circle = beams.circle(trajectory.geometry, sensor, known_map)
+    return circle.complete(trajectory.poses, trajectory.ranges_m)
+
+
+def check_extra(
+    extra: ArrayLike | None, n_steps: int, names: tuple[str, ...]
+) -> NDArray[np.float32]:
+    """``extra`` as (T, D) columns with these names, or one clear error."""
+    if extra is None:
+        if names:
+            raise InputError(
+                f"this model also looks at {', '.join(names)}: give these columns as extra"
+            )
+        return np.zeros((n_steps, 0), np.float32)
+    if not names:
+        raise InputError("extra columns are given, but this model looks at the laser only")
+    columns: NDArray[np.float32] = finite_array(
+        "extra", extra, (n_steps, len(names)), dtype=np.float32
+    )
+    return columns

@@ -1,0 +1,94 @@
+"""Stretches of a trajectory that count as one observation: updates by distance travelled."""
+
+from math import hypot
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError
+from pgm_places.graph import LabelGraph
+
+__all__ = ["DistanceGate", "Segments"]
+
+
+class DistanceGate:
+    """Says step by step whether the robot is far enough from where the last segment began.
+
+    Parameters
+    ----------
+    every_m : float
+        Distance in metres; 0 makes every step a segment.
+    """
+
+    def __init__(self, every_m: float) -> None:
+        if not every_m >= 0:
+            raise InputError(f"every_m must be at least 0 metres, got {every_m}")
+        self._every_m = float(every_m)
+        self._start: tuple[float, float] | None = None
+
+    def opens(self, x: float, y: float) -> float | None:
+        """Distance from the segment before if a new one begins here, None if it goes on.
+
+        The first segment begins after an infinite distance.
+        """
+        if self._start is None:
+            moved = float("inf")
+        else:
+            moved = hypot(x - self._start[0], y - self._start[1])
+            if moved < self._every_m:
+                return None
+        self._start = (x, y)
+        return moved
+
+
+class Segments:
+    """The segments of a whole trajectory.
+
+    Parameters
+    ----------
+    poses : (T, 2) or (T, 3) float
+        Where the robot was at each step, in metres.
+    every_m : float
+        A segment ends before the first step so far from its own first step.
+
+    Examples
+    --------
+    >>> segments = Segments([[0, 0], [0.1, 0], [0.3, 0], [0.35, 0]], every_m=0.2)
+    >>> segments.of_step.tolist(), segments.first.tolist()
+    ([0, 0, 1, 1], [0, 2])
+    >>> segments.means([[1.0], [3.0], [5.0], [5.0]]).ravel().tolist()
+    [2.0, 5.0]
+    """
+
+    def __init__(self, poses: ArrayLike, every_m: float) -> None:
+        array = np.asarray(poses, np.float64)
+        self._xy = finite_array("poses", array[:, :2], ("T", 2))
+        gate = DistanceGate(every_m)
+        opened = [gate.opens(x, y) is not None for x, y in self._xy.tolist()]
+        self.first: NDArray[np.int64] = np.flatnonzero(np.array(opened, np.bool_))
+        """(S,) number of the first step of each segment."""
+        self.of_step: NDArray[np.int64] = np.cumsum(np.array(opened, np.int64)) - 1
+        """(T,) number of the segment of each step."""
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def graph(self) -> LabelGraph:
+        """The chain of the segments, at the positions of their first steps."""
+        return LabelGraph.from_trajectory(self._xy[self.first])
+
+    def means(self, values: ArrayLike) -> NDArray[np.float64]:
+        """(S, D) mean over each segment of values (T, D) of its steps."""
+        rows = np.asarray(values, np.float64)
+        if not len(self):
+            return np.zeros((0, *rows.shape[1:]))
+        lengths = np.diff(self.first, append=len(rows))
+        return np.asarray(np.add.reduceat(rows, self.first, axis=0) / lengths[:, None])
+
+    def majority(self, labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
+        """(S,) most frequent known label of each segment, -1 where none of its steps has one."""
+        known = integer_array("labels", labels, self.of_step.shape, low=-1, high=n_labels)
+        counts = np.zeros((len(self), n_labels), np.int64)
+        np.add.at(counts, (self.of_step[known >= 0], known[known >= 0]), 1)
+        return np.where(counts.any(axis=1), counts.argmax(axis=1), -1)

@@ -1,0 +1,237 @@
+"""How a TrajectoryLabeler learns: the list on cells and steps, the method on held-out scores."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.backends import Learnable
+from pgm_places.errors import InputError, LabelError
+from pgm_places.features.extraction import extract
+from pgm_places.grid import OccupancyGrid
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.movement import learn_movement
+from pgm_places.progress import Progress, Silent
+from pgm_places.scan_model import BeamOptions, ScanModel, check_extra, circles_along
+from pgm_places.segments import Segments
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.trajectory import Trajectory
+from pgm_places.unary import (
+    RAREST_FIRST,
+    fold_groups,
+    held_out_scores,
+    training_features,
+    with_explicit_order,
+)
+
+if TYPE_CHECKING:
+    from pgm_places.models.decision_list import DecisionListClassifier
+    from pgm_places.trajectory_labeler import TrajectoryLabeler
+
+__all__ = ["Examples", "learn_trajectory_labeler", "trajectory_examples"]
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """What the list learns from: cells of maps, then the labelled steps of trajectories.
+
+    Parameters
+    ----------
+    features : (N, F) float32
+    truth : (N,) int
+        Label index of each example.
+    groups : (N,) int
+        Number of the contiguous part that is held out together.
+    n_of_map : tuple of int
+        Cells of each map.
+    steps : tuple of (n,) int
+        Numbers of the labelled steps of each trajectory.
+    """
+
+    features: NDArray[np.float32]
+    truth: NDArray[np.int64]
+    groups: NDArray[np.int64]
+    n_of_map: tuple[int, ...]
+    steps: tuple[NDArray[np.int64], ...]
+
+    def split(
+        self, values: NDArray[np.float64]
+    ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+        """Values of all examples as those of each map's and of each trajectory's."""
+        ends = np.cumsum([*self.n_of_map, *(len(part) for part in self.steps)])
+        parts = np.split(values, ends[:-1])
+        return parts[: len(self.n_of_map)], parts[len(self.n_of_map) :]
+
+
+def trajectory_examples(
+    maps: Sequence[LabelledMap],
+    trajectories: Sequence[Trajectory],
+    label_names: tuple[str, ...],
+    *,
+    sensor: Sensor,
+    beams: BeamOptions,
+    known_map: OccupancyGrid | None = None,
+    extra: Sequence[ArrayLike] | None = None,
+    extra_names: tuple[str, ...] = (),
+    n_folds: int = 5,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> Examples:
+    """All laser features of labelled cells and steps, and the extra columns of the steps.
+
+    Raises
+    ------
+    InputError
+        There is nothing to learn from, a trajectory has no labels or those of other names, or
+        extra columns are given together with maps, whose cells have none.
+    LabelError
+        A label has no example.
+    """
+    progress = progress or Silent()
+    _require_sources(maps, trajectories, extra, extra_names, label_names)
+    masks = [item.labelled_cells for item in maps]
+    truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]
+    parts = [training_features(maps, sensor, n_threads, progress)] if maps else []
+    groups = [fold_groups(masks, n_folds)] if maps else []
+    steps = []
+    with progress.stage("scans of trajectories") as stage:
+        for number, item in enumerate(trajectories):
+            labels = _labels(item)
+            known = np.flatnonzero(labels >= 0)
+            circles = circles_along(item, sensor, beams, known_map=known_map, n_threads=n_threads)
+            columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
+            laser = extract(circles[known], max_range_m=sensor.max_range_m, n_threads=n_threads)
+            parts.append(np.concatenate([laser, columns[known]], axis=1))
+            truths.append(labels[known])
+            groups.append(np.arange(len(known)) * n_folds // max(len(known), 1))
+            steps.append(known)
+            stage.update((number + 1) / len(trajectories))
+    truth = np.concatenate(truths)
+    _require_examples(truth, label_names)
+    return Examples(
+        np.concatenate(parts),
+        truth,
+        np.concatenate(groups).astype(np.int64),
+        tuple(int(mask.sum()) for mask in masks),
+        tuple(steps),
+    )
+
+
+def learn_trajectory_labeler(
+    labeler: "TrajectoryLabeler",
+    maps: Sequence[LabelledMap],
+    trajectories: Sequence[Trajectory],
+    examples: Examples,
+    *,
+    sensor: Sensor,
+    extra_names: tuple[str, ...] = (),
+    classifier: "DecisionListClassifier | None" = None,
+    n_runs: int = 1000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> "TrajectoryLabeler":
+    """The labeler with a list fitted on all examples and a method fitted on held-out scores."""
+    from sklearn.base import clone
+
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+    progress = progress or Silent()
+    n_labels = len(labeler.label_names)
+    features, truth, groups = examples.features, examples.truth, examples.groups
+    unfitted = classifier or DecisionListClassifier(order=RAREST_FIRST)
+    unfitted = with_explicit_order(unfitted, truth)
+    with progress.stage("decision list"):
+        fitted = clone(unfitted).fit(features, truth, groups=groups)
+    scores = held_out_scores(fitted, features, truth, groups, n_labels, progress, "held-out scores")
+    model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names)
+    found = replace(labeler, scan_model=model)
+    with progress.stage("method"):
+        method = _fitted_method(found, maps, trajectories, examples, scores, n_runs, seed)
+    return replace(found, method=method)
+
+
+def _fitted_method(
+    labeler: "TrajectoryLabeler",
+    maps: Sequence[LabelledMap],
+    trajectories: Sequence[Trajectory],
+    examples: Examples,
+    scores: NDArray[np.float64],
+    n_runs: int,
+    seed: int,
+) -> object:
+    """The method fitted on observations as it will see them: on segments where there are any."""
+    method = labeler.method
+    if not isinstance(method, Learnable):
+        return method
+    n_labels = len(labeler.label_names)
+    of_cells, of_steps = examples.split(scores)
+    problems, truths = [], []
+    for item, steps, part in zip(trajectories, examples.steps, of_steps, strict=True):
+        labelled = item.subset(steps)
+        segments = Segments(labelled.poses, labeler.every_m)
+        problems.append(labeler.problem(segments, part))
+        truths.append(segments.majority(_labels(labelled), n_labels))
+    if not isinstance(method, HiddenMarkovModel):
+        if not problems:
+            raise InputError(
+                f"{type(method).__name__} learns from labelled trajectories; give some, or use "
+                "the method 'hmm', for which maps suffice"
+            )
+        return method.fit(problems, truths)
+    if not maps:
+        return method.fit(problems, truths)
+    if problems:
+        unaries = [problem.unary for problem in problems if problem.unary is not None]
+        return learn_movement(
+            maps, truths, unaries, n_labels, model=method, n_runs=n_runs, seed=seed
+        )
+    ends = np.cumsum(examples.n_of_map)[:-1]
+    cells = np.split(examples.truth, ends)
+    return learn_movement(maps, cells, of_cells, n_labels, model=method, n_runs=n_runs, seed=seed)
+
+
+def _labels(trajectory: Trajectory) -> NDArray[np.int64]:
+    assert trajectory.labels is not None  # _require_sources has checked
+    return trajectory.labels
+
+
+def _require_sources(
+    maps: Sequence[LabelledMap],
+    trajectories: Sequence[Trajectory],
+    extra: Sequence[ArrayLike] | None,
+    extra_names: tuple[str, ...],
+    label_names: tuple[str, ...],
+) -> None:
+    if not maps and not trajectories:
+        raise InputError("there is nothing to learn from; give labelled maps or trajectories")
+    if (extra is None) != (not extra_names):
+        raise InputError("extra columns and extra_names belong together: give both, or neither")
+    if extra is not None and maps:
+        raise InputError(
+            "cells of maps have no extra columns; learn from labelled trajectories alone"
+        )
+    if extra is not None and len(extra) != len(trajectories):
+        raise InputError(
+            f"there are {len(trajectories)} trajectories but {len(extra)} tables of extra columns"
+        )
+    for item in trajectories:
+        if item.label_names != label_names:
+            raise InputError(
+                f"{item.name} must have the labels {', '.join(label_names)}, got "
+                f"{'none' if item.label_names is None else ', '.join(item.label_names)}"
+            )
+
+
+def _require_examples(truth: NDArray[np.int64], label_names: tuple[str, ...]) -> None:
+    counts = np.bincount(truth, minlength=len(label_names))
+    missing = [name for name, count in zip(label_names, counts, strict=False) if count == 0]
+    if missing or len(counts) > len(label_names):
+        raise LabelError(
+            f"no labelled cell or step is {' or '.join(map(repr, missing))}; label some, or take "
+            "the name out"
+            if missing
+            else f"label index {len(counts) - 1} but there are only {len(label_names)} labels"
+        )
