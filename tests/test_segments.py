@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgm_places.errors import InputError
+from pgm_places.segments import DistanceGate, Segments
+from pgm_places.trajectory import Trajectory
+
+
+@given(st.integers(0, 40), st.floats(0.0, 2.0), st.integers(0, 100))
+def test_segments_begin_where_a_trajectory_is_thinned_out(
+    n_steps: int, every_m: float, seed: int
+) -> None:
+    poses = np.random.default_rng(seed).normal(size=(n_steps, 3)).cumsum(axis=0)
+    segments = Segments(poses, every_m)
+    path = Trajectory(np.arange(n_steps, dtype=float), poses)
+    assert segments.first.tolist() == path.by_distance(every_m).tolist()
+    assert len(segments.of_step) == n_steps
+    assert segments.graph().n_nodes == len(segments)
+
+
+def test_the_gate_tells_the_distance_from_the_segment_before() -> None:
+    gate = DistanceGate(0.5)
+    assert [gate.opens(x, 0.0) for x in (0.0, 0.4, 0.6, 1.0, 2.0)] == [np.inf, None, 0.6, None, 1.4]
+
+
+def test_means_and_majorities_are_those_of_each_segment() -> None:
+    segments = Segments(np.array([[0.0, 0], [0.1, 0], [0.2, 0], [0.9, 0], [1.0, 0]]), 0.5)
+    values = np.array([[1.0, 0], [2.0, 0], [6.0, 3], [4.0, 4], [5.0, 5]])
+    np.testing.assert_allclose(segments.means(values), [[3.0, 1.0], [4.5, 4.5]])
+    assert segments.majority([1, -1, 1, -1, -1], 2).tolist() == [1, -1]
+
+
+def test_no_steps_make_no_segments() -> None:
+    segments = Segments(np.zeros((0, 3)), 0.2)
+    assert len(segments) == 0
+    assert segments.means(np.zeros((0, 2))).shape == (0, 2)
+
+
+@pytest.mark.parametrize("every_m", [-1.0, float("nan")])
+def test_a_distance_is_needed(every_m: float) -> None:
+    with pytest.raises(InputError):
+        Segments(np.zeros((2, 3)), every_m)

@@ -1,0 +1,221 @@
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pgm_places.backends import build
+from pgm_places.errors import InputError, LabelError, ModelFileError, NotFittedError
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.place_files import save_labeler
+from pgm_places.places import PlaceLabeler
+from pgm_places.scan import ScanGeometry
+from pgm_places.scan_model import BeamOptions
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.trajectory import Trajectory
+from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
+from pgm_places.trajectory_labeler import TrajectoryLabeler
+from tests.drives import building, drive
+
+KNOWN = BeamOptions("known-map")
+QUICK = DecisionListClassifier(n_rounds=20, order="heuristic")
+
+
+@lru_cache
+def places() -> PlaceLabeler:
+    known, names = building()
+    quick = DecisionListClassifier(n_rounds=30, order="heuristic")
+    return PlaceLabeler(names, sensor=Sensor(max_range_m=12.0), classifier=quick).fit([known])
+
+
+@lru_cache
+def labeler() -> TrajectoryLabeler:
+    return TrajectoryLabeler.from_places(places())
+
+
+def accuracy(path: Trajectory, labels: np.ndarray) -> float:
+    assert path.labels is not None
+    known = path.labels >= 0
+    return float((labels[known] == path.labels[known]).mean())
+
+
+def test_a_model_of_maps_labels_a_drive_with_a_front_laser() -> None:
+    path = drive(1)
+    found = labeler().label(path)
+    assert found.labels.shape == (len(path),)
+    assert accuracy(path, found.labels) > 0.8
+
+
+def test_the_belief_mends_a_list_that_errs_at_random() -> None:
+    path, tool = drive(1), labeler()
+    assert path.labels is not None
+    rng = np.random.default_rng(0)
+    said = np.where(rng.random(len(path)) < 0.75, path.labels, rng.integers(3, size=len(path)))
+    scores = np.log(np.eye(3)[said] * 0.7 + 0.1)
+    mended = tool.infer(path, scores)
+    assert accuracy(path, mended.labels) > accuracy(path, scores.argmax(axis=1)) + 0.05
+
+
+def test_the_known_map_helps_a_laser_that_sees_only_half() -> None:
+    path, (known, _) = drive(1), building()
+    blind = replace(labeler(), beams=BeamOptions("max-range")).label(path)
+    with_map = replace(labeler(), beams=KNOWN).label(path, known_map=known.grid)
+    assert accuracy(path, with_map.labels) > accuracy(path, blind.labels)
+
+
+def test_step_by_step_gives_the_beliefs_of_the_whole_log() -> None:
+    path, (known, _) = drive(1)[:150], building()
+    for every_m in (0.0, 0.25):
+        for beams, known_map in ((BeamOptions(), None), (KNOWN, known.grid)):
+            tool = replace(labeler(), every_m=every_m, beams=beams)
+            whole = tool.label(path, known_map=known_map)
+            assert path.geometry is not None
+            online = tool.online(path.geometry, known_map=known_map)
+            beliefs = [online.step(path.scan(t)) for t in range(len(path))]
+            assert whole.beliefs is not None
+            np.testing.assert_allclose(whole.beliefs, beliefs, atol=1e-12)
+
+
+def test_a_robot_that_stands_still_does_not_grow_ever_more_certain() -> None:
+    path = drive(1)
+    still = path.subset(np.zeros(60, np.int64))
+    beliefs = labeler().label(still).beliefs
+    assert beliefs is not None
+    np.testing.assert_allclose(beliefs[-1], beliefs[5], atol=0.05)
+
+
+@pytest.mark.parametrize("mode", ["smooth", "viterbi"])
+def test_other_modes_label_whole_segments(mode: str) -> None:
+    path = drive(1)
+    tool = labeler()
+    found = replace(tool, method=replace(tool.method, mode=mode)).label(path)
+    assert accuracy(path, found.labels) > 0.8
+    assert (found.beliefs is None) == (mode == "viterbi")
+
+
+@pytest.mark.parametrize("name", ["relaxation", "amn", "independent"])
+def test_any_method_labels_the_chain(name: str) -> None:
+    tool = TrajectoryLabeler(building()[1], build(name))
+    tool = tool.fit([], [drive(0), drive(2)], classifier=QUICK)
+    path = drive(1)
+    assert accuracy(path, tool.label(path).labels) > 0.75
+    with pytest.raises(InputError, match="hmm"):
+        tool.online(path.geometry)  # type: ignore[arg-type]
+
+
+def test_maps_and_trajectories_are_learned_from_together() -> None:
+    (known, names), path = building(), drive(0)
+    tool = TrajectoryLabeler(names).fit([known], [path], classifier=QUICK, n_runs=200)
+    assert accuracy(drive(1), tool.label(drive(1)).labels) > 0.75
+    again = TrajectoryLabeler(names).fit([known], [path], classifier=QUICK, n_runs=200)
+    np.testing.assert_array_equal(again.method.transition, tool.method.transition)
+
+
+def test_extra_columns_are_learned_from_like_the_lasers_own() -> None:
+    path, other = drive(0), drive(1)
+    assert path.labels is not None and other.labels is not None
+    names = building()[1]
+    told = [np.eye(3, dtype=np.float32)[item.labels] for item in (path, other)]
+    columns = [f"saw_{name}" for name in names]
+    tool = TrajectoryLabeler(names).fit(
+        [], [path], extra=told[:1], extra_names=columns, classifier=QUICK
+    )
+    assert accuracy(other, tool.label(other, extra=told[1]).labels) > 0.9
+    assert other.geometry is not None
+    belief = tool.online(other.geometry).step(other.scan(0), extra=told[1][0])
+    assert belief.argmax() == other.labels[0]
+    with pytest.raises(InputError, match="saw_"):
+        tool.label(other)
+    with pytest.raises(InputError, match="laser only"):
+        labeler().label(other, extra=told[1])
+
+
+def test_a_trajectory_without_scans_takes_them_from_the_known_map() -> None:
+    path, (known, _) = drive(1), building()
+    bare = Trajectory(path.times_s, path.poses)
+    found = labeler().label(bare, known_map=known.grid)
+    assert accuracy(path, found.labels) > 0.8
+    with pytest.raises(InputError, match="no scans"):
+        labeler().label(bare)
+
+
+def test_what_is_saved_labels_the_same(tmp_path: Path) -> None:
+    path = drive(1)[:100]
+    tool = replace(labeler(), every_m=0.3, beams=BeamOptions("mirror"))
+    save_trajectory_labeler(tmp_path / "model", tool, record={"by": "test"})
+    loaded, record = load_trajectory_labeler(tmp_path / "model")
+    assert record == {"by": "test"}
+    assert (loaded.every_m, loaded.beams, loaded.label_names) == (0.3, tool.beams, tool.label_names)
+    np.testing.assert_array_equal(loaded.label(path).beliefs, tool.label(path).beliefs)
+
+
+def test_a_stored_model_of_maps_labels_trajectories(tmp_path: Path) -> None:
+    path = drive(1)[:60]
+    save_labeler(tmp_path / "maps", places())
+    loaded, _ = load_trajectory_labeler(tmp_path / "maps")
+    np.testing.assert_array_equal(loaded.label(path).beliefs, labeler().label(path).beliefs)
+    save_labeler(tmp_path / "old", replace(places(), movement=None))
+    with pytest.raises(NotFittedError, match="train it again"):
+        load_trajectory_labeler(tmp_path / "old")
+
+
+def test_a_damaged_model_is_refused(tmp_path: Path) -> None:
+    save_trajectory_labeler(tmp_path / "model", labeler())
+    manifest = tmp_path / "model" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"local-map"', '"elsewhere"'))
+    with pytest.raises(ModelFileError):
+        load_trajectory_labeler(tmp_path / "model")
+
+
+def test_bad_input_is_refused_with_a_reason() -> None:
+    known, names = building()
+    path = drive(0)
+    tool = TrajectoryLabeler(names)
+    with pytest.raises(NotFittedError):
+        tool.label(path)
+    with pytest.raises(NotFittedError):
+        TrajectoryLabeler.from_places(PlaceLabeler(names))
+    with pytest.raises(NotFittedError):
+        save_trajectory_labeler("unused", tool)
+    with pytest.raises(InputError, match="nothing to learn"):
+        tool.fit()
+    with pytest.raises(InputError, match="no extra columns"):
+        tool.fit([known], [path], extra=[np.zeros((len(path), 1))], extra_names=["cups"])
+    with pytest.raises(InputError, match="belong together"):
+        tool.fit([], [path], extra_names=["cups"])
+    with pytest.raises(InputError, match="1 trajectories but 2"):
+        tool.fit([], [path], extra=[np.zeros((len(path), 1))] * 2, extra_names=["cups"])
+    with pytest.raises(InputError, match="must have the labels"):
+        tool.fit([], [Trajectory(path.times_s, path.poses, path.ranges_m, path.geometry)])
+    with pytest.raises(LabelError, match="'kitchen'"):
+        more = (*names, "kitchen")
+        TrajectoryLabeler(more).fit([LabelledMap(known.grid, known.labels)])
+    with pytest.raises(InputError, match="labelled trajectories"):
+        TrajectoryLabeler(names, build("relaxation")).fit([known], classifier=QUICK)
+    with pytest.raises(InputError):
+        TrajectoryLabeler(names, every_m=-1.0)
+
+
+def test_scans_of_another_laser_are_refused_online() -> None:
+    path = drive(1)
+    online = labeler().online(ScanGeometry.full_circle(8, range_max_m=30.0))
+    with pytest.raises(InputError, match="made for"):
+        online.step(path.scan(0))
+    assert online.n_steps == 0
+
+
+def test_impossible_observations_are_named_and_beliefs_stay_numbers() -> None:
+    model: Any = HiddenMarkovModel(smoothing=0.0).with_counts(
+        confusions=np.eye(3), moves=np.eye(3), first=[1, 0, 0]
+    )
+    model = replace(model, start="learned")
+    tool = replace(labeler(), method=model, every_m=0.0)
+    path = drive(1)[:3]
+    scores = np.log(np.eye(3)[[1, 0, 0]] * 0.7 + 0.1)
+    found = tool.infer(path, scores)
+    assert found.info["impossible"] == [0]
+    assert found.beliefs is not None and np.isfinite(found.beliefs).all()
