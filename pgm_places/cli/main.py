@@ -196,6 +196,83 @@ def where(
 
 
 @app.command()
+def simulate(
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            help="The log: NAME.log, NAME.log.gz (CARMEN), NAME.bag (ROS 1), NAME.mcap, NAME (a "
+            "ROS 2 bag's folder) or NAME.csv (poses only).",
+        ),
+    ],
+    map_yaml: Annotated[
+        Path | None, typer.Argument(metavar="MAP.yaml", help="A map_server map to drive in.")
+    ] = None,
+    demo: Annotated[
+        bool, typer.Option("--demo", help="Drive in a generated building, which is written too.")
+    ] = False,
+    labels: Annotated[
+        Path | None, typer.Option(help="Label image of the map: the true place of every step.")
+    ] = None,
+    beams: Annotated[int, typer.Option(min=1, max=100_000, help="Beams of the laser.")] = 180,
+    view: Annotated[
+        float, typer.Option(min=1, max=360, help="How many degrees the laser sees.")
+    ] = 180,
+    reach: Annotated[float, typer.Option("--range", min=0.1, help="Its longest range, m.")] = 30.0,
+    noise: Annotated[
+        float, typer.Option(min=0, help="Standard deviation of its readings, m.")
+    ] = 0.02,
+    odometry_noise: Annotated[
+        float, typer.Option(min=0, help="Errors of the wheels: 0 none, 1 usual, 2 twice that.")
+    ] = 1.0,
+    wheels_only: Annotated[
+        bool, typer.Option("--wheels-only", help="The log knows no poses but the wheels'.")
+    ] = False,
+    length: Annotated[
+        float | None, typer.Option(min=0.5, help="Metres to drive; past all places by default.")
+    ] = None,
+    speed: Annotated[float, typer.Option(min=0.01, help="Metres per second.")] = 0.4,
+    every: Annotated[float, typer.Option(min=0.001, help="Seconds between two scans.")] = 0.2,
+    radius: Annotated[float, typer.Option(min=0.01, help="The robot's radius, m.")] = 0.25,
+    seed: Annotated[
+        int, typer.Option(min=0, max=2**63 - 1, help="Draws the start, the errors, the building.")
+    ] = 0,
+    unknown_value: Annotated[
+        int | None,
+        typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
+    ] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Drive a simulated robot through a map and write its log."""
+    from pgm_places.cli import simulate as command
+
+    robot = command.robot_of(
+        command.beams(beams, view, reach),
+        speed_m_s=speed,
+        scan_every_s=every,
+        radius_m=radius,
+        range_noise_m=noise,
+        odometry_noise=odometry_noise,
+        seed=seed,
+    )
+    command.run_simulate(
+        map_yaml,
+        out,
+        robot,
+        demo=demo,
+        labels=labels,
+        length_m=length,
+        seed=seed,
+        wheels_only=wheels_only,
+        unknown_value=unknown_value,
+        n_threads=threads,
+        quiet=quiet,
+    )
+
+
+@app.command()
 def doctor(
     map_yaml: Annotated[
         Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")

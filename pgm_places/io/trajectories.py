@@ -9,7 +9,7 @@ from pgm_places.io.bag_access import is_bag
 from pgm_places.io.loaded_log import LoadedLog
 from pgm_places.trajectory import Trajectory
 
-__all__ = ["read_trajectory", "write_trajectory"]
+__all__ = ["check_name", "read_trajectory", "write_trajectory"]
 
 
 def read_trajectory(
@@ -85,7 +85,8 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
         The file cannot be written; nothing is left half-written.
     """
     path = Path(path)
-    if path.name.lower().removesuffix(".gz").endswith(".log"):
+    check_name(path)
+    if _is_carmen(path):
         from pgm_places.io.carmen_writer import write_carmen
 
         return write_carmen(path, trajectory)
@@ -93,11 +94,26 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
         from pgm_places.io.pose_csv import write_pose_csv
 
         return write_pose_csv(path, trajectory)
-    if path.suffix in ("", ".bag", ".mcap"):
-        from pgm_places.io.bag_writer import write_bag
+    from pgm_places.io.bag_writer import write_bag
 
-        return write_bag(path, trajectory)
-    raise InputError(
-        "a trajectory can be written as .log, .log.gz, .csv, .bag, .mcap, or as the folder of a "
-        f"ROS 2 bag (no ending), but the name is {path.name!r}"
-    )
+    return write_bag(path, trajectory)
+
+
+def check_name(path: Path | str) -> None:
+    """Refuse a name whose ending is of no format that trajectories are written in.
+
+    Raises
+    ------
+    InputError
+        The ending is another one.
+    """
+    path = Path(path)
+    if not _is_carmen(path) and path.suffix.lower() not in ("", ".csv", ".bag", ".mcap"):
+        raise InputError(
+            "a trajectory can be written as .log, .log.gz, .csv, .bag, .mcap, or as the folder of "
+            f"a ROS 2 bag (no ending), but the name is {path.name!r}"
+        )
+
+
+def _is_carmen(path: Path) -> bool:
+    return path.name.lower().removesuffix(".gz").endswith(".log")

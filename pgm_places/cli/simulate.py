@@ -1,0 +1,174 @@
+"""The command simulate: a robot that is not there drives and writes a log that is."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import typer
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.errors import InputError
+
+if TYPE_CHECKING:
+    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.scan import ScanGeometry
+    from pgm_places.sensing.simulated_robot import SimulatedRobot
+    from pgm_places.trajectory import Trajectory
+
+__all__ = ["beams", "robot_of", "run_simulate"]
+
+
+def beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
+    """A laser with so many beams over so wide a view, its middle ahead."""
+    from pgm_places.scan import ScanGeometry
+
+    if view_degrees == 360:
+        return ScanGeometry.full_circle(n_beams, range_max_m=range_m)
+    if view_degrees == 180:
+        return ScanGeometry.half_circle(n_beams, range_max_m=range_m)
+    half = np.deg2rad(view_degrees) / 2
+    return ScanGeometry(np.linspace(-half, half, n_beams), range_m)
+
+
+def robot_of(
+    geometry: "ScanGeometry",
+    *,
+    speed_m_s: float,
+    scan_every_s: float,
+    radius_m: float,
+    range_noise_m: float,
+    odometry_noise: float,
+    seed: int,
+) -> "SimulatedRobot":
+    """The robot that the options describe."""
+    from pgm_places.sensing.odometry_noise import OdometryNoise
+    from pgm_places.sensing.sensor import SensorNoise
+    from pgm_places.sensing.simulated_robot import SimulatedRobot
+
+    usual, times = OdometryNoise(), odometry_noise
+    return SimulatedRobot(
+        geometry,
+        radius_m=radius_m,
+        speed_m_s=speed_m_s,
+        scan_every_s=scan_every_s,
+        sensor_noise=SensorNoise(sigma_m=range_noise_m, seed=seed),
+        odometry_noise=OdometryNoise(
+            times * usual.turn_by_turn,
+            times * usual.turn_by_way,
+            times * usual.way_by_way,
+            times * usual.way_by_turn,
+            seed=seed,
+        ),
+    )
+
+
+def run_simulate(
+    map_yaml: Path | None,
+    out: Path,
+    robot: "SimulatedRobot",
+    *,
+    demo: bool,
+    labels: Path | None,
+    length_m: float | None,
+    seed: int,
+    wheels_only: bool,
+    unknown_value: int | None,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places simulate``."""
+    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.trajectories import check_name, write_trajectory
+
+    if (map_yaml is None) is not demo:
+        raise InputError("simulate wants a map, or --demo for a generated building: one of them")
+    check_name(out)  # a name that cannot be written shows before the work, not after
+    check_writable_folder(out.parent)
+    progress = make_progress(quiet=quiet)
+    with progress.stage("map"):
+        if map_yaml is None:
+            place, names, written = _demo_map(out, seed)
+        else:
+            place, names, notes = _users_map(map_yaml, labels, unknown_value)
+            written = []
+            for message in notes:
+                progress.warn(message)
+    with progress.stage("drive"):
+        driven = robot.explore(
+            place.grid, seed=seed, max_length_m=length_m, name=_stem(out), n_threads=n_threads
+        )
+        if names:
+            driven = driven.labelled_by(place, names)
+    with progress.stage("files"):
+        written.append(write_trajectory(out, _as_recorded(driven, wheels_only)))
+        if out.suffix != ".csv":
+            written.append(write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven))
+    typer.echo(_summary(driven))
+    for path in written:
+        typer.echo(f"wrote {path}")
+
+
+def _users_map(
+    map_yaml: Path, labels: Path | None, unknown_value: int | None
+) -> "tuple[LabelledMap, tuple[str, ...], tuple[str, ...]]":
+    """The map, the names of its labels (none without labels), and warnings."""
+    from pgm_places.io.label_image import load_labels
+    from pgm_places.io.label_values import listed_names
+    from pgm_places.io.map_server import load_map
+    from pgm_places.labelled_map import LabelledMap
+
+    loaded = load_map(map_yaml, unknown_value=unknown_value)
+    names: tuple[str, ...] = ()
+    raster = np.full(loaded.grid.shape, -1, np.int16)
+    if labels is not None:
+        names = tuple(listed_names(labels, None))
+        raster = load_labels(labels, names, grid=loaded.grid)
+    return LabelledMap(loaded.grid, raster), names, tuple(loaded.warnings)
+
+
+def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list[Path]]":
+    """A generated building, written beside the log for whoever wants to label it."""
+    from pgm_places.datasets.building import generate_building
+    from pgm_places.io.label_image import save_labels
+    from pgm_places.io.map_server import save_map
+    from pgm_places.labelled_map import LabelledMap
+
+    building = generate_building(seed=seed)
+    stem = out.with_name(_stem(out))
+    written = [save_map(building.grid, stem.with_name(f"{stem.name}_map"))]
+    labels = stem.with_name(f"{stem.name}_labels.png")
+    written.append(save_labels(labels, building.labels, building.label_names)[0])
+    return LabelledMap(building.grid, building.labels), building.label_names, written
+
+
+def _stem(out: Path) -> str:
+    """A log's name without its endings."""
+    return out.name.removesuffix(".gz").removesuffix(".log") if ".log" in out.name else out.stem
+
+
+def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
+    """What the robot would know: with the true poses beside its wheels', or with those alone."""
+    from dataclasses import replace
+
+    if wheels_only and driven.odometry is not None:
+        return replace(driven, poses=driven.odometry, odometry=None)
+    return driven
+
+
+def _summary(driven: "Trajectory") -> str:
+    from pgm_places.cli.tables import text_table
+
+    seconds = driven.times_s[-1] - driven.times_s[0]
+    n_beams = 0 if driven.geometry is None else driven.geometry.n_beams
+    lines = [
+        f"{len(driven)} scans of {n_beams} beams on {driven.path_length_m:.0f} m of way in "
+        f"{seconds:.0f} s"
+    ]
+    if driven.labels is not None and driven.label_names is not None:
+        rows = [["place", "steps", "share"]]
+        names = [*driven.label_names, "not known"]
+        for label, name in zip([*range(len(driven.label_names)), -1], names, strict=True):
+            n_steps = int(np.count_nonzero(driven.labels == label))
+            rows.append([name, str(n_steps), f"{100 * n_steps / len(driven):.1f} %"])
+        lines.append(text_table(rows))
+    return "\n".join(lines)
