@@ -157,7 +157,8 @@ class ScanGeometry:
         >>> geometry.cleaned([float("nan"), 0.02, 3.5]).tolist()
         [8.0, 8.0, 3.5]
         """
-        readings = np.asarray(readings_m, np.float32)
+        with np.errstate(over="ignore"):  # beyond single precision is beyond every sensor
+            readings = np.asarray(readings_m, np.float32)
         if readings.shape[-1:] != (self.n_beams,):
             raise InputError(
                 f"readings must have {self.n_beams} beams on their last axis, got shape "

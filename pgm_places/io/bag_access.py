@@ -66,7 +66,7 @@ def _damage() -> tuple[type[Exception], ...]:
     parsing = (ValueError, LookupError, AssertionError, OSError)
     try:
         import apsw
-    except ImportError:  # releases before 0.11 use Python's own sqlite3
+    except ImportError:  # some releases use Python's own sqlite3
         return (*own, *parsing)
     return (*own, *parsing, apsw.Error)
 

@@ -158,7 +158,7 @@ def _finite(fields: list[bytes]) -> tuple[float, ...]:
 
 def _scan(geometry: ScanGeometry, readings: list[bytes], poses: list[bytes], time: bytes) -> Scan:
     numbers = _finite(poses)
-    ranges = geometry.cleaned(np.array(list(map(float, readings)), np.float32))
+    ranges = geometry.cleaned(list(map(float, readings)))
     return Scan(
         _finite([time])[0],
         np.array(numbers[:3]),

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pgm_places import ScanGeometry
 from pgm_places.errors import InputError, LogError
@@ -105,6 +107,29 @@ def test_damaged_lines_are_left_out_and_told(tmp_path: Path, line: bytes) -> Non
     log = read_carmen(write(tmp_path / "a.log", flaser([1.0, 2.0, 3.0]), line))
     assert len(log.trajectory) == 1
     assert log.warnings == ("1 damaged line could not be read and left out",)
+
+
+WORDS = st.one_of(
+    st.sampled_from(
+        [b"FLASER", b"ROBOTLASER1", b"-1", b"0", b"99999999999", b"1e400", b"1e39", b"nan", b"\xff"]
+    ),
+    st.floats().map(lambda number: repr(number).encode()),
+    st.integers().map(lambda number: str(number).encode()),
+    st.binary(max_size=4),
+)
+
+
+@given(data=st.data(), plain=st.booleans())
+def test_no_line_stops_the_reader(data: st.DataObject, plain: bool) -> None:
+    fields = (flaser([1.0, 2.0]) if plain else robotlaser([1.0, 2.0])).split()
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(fields) - 1))
+        fields[at : at + data.draw(st.integers(0, 2))] = [data.draw(WORDS)]
+    reader = CarmenReader(keep_odometry=True)
+    scan = reader.scan(b" ".join(fields))
+    if scan is not None:
+        assert np.isfinite(scan.ranges_m).all()
+        assert (scan.ranges_m <= np.float32(scan.geometry.range_max_m)).all()
 
 
 def test_disordered_stamps_are_told_and_kept(tmp_path: Path) -> None:
