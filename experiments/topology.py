@@ -1,4 +1,4 @@
-"""Places found, missed and invented per method of a configuration, before and after corrections.
+"""Places found, missed and invented per method of a configuration, with and without corrections.
 
 ``python experiments/topology.py CONFIG.toml [--pictures FOLDER]`` prints a Markdown table per test
 map; found places are those of the window that was tested.
@@ -7,6 +7,7 @@ map; found places are those of the window that was tested.
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,17 @@ from pgm_places.experiment import Experiment, compare
 from pgm_places.grid import OccupancyGrid
 from pgm_places.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
+
+FURTHER = CorrectionRules(widest_doorway_m=1.6, close_leaks_m=1.5, split_rooms_m=1.5)
+"""The corrections that are off by default, at the widths of the doors and openings of an office."""
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "none": {"correct": False},
+    "": {},
+    "further, ": {"rules": FURTHER},
+}
 
 HEAD = (
     "| method | corrections | rooms found / merged / missed / invented | "
@@ -51,14 +62,14 @@ def table(
     true_map = topological_map(grid, inside, names)
     lines = [HEAD]
     for method, raster in answers.items():
-        for correct in (False, True):
-            labels = np.where(window, raster, np.int16(-1))
-            found = topological_map(grid, labels, names, correct=correct)
-            text = str(len(found.corrections)) if correct else "-"
+        labels = np.where(window, raster, np.int16(-1))
+        for name, options in VARIANTS.items():
+            found = topological_map(grid, labels, names, **options)
+            text = f"{name}{len(found.corrections)}" if found.corrections else "-"
             lines.append(row(method, text, score_regions(found, true_map)))
-            if pictures is not None and correct:
-                picture = topology_picture(grid, found, title=method)
-                (pictures / f"{method}.png").write_bytes(picture)
+            if pictures is not None:
+                picture = topology_picture(grid, found, title=f"{method}, {text}")
+                (pictures / f"{method}_{list(VARIANTS).index(name)}.png").write_bytes(picture)
     return "\n".join(lines)
 
 

@@ -146,7 +146,8 @@ class TopologyConfig(_Record):
 
     Rooms and corridors below ``min_area_m2``, doorways below ``min_doorway_area_m2``, and, where
     ``doorways_join_two``, doorways that touch fewer than two regions take a neighbour's label.
-    Passages narrower than ``min_width_m`` connect nothing.
+    Passages narrower than ``min_width_m`` connect nothing. The other widths are those of
+    corrections that are not the paper's; 0 leaves one out.
     """
 
     correct: bool = True
@@ -155,6 +156,10 @@ class TopologyConfig(_Record):
     doorways_join_two: bool = True
     doorway_label: str = "doorway"
     min_width_m: Annotated[float, Field(ge=0)] = 0.0
+    widest_doorway_m: Annotated[float, Field(ge=0)] = 0.0
+    close_leaks_m: Annotated[float, Field(ge=0)] = 0.0
+    split_rooms_m: Annotated[float, Field(ge=0)] = 0.0
+    min_part_m2: Annotated[float, Field(ge=0)] = 4.0
 
 
 class MethodConfig(_Record):

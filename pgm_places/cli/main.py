@@ -133,6 +133,18 @@ def topology(
         float, typer.Option(min=0, help="Passages narrower than this, in m, connect nothing.")
     ] = 0.0,
     doorway: Annotated[str, typer.Option(help="Which label is the doorway.")] = "doorway",
+    widest_doorway: Annotated[
+        float, typer.Option(min=0, help="Doorway cells with more room around, in m, are none.")
+    ] = 0.0,
+    close_leaks: Annotated[
+        float, typer.Option(min=0, help="Complete doorways up to so wide, in m, that leak.")
+    ] = 0.0,
+    split_rooms: Annotated[
+        float, typer.Option(min=0, help="Part places by a doorway where at most so narrow, in m.")
+    ] = 0.0,
+    propose_splits: Annotated[
+        float, typer.Option(min=0, help="Only say where --split-rooms would part places.")
+    ] = 0.0,
     correct: Annotated[
         bool, typer.Option("--correct/--as-it-is", help="Correct regions that are errors.")
     ] = True,
@@ -152,8 +164,16 @@ def topology(
         out,
         names_path=names,
         unknown_value=unknown_value,
-        rules=CorrectionRules(min_area, min_doorway_area, doorway_label=doorway),
+        rules=CorrectionRules(
+            min_area,
+            min_doorway_area,
+            doorway_label=doorway,
+            widest_doorway_m=widest_doorway,
+            close_leaks_m=close_leaks,
+            split_rooms_m=split_rooms,
+        ),
         correct=correct,
+        propose_splits_m=propose_splits,
         min_width_m=min_width,
         quiet=quiet,
     )

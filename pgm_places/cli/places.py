@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.errors import InputError
 from pgm_places.topology.corrections import CorrectionRules
+
+if TYPE_CHECKING:
+    from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
 
@@ -49,6 +52,7 @@ def run_topology(
     rules: CorrectionRules,
     correct: bool,
     min_width_m: float,
+    propose_splits_m: float,
     quiet: bool,
 ) -> None:
     """``pgm-places topology``."""
@@ -76,8 +80,26 @@ def run_topology(
             correct=correct,
             min_width_m=min_width_m,
         )
+    if propose_splits_m:
+        from pgm_places.io.topology_files import load_topology
+
+        for line in _proposals(load_topology(out), propose_splits_m):
+            typer.echo(line)
     for path in written:
         typer.echo(f"wrote {path}")
+
+
+def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
+    """A line per place that could be two."""
+    from pgm_places.topology.proposals import propose_splits
+
+    found = propose_splits(topology, narrower_than_m)
+    lines = [
+        f"could be two: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²), "
+        f"parted at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
+        for split in found
+    ]
+    return lines or [f"no place could be two: none is narrower than {narrower_than_m:g} m within"]
 
 
 def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:

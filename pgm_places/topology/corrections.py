@@ -29,18 +29,32 @@ class CorrectionRules:
         Whether a doorway that touches fewer than two regions is an error.
     doorway_label : str
         Which label is the doorway.
+    widest_doorway_m : float
+        Doorway cells where a wider disc fits are none; 0 looks at no width. Not in the paper.
+    close_leaks_m : float
+        A doorway that leaves a gap beside it is completed where it is at most so far from wall to
+        wall; 0 completes none. Not in the paper.
+    split_rooms_m : float
+        A region is parted by a doorway where it is at most so narrow between two wide parts; 0
+        parts none. Not in the paper.
+    min_part_m2 : float
+        The least area of either part that the last two corrections leave.
     """
 
     min_area_m2: float = 1.0
     min_doorway_area_m2: float = 0.1
     doorways_join_two: bool = True
     doorway_label: str = "doorway"
+    widest_doorway_m: float = 0.0
+    close_leaks_m: float = 0.0
+    split_rooms_m: float = 0.0
+    min_part_m2: float = 4.0
 
     def __post_init__(self) -> None:
-        for name in ("min_area_m2", "min_doorway_area_m2"):
-            value = getattr(self, name)
-            if not value >= 0:
-                raise InputError(f"{name} must be at least 0 square metres, got {value}")
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, int | float) and not value >= 0:
+                raise InputError(f"{field.name} must be at least 0, got {value}")
 
 
 @dataclass(frozen=True)
@@ -48,7 +62,9 @@ class Correction:
     """One region that took the label of a neighbour.
 
     ``cell_rc`` is a cell of the region, ``reason`` is ``"too small"`` or ``"joins nothing"``, or
-    ``"touches nothing"`` where it lost its label: ``became`` is then empty.
+    ``"touches nothing"`` where it lost its label: ``became`` is then empty. Corrections that are
+    not the paper's, of parts of regions, have the reasons ``"too wide"``, ``"leak"`` and
+    ``"narrow passage"``.
     """
 
     cell_rc: tuple[int, int]

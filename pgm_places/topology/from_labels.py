@@ -19,6 +19,7 @@ from pgm_places.topology.corrections import (
 )
 from pgm_places.topology.naming import KnownPlaces, identify, name_places
 from pgm_places.topology.passages import find_passages
+from pgm_places.topology.refinements import close_leaks, split_rooms, trim_doorways
 from pgm_places.topology.regions import describe_regions
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
@@ -87,13 +88,11 @@ def topological_map(
     raster = label_raster("labels", labels, grid.shape, n_labels=len(names))
     raster = np.where(grid.free, raster, np.int16(-1))
     rules = rules or CorrectionRules()
+    clearance = squared_clearance(~grid.free)
     corrections: list[Correction] = []
     if correct:
-        raster, corrections = correct_regions(raster, names, grid.resolution_m, rules)
-        raster, dropped = drop_islands(raster, names, grid.resolution_m, rules)
-        corrections += dropped
+        raster, corrections = _corrected(raster, names, grid.resolution_m, clearance, rules)
     pieces = connected_components(raster)
-    clearance = squared_clearance(~grid.free)
     probability = None
     if beliefs is not None:
         probability = _probability(raster, beliefs, layout, len(names))
@@ -137,6 +136,33 @@ def topological_map(
         tuple(corrections),
         next_id,
     )
+
+
+def _corrected(
+    raster: NDArray[np.int16],
+    names: tuple[str, ...],
+    resolution_m: float,
+    clearance: NDArray[np.int32],
+    rules: CorrectionRules,
+) -> tuple[NDArray[np.int16], list[Correction]]:
+    """The corrected labels and every correction, in the order in which they were made."""
+    log: list[Correction] = []
+    if rules.close_leaks_m:  # before a doorway is dropped that joins nothing because it leaks
+        raster, found = close_leaks(raster, names, resolution_m, rules)
+        log += found
+    raster, found = correct_regions(raster, names, resolution_m, rules)
+    log += found
+    if rules.widest_doorway_m:
+        raster, found = trim_doorways(raster, clearance, names, resolution_m, rules)
+        log += found
+        raster, found = correct_regions(raster, names, resolution_m, rules)
+        log += found
+    raster, found = drop_islands(raster, names, resolution_m, rules)
+    log += found
+    if rules.split_rooms_m:
+        raster, found = split_rooms(raster, clearance, names, resolution_m, rules)
+        log += found
+    return raster, log
 
 
 def _probability(

@@ -91,6 +91,15 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, r
     assert len(error.strip().splitlines()) == 1
 
 
+def test_splits_are_proposed(building: Path, run: Run) -> None:
+    code, text, _ = run(
+        *("topology", building / "labels.png", building / "map.yaml", "-q"),
+        *("--out", building / "whole", "--propose-splits", 1.2, "--split-rooms", 1.2),
+    )
+    assert code == 0
+    assert "no place could be two" in text  # those that could have been split
+
+
 def test_a_folder_without_places(tmp_path: Path, run: Run) -> None:
     code, _, error = run("where", tmp_path, 0, 0)
     assert code == 2

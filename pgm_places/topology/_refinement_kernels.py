@@ -1,0 +1,131 @@
+"""Chords across free space, and the saddles where a region is narrow between two wide parts."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._jit import inlined, njit
+
+__all__ = ["find_saddles", "mark_narrow", "shortest_chords"]
+
+
+@inlined
+def _reach(
+    blocked: NDArray[np.bool_], row: float, column: float, dr: float, dc: float, longest: float
+) -> float:
+    """How far one can go from a cell's centre until a blocked cell, in quarters of a cell."""
+    length = 0.0
+    while length <= longest:
+        length += 0.25
+        r = int(np.floor(row + length * dr + 0.5))
+        c = int(np.floor(column + length * dc + 0.5))
+        if r < 0 or c < 0 or r >= blocked.shape[0] or c >= blocked.shape[1] or blocked[r, c]:
+            break
+    return length
+
+
+@njit
+def shortest_chords(
+    blocked: NDArray[np.bool_],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    directions: NDArray[np.float64],
+    longest: float,
+    length: NDArray[np.float64],
+    chord: NDArray[np.float64],
+) -> None:
+    """Write the shortest chord through one of the cells for each direction.
+
+    A chord runs from a cell's centre both ways along a direction (D, 2), a row and a column step
+    of length 1, until it meets a blocked cell or the raster's edge. ``length`` (D,) is infinite
+    where all chords are longer than ``longest``; ``chord`` (D, 4) receives row and column of the
+    ends, of equal chords those of the first.
+    """
+    for d in range(len(directions)):
+        length[d] = np.inf
+        dr, dc = directions[d]
+        for k in range(len(rows)):
+            ahead = _reach(blocked, rows[k], columns[k], dr, dc, longest)
+            behind = _reach(blocked, rows[k], columns[k], -dr, -dc, longest)
+            if ahead + behind <= longest and ahead + behind < length[d]:
+                length[d] = ahead + behind
+                chord[d, 0] = rows[k] + ahead * dr
+                chord[d, 1] = columns[k] + ahead * dc
+                chord[d, 2] = rows[k] - behind * dr
+                chord[d, 3] = columns[k] - behind * dc
+
+
+@njit
+def mark_narrow(
+    blocked: NDArray[np.bool_],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    directions: NDArray[np.float64],
+    longest: float,
+    narrow: NDArray[np.bool_],
+) -> None:
+    """Write whether some chord through each cell (n,) is at most ``longest``."""
+    for k in range(len(rows)):
+        narrow[k] = False
+        for d in range(len(directions)):
+            dr, dc = directions[d]
+            ahead = _reach(blocked, rows[k], columns[k], dr, dc, longest)
+            behind = _reach(blocked, rows[k], columns[k], -dr, -dc, longest)
+            if ahead + behind <= longest:
+                narrow[k] = True
+                break
+
+
+@inlined
+def _root(parent: NDArray[np.int32], node: int) -> int:
+    """The node that stands for a group; the way there is halved."""
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
+
+
+@njit
+def find_saddles(
+    piece: NDArray[np.int32],
+    clearance: NDArray[np.int32],
+    order: NDArray[np.int64],
+    widest: int,
+    least_ratio: float,
+    parent: NDArray[np.int32],
+    saddles: NDArray[np.int64],
+) -> int:
+    """How many saddles there are; the flat indices of their cells go to ``saddles``.
+
+    Cells are taken by falling clearance, as when water falls in a landscape of the clearances. A
+    saddle is the cell where two islands of one piece meet, if its clearance is at most ``widest``,
+    and the clearance of the lower island's peak is ``least_ratio`` times its own. ``order`` holds
+    flat indices; ``parent`` (H W,) is -1 on entry. Those beyond the room in ``saddles`` are
+    counted only.
+    """
+    height, width = piece.shape
+    flat_piece, flat_clearance = piece.ravel(), clearance.ravel()
+    count = 0
+    for cell in order:
+        parent[cell] = cell
+        r, c = cell // width, cell % width
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                y, x = r + dr, c + dc
+                if y < 0 or x < 0 or y >= height or x >= width:
+                    continue
+                other = y * width + x
+                if parent[other] < 0 or flat_piece[other] != flat_piece[cell]:
+                    continue
+                a, b = _root(parent, cell), _root(parent, other)
+                if a == b:
+                    continue
+                # The root of a group is its first cell, which is its peak.
+                if flat_clearance[a] < flat_clearance[b]:
+                    a, b = b, a
+                level = flat_clearance[cell]
+                if level <= widest and flat_clearance[b] >= least_ratio * level:
+                    if count < len(saddles):
+                        saddles[count] = cell
+                    count += 1
+                parent[b] = a
+    return count

@@ -1,0 +1,107 @@
+"""Chords: straight lines across free space from wall to wall."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Chord", "has_short_chord", "shortest_chords"]
+
+N_DIRECTIONS = 36
+
+
+@dataclass(frozen=True)
+class Chord:
+    """A straight line from wall to wall; positions in cells, whole numbers being centres.
+
+    Parameters
+    ----------
+    start_rc, end_rc : (float, float)
+        Row and column of its ends.
+    """
+
+    start_rc: tuple[float, float]
+    end_rc: tuple[float, float]
+
+    @property
+    def length(self) -> float:
+        """Distance of its ends in cells."""
+        return float(np.hypot(*np.subtract(self.end_rc, self.start_rc)))
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """(2,) row and column half-way."""
+        return np.add(self.start_rc, self.end_rc) / 2
+
+    def band(self, reach: float, shape: tuple[int, int]) -> tuple[slice, slice, NDArray[np.bool_]]:
+        """Rows, columns and mask of the cells of a raster at most ``reach`` away."""
+        ends = np.array([self.start_rc, self.end_rc])
+        low = np.maximum(np.floor(ends.min(axis=0) - reach), 0).astype(int)
+        high = np.minimum(np.ceil(ends.max(axis=0) + reach) + 1, shape).astype(int)
+        rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
+        y, x = np.mgrid[rows, columns]
+        offset = np.stack([y, x], axis=-1) - ends[0]
+        along = ends[1] - ends[0]
+        share = np.clip(offset @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        away = offset - share[..., None] * along
+        return rows, columns, (away**2).sum(axis=-1) <= reach**2
+
+
+def shortest_chords(blocked: ArrayLike, cells_rc: ArrayLike, longest: float) -> list[Chord]:
+    """The shortest chord of free space in each direction through one of some cells.
+
+    Parameters
+    ----------
+    blocked : (H, W) bool
+        Where chords end; so they do at the raster's edge.
+    cells_rc : (n, 2) int
+        Row and column of free cells.
+    longest : float
+        Longer chords, in cells, are not looked for.
+
+    Returns
+    -------
+    list of Chord
+        At most one for each of 36 directions, to a quarter of a cell, the shortest first.
+
+    Examples
+    --------
+    >>> corridor = np.zeros((3, 9), bool)
+    >>> found = shortest_chords(corridor, [[1, 4]], 5.0)[0]
+    >>> found.start_rc, found.end_rc, found.length
+    ((2.5, 4.0), (-0.75, 4.0), 3.25)
+    """
+    from pgm_places.topology._refinement_kernels import shortest_chords as kernel
+
+    cells = np.asarray(cells_rc, np.int64).reshape(-1, 2)
+    length, ends = np.empty(N_DIRECTIONS), np.empty((N_DIRECTIONS, 4))
+    kernel(
+        np.ascontiguousarray(blocked, np.bool_),
+        np.ascontiguousarray(cells[:, 0]),
+        np.ascontiguousarray(cells[:, 1]),
+        _directions(),
+        float(longest),
+        length,
+        ends,
+    )
+    order = [d for d in np.argsort(length, kind="stable") if np.isfinite(length[d])]
+    return [Chord((r0, c0), (r1, c1)) for r0, c0, r1, c1 in ends[order].tolist()]
+
+
+def has_short_chord(
+    blocked: NDArray[np.bool_], cells_rc: NDArray[np.int64], longest: float
+) -> NDArray[np.bool_]:
+    """(n,) whether some chord through each cell is at most ``longest`` cells long."""
+    from pgm_places.topology._refinement_kernels import mark_narrow
+
+    narrow = np.empty(len(cells_rc), np.bool_)
+    rows, columns = (np.ascontiguousarray(axis) for axis in cells_rc.T)
+    mark_narrow(blocked, rows, columns, _directions(), float(longest), narrow)
+    return narrow
+
+
+def _directions() -> NDArray[np.float64]:
+    """(36, 2) row and column steps of length 1 over half a turn."""
+    angles = np.arange(N_DIRECTIONS) * np.pi / N_DIRECTIONS
+    # Straight up must be exactly that, whatever the library's cosine of 90 degrees.
+    return np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 12)
