@@ -77,7 +77,7 @@ def run_simulate(
     quiet: bool,
 ) -> None:
     """``pgm-places simulate``."""
-    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.atomic import check_writable_folder, write_bytes
     from pgm_places.io.trajectories import check_name, write_trajectory
 
     if (map_yaml is None) is not demo:
@@ -103,6 +103,8 @@ def run_simulate(
         written.append(write_trajectory(out, _as_recorded(driven, wheels_only)))
         if out.suffix != ".csv":
             written.append(write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven))
+        picture = _picture(place, names, driven)
+        written.append(write_bytes(out.with_name(f"{_stem(out)}.png"), picture))
     typer.echo(_summary(driven))
     for path in written:
         typer.echo(f"wrote {path}")
@@ -153,6 +155,22 @@ def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
     if wheels_only and driven.odometry is not None:
         return replace(driven, poses=driven.odometry, odometry=None)
     return driven
+
+
+def _picture(place: "LabelledMap", names: tuple[str, ...], driven: "Trajectory") -> bytes:
+    from pgm_places.report.path_pictures import path_map
+
+    labels = np.full(len(driven), -1) if driven.labels is None else driven.labels
+    wheels = None if driven.odometry is None else driven.odometry[:, :2]
+    return path_map(
+        place.grid,
+        driven.poses[:, :2],
+        labels,
+        names,
+        other_m=wheels,
+        other_name="what the wheels tell",
+        title="A simulated drive",
+    )
 
 
 def _summary(driven: "Trajectory") -> str:

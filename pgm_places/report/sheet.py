@@ -1,7 +1,8 @@
 """A sheet of maps: panels at whole-number scale with titles, scale bar, legend or colour bar."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +22,15 @@ _WIDE = 1500
 
 @dataclass(frozen=True)
 class Panel:
-    """A map and the line above it."""
+    """A map, the line above it, and what is drawn over it.
+
+    ``overlay`` draws on axes whose units are the canvas's pixels, x to the right and y down from
+    the upper left corner.
+    """
 
     canvas: Canvas
     title: str = ""
+    overlay: Callable[[Any], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,7 @@ def sheet_png(
         y = sizes.edge + head + row * row_height
         if panel.title:
             page.text(x, y + sizes.text // 2, panel.title, size=sizes.text, color=MUTED)
-        _draw_map(page, panel.canvas, x, y + above, scale)
+        _draw_map(page, panel, x, y + above, scale)
         if scale_bar and column == 0:
             under = y + above + scale * panel.canvas.indices.shape[0] + 8
             _draw_scale_bar(page, panel.canvas, (x, under), scale, sizes)
@@ -121,11 +127,16 @@ def round_length(metres: float) -> float:
     return float(power * max(step for step in (1, 2, 5) if step * power <= metres * (1 + 1e-9)))
 
 
-def _draw_map(page: PixelFigure, canvas: Canvas, x: int, y: int, scale: int) -> None:
-    height, width = canvas.indices.shape
+def _draw_map(page: PixelFigure, panel: Panel, x: int, y: int, scale: int) -> None:
+    height, width = panel.canvas.indices.shape
     axes = page.axes(x, y, scale * width, scale * height)
     axes.set_axis_off()
-    axes.imshow(canvas.rgb, interpolation="nearest", aspect="auto", origin="upper")
+    extent = (0, width, height, 0)
+    axes.imshow(panel.canvas.rgb, interpolation="nearest", aspect="auto", extent=extent)
+    if panel.overlay is not None:
+        panel.overlay(axes)
+        axes.set_xlim(0, width)
+        axes.set_ylim(height, 0)
 
 
 def _draw_scale_bar(

@@ -25,7 +25,11 @@ def test_a_log_holds_the_drive_and_the_truth_stands_beside_it(
     code, text, _ = run("simulate", building / "map.yaml", "--out", out, *options, *DRIVE)
     assert code == 0
     assert "scans of" in text and "corridor" in text
-    assert {path.name for path in out.parent.iterdir()} == {"one.log.gz", "one.truth.csv"}
+    assert {path.name for path in out.parent.iterdir()} == {
+        "one.log.gz",
+        "one.truth.csv",
+        "one.png",
+    }
     log = read_trajectory(out).trajectory
     truth = read_trajectory(out.with_name("one.truth.csv")).trajectory
     assert log.geometry is not None and log.odometry is not None and truth.labels is not None
@@ -57,7 +61,7 @@ def test_the_demo_writes_its_building_too(
     code, text, _ = run("simulate", "--demo", "--out", tmp_path / "a.csv", *DRIVE)
     assert code == 0
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"a.csv", "a_map.yaml", "a_map.png", "a_labels.png", "a_labels.yaml"}
+    assert names == {"a.csv", "a.png", "a_map.yaml", "a_map.png", "a_labels.png", "a_labels.yaml"}
     again = (*DRIVE, "--labels", tmp_path / "a_labels.png")
     code, same, _ = run("simulate", tmp_path / "a_map.yaml", "--out", tmp_path / "b.csv", *again)
     assert code == 0
