@@ -47,13 +47,13 @@ def test_the_beams_of_real_logs_point_where_half_circle_says(name: str) -> None:
     grid = load_map(folder / "log_map.yaml").grid
     assert log.geometry is not None and log.ranges_m is not None
     met = log.geometry.returned(log.ranges_m)
-    angles = log.geometry.angles_rad
+    angles, ranges = log.geometry.angles_rad, log.ranges_m
 
     def error(shift_rad: float) -> float:
         cast = cast_poses(
             grid, log.poses, angles + shift_rad, max_range_m=20.0, stop_at_unknown=False
         )
-        return float(np.percentile(np.abs(cast - log.ranges_m)[met], 75))
+        return float(np.percentile(np.abs(cast - ranges)[met], 75))
 
     assert error(0.0) < 0.1
     assert error(0.0) < min(error(np.deg2rad(1.5)), error(np.deg2rad(-1.5)))
