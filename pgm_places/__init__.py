@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pgm_places.similarity import Similarity
     from pgm_places.structured import StructuredLabeler
     from pgm_places.trajectory import Trajectory
+    from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 _HOMES = {
     "EdgeKind": "graph",
@@ -45,6 +46,7 @@ _HOMES = {
     "Status": "labeling",
     "StructuredLabeler": "structured",
     "Trajectory": "trajectory",
+    "TrajectoryLabeler": "trajectory_labeler",
     "build": "backends",
     "evaluate": "evaluation",
     "load_backend": "backend_files",
@@ -70,6 +72,7 @@ __all__ = [
     "Status",
     "StructuredLabeler",
     "Trajectory",
+    "TrajectoryLabeler",
     "__version__",
     "build",
     "evaluate",

@@ -293,6 +293,56 @@ def simulate(
 
 
 @app.command()
+def track(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG", help="CARMEN log, ROS bag or table of poses; - with --follow."
+        ),
+    ],
+    model: Annotated[Path, typer.Option("--model", "-m", help="A model made by 'train'.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the results; made if needed.")
+    ] = None,
+    map_yaml: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.yaml", help="A map in the frame of the log's poses."),
+    ] = None,
+    mode: Annotated[
+        str, typer.Option(help="filter (as online), smooth or viterbi (whole logs).")
+    ] = "filter",
+    beams: Annotated[
+        str | None,
+        typer.Option(
+            help="Beams that the laser lacks: known-map (default with --map), local-map, mirror or "
+            "max-range."
+        ),
+    ] = None,
+    every: Annotated[
+        float | None,
+        typer.Option(min=0, help="Metres between two updates; the model's if not given."),
+    ] = None,
+    max_range: Annotated[
+        float | None,
+        typer.Option(min=0, help="Readings from here on, in metres, mean that nothing was met."),
+    ] = None,
+    follow: Annotated[
+        bool,
+        typer.Option("--follow", "-f", help="Read a growing CARMEN log, or -: a line per update."),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Label the places along a robot's trajectory, from a log or while it is being written."""
+    from pgm_places.cli.track import TrackOptions, run_follow, run_track
+
+    options = TrackOptions(model, map_yaml, mode, beams, every, max_range)
+    if follow:
+        run_follow(log, out, options, quiet=quiet)
+    else:
+        run_track(log, out, options, quiet=quiet)
+
+
+@app.command()
 def doctor(
     map_yaml: Annotated[
         Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")

@@ -1,7 +1,5 @@
 """A comparison as one HTML file that needs nothing else: to read, to print, to send."""
 
-import base64
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,8 +7,8 @@ from pathlib import Path
 from pgm_places.comparison import Comparison, MethodResult
 from pgm_places.io.atomic import write_text
 from pgm_places.report.markup import Markup, data_table, element, joined
+from pgm_places.report.page_head import page_head
 from pgm_places.report.page_script import SCRIPT
-from pgm_places.report.page_style import STYLE
 from pgm_places.report.report_charts import (
     confusions_section,
     histories_section,
@@ -79,26 +77,8 @@ def report_page(comparison: Comparison) -> str:
         _viewer(),
         Markup(f"<script>{SCRIPT}</script>"),
     )
-    page = element("html", _head(comparison.title), body, lang="en")
+    page = element("html", page_head(comparison.title, SCRIPT), body, lang="en")
     return f"<!DOCTYPE html>\n{page}\n"
-
-
-def _head(title: str) -> Markup:
-    digest = base64.b64encode(hashlib.sha256(SCRIPT.encode("utf-8")).digest()).decode("ascii")
-    policy = (
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
-        f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
-    )
-    # 'unsafe-inline' for styles: widths and colours of single elements are computed here.
-    return element(
-        "head",
-        element("meta", charset="utf-8"),
-        Markup(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
-        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        element("meta", name="referrer", content="no-referrer"),
-        element("title", title),
-        Markup(f"<style>{STYLE}</style>"),
-    )
 
 
 def _summary(comparison: Comparison) -> str:

@@ -100,8 +100,9 @@ class FullCircle:
         where = finite_array("pose", pose, (3,))
         ranges = self.geometry.cleaned(ranges_m)
         if self.local_map is not None:
+            answered = np.where(self.geometry.returned(ranges), ranges, np.nan)
             reach = self.geometry.range_max_m
-            self.local_map.update(where, ranges, self.geometry.angles_rad, max_range_m=reach)
+            self.local_map.update(where, answered, self.geometry.angles_rad, max_range_m=reach)
         return self._completed(where[None], ranges[None])[0]
 
     def complete(self, poses: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float32]:

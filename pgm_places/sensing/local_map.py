@@ -128,6 +128,18 @@ class LocalMap:
         InputError
             Pose or angles are not finite, or shapes do not fit.
         """
+        where = finite_array("pose", pose, (3,))
+        self._move_to(where)
+        self.write(where, ranges_m, angles_rad, max_range_m=max_range_m)
+
+    def write(
+        self, pose: ArrayLike, ranges_m: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
+    ) -> None:
+        """Add a scan without moving the window: for a map of a place, not around the robot.
+
+        Arguments are those of :meth:`update`, whose first call says where the window lies. What
+        lies outside is left out, and so is a whole scan from outside.
+        """
         from pgm_places.sensing._local_map_kernels import write_disc, write_scan
 
         where = finite_array("pose", pose, (3,))
@@ -140,7 +152,7 @@ class LocalMap:
         with np.errstate(invalid="ignore"):
             answered = (ranges > 0) & (ranges < max_range_m)
         lengths = np.where(answered, ranges / self.resolution_m, 0.0)
-        x, y, wrap = self._move_to(where)
+        x, y, wrap = self._place(where)
         write_scan(
             self._evidence, self._seen, *wrap, x, y, where[2], lengths, angles,
             HIT, MISS, LOWEST, HIGHEST, self._next_scan(),
@@ -204,7 +216,7 @@ class LocalMap:
         x, y = where[:2] / self.resolution_m - corner
         return float(x), float(y), (int(corner[1] % n), int(corner[0] % n))
 
-    def _move_to(self, where: NDArray[np.float64]) -> tuple[float, float, tuple[int, int]]:
+    def _move_to(self, where: NDArray[np.float64]) -> None:
         """Put the robot's cell into the middle of the window; what enters is unknown."""
         n = self.n_cells
         wanted = np.floor(where[:2] / self.resolution_m).astype(np.int64) - n // 2
@@ -216,7 +228,6 @@ class LocalMap:
                 self._evidence[_entered(self._corner[1], row, n)] = 0
                 self._evidence[:, _entered(self._corner[0], column, n)] = 0
         self._corner = wanted
-        return self._place(where)
 
 
 def _entered(corner: int, step: int, n: int) -> NDArray[np.int64]:

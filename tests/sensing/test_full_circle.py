@@ -81,6 +81,14 @@ def test_a_beam_without_an_answer_takes_the_obstacle_that_the_map_knows() -> Non
     assert (alone[:89] == 30.0).all()
 
 
+@pytest.mark.parametrize("reach_m", [79.6, 80.0, 80.1])
+def test_no_answer_is_no_wall_at_the_longest_range_whatever_its_rounding(reach_m: float) -> None:
+    geometry = ScanGeometry.half_circle(361, range_max_m=reach_m)
+    local = LocalMap(size_m=200.0, resolution_m=0.5, robot_radius_m=0.0)
+    FullCircle(geometry, max_range_m=30.0, local_map=local).add([0, 0, 0], np.full(361, reach_m))
+    assert local.to_grid().unknown.all()
+
+
 def test_all_beams_may_come_from_the_local_map() -> None:
     poses, ranges = drive()
     circle = FullCircle(FRONT, max_range_m=30.0, all_from_map=True)

@@ -1,0 +1,206 @@
+"""``pgm-places track``: label a whole log, or one that is still being written."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import typer
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import text_table
+from pgm_places.errors import ConfigError, LogError
+
+if TYPE_CHECKING:
+    from pgm_places.grid import OccupancyGrid
+    from pgm_places.scan import Scan
+    from pgm_places.tracking import Track
+    from pgm_places.trajectory_labeler import TrajectoryLabeler
+
+__all__ = ["TrackOptions", "run_follow", "run_track"]
+
+
+@dataclass(frozen=True)
+class TrackOptions:
+    """What the command line says besides the log and the folder."""
+
+    model: Path
+    map_yaml: Path | None = None
+    mode: str = "filter"
+    beams: str | None = None
+    every_m: float | None = None
+    max_range_m: float | None = None
+
+
+def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
+    """Label a log that is complete."""
+    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.trajectories import read_trajectory
+    from pgm_places.tracking import Track
+
+    if out is None:
+        raise ConfigError("track needs a folder for its results: give --out DIR")
+    if str(log) == "-":
+        raise ConfigError("standard input is read with --follow; without it, name a log")
+    progress = make_progress(quiet=quiet)
+    labeler = _labeler(options)
+    grid = _map(options)
+    check_writable_folder(out)
+    with progress.stage("log"):
+        read = read_trajectory(log, range_max_m=options.max_range_m)
+    for message in read.warnings:
+        progress.warn(message)
+    with progress.stage("labelling"):
+        labeling = labeler.label(read.trajectory, known_map=grid)
+    warnings = list(read.warnings)
+    impossible = labeling.info.get("impossible", [])
+    if impossible:
+        warnings.append(
+            f"the model gives what was seen at {len(impossible)} steps no probability (first at "
+            f"step {impossible[0]}); they were passed over"
+        )
+    track = Track(read.trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
+    typer.echo(_summary(track))
+    with progress.stage("files and pictures"):
+        written = _write(track, grid, out)
+    for path in written:
+        typer.echo(f"wrote {path}")
+
+
+def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
+    """Label scans as they are written; an interrupt ends it in good order."""
+    from pgm_places.io.atomic import check_writable_folder
+
+    if options.mode != "filter":
+        raise ConfigError("--follow labels step by step, which only --mode filter does")
+    progress = make_progress(quiet=quiet)
+    labeler = _labeler(options)
+    grid = _map(options)
+    if out is not None:
+        check_writable_folder(out)
+    scans: list[Scan] = []
+    beliefs: list[object] = []
+    with _log_bytes(log) as (stream, poll_s):
+        try:
+            _follow(stream, poll_s, labeler, grid, options, scans, beliefs)
+        except KeyboardInterrupt:
+            if not quiet:
+                typer.echo(f"stopped after {len(beliefs)} scans", err=True)
+    if not beliefs:
+        progress.warn(f"{log}: no scan came")
+    elif out is not None:
+        for path in _write(_followed(log, labeler, scans[: len(beliefs)], beliefs), grid, out):
+            typer.echo(f"wrote {path}")
+
+
+def _follow(
+    stream: BinaryIO,
+    poll_s: float | None,
+    labeler: "TrajectoryLabeler",
+    grid: "OccupancyGrid | None",
+    options: TrackOptions,
+    scans: "list[Scan]",
+    beliefs: list[object],
+) -> None:
+    """A line per scan: time, position, label, probability; scans and beliefs are kept."""
+    from pgm_places.io.carmen import CarmenReader, iter_carmen_scans
+    from pgm_places.io.log_lines import follow_lines
+
+    online = None
+    names = labeler.label_names
+    lines = follow_lines(stream, poll_s=poll_s)
+    for scan in iter_carmen_scans(lines, reader=CarmenReader("front", options.max_range_m)):
+        if online is None:
+            online = labeler.online(scan.geometry, known_map=grid)
+        belief = online.step(scan)
+        scans.append(scan)
+        beliefs.append(belief)
+        best = int(belief.argmax())
+        x, y = scan.pose[:2]
+        typer.echo(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {names[best]} {belief[best]:.3f}")
+        sys.stdout.flush()  # whoever reads the pipe wants each line now
+
+
+@contextmanager
+def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
+    """The bytes of a growing file, or of standard input, and how to wait for more."""
+    if str(log) == "-":
+        yield sys.stdin.buffer, None
+        return
+    if log.suffix.lower() == ".gz":
+        raise LogError(f"{log} is compressed and so does not grow; track it without --follow")
+    try:
+        stream = log.open("rb")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise LogError(f"cannot read the log {log}: {reason}; check the path") from None
+    with stream:
+        yield stream, 0.2
+
+
+def _labeler(options: TrackOptions) -> "TrajectoryLabeler":
+    from pgm_places.models.hmm import HiddenMarkovModel
+    from pgm_places.sensing.full_circle import check_missing
+    from pgm_places.trajectory_files import load_trajectory_labeler
+
+    labeler, _ = load_trajectory_labeler(options.model)
+    if isinstance(labeler.method, HiddenMarkovModel):
+        labeler = replace(labeler, method=replace(labeler.method, mode=options.mode))
+    elif options.mode != "filter":
+        raise ConfigError(
+            f"--mode {options.mode} is for hidden Markov models; this model's method is "
+            f"{type(labeler.method).__name__}"
+        )
+    chosen = options.beams or ("known-map" if options.map_yaml is not None else None)
+    if chosen is not None:
+        check_missing(chosen, all_from_map=False)
+        beams = replace(labeler.beams, missing=chosen)  # type: ignore[arg-type]
+        labeler = replace(labeler, beams=beams)
+    if options.every_m is not None:
+        labeler = replace(labeler, every_m=options.every_m)
+    return labeler
+
+
+def _map(options: TrackOptions) -> "OccupancyGrid | None":
+    from pgm_places.io.map_server import load_map
+
+    return None if options.map_yaml is None else load_map(options.map_yaml).grid
+
+
+def _followed(
+    log: Path, labeler: "TrajectoryLabeler", scans: "list[Scan]", beliefs: list[object]
+) -> "Track":
+    import numpy as np
+
+    from pgm_places.labeling import Labeling, Status
+    from pgm_places.tracking import Track
+    from pgm_places.trajectory import Trajectory
+
+    name = "standard input" if str(log) == "-" else log.stem
+    table = np.array(beliefs, np.float64)
+    labeling = Labeling(table.argmax(axis=1), Status.CONVERGED, beliefs=table)
+    return Track(Trajectory.from_scans(scans, name=name), labeling, tuple(labeler.label_names))
+
+
+def _write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> list[Path]:
+    from pgm_places.report.track_files import write_track
+    from pgm_places.tracking import map_of_scans
+
+    drawn_on = map_of_scans(track.trajectory) if grid is None else grid
+    return write_track(track, drawn_on, out)
+
+
+def _summary(track: "Track") -> str:
+    """How many stays, steps and metres each place has."""
+    total = max(len(track.trajectory), 1)
+    rows = [["place", "stays", "steps", "share", "metres"]]
+    rows += [
+        [name, f"{stays}", f"{steps}", f"{100 * steps / total:.1f} %", f"{way:.1f}"]
+        for name, stays, steps, way in track.totals()
+    ]
+    lines = [text_table(rows)]
+    if track.accuracy is not None:
+        lines.append(f"{100 * track.accuracy:.1f} % of the labels are right")
+    return "\n".join(lines)

@@ -1,0 +1,136 @@
+"""A tracked trajectory: its labels, the visits that they make, and a map to draw it on."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.grid import UNKNOWN, OccupancyGrid
+from pgm_places.labeling import Labeling
+from pgm_places.sensing.local_map import LocalMap
+from pgm_places.trajectory import Trajectory
+
+__all__ = ["Stay", "Track", "map_of_scans"]
+
+DRAWN_M = 15.0
+"""Farther readings are left out of a map drawn from scans: they only make it larger."""
+
+DRAWN_CELLS = 3000
+"""Longest side of a map drawn from scans; a longer way is drawn with larger cells."""
+
+
+@dataclass(frozen=True)
+class Stay:
+    """Steps in a row with one label.
+
+    Parameters
+    ----------
+    label : int
+    first, last : int
+        Step numbers, both included.
+    way_m : float
+        Way from the first to the step after the last.
+    """
+
+    label: int
+    first: int
+    last: int
+    way_m: float
+
+    @property
+    def n_steps(self) -> int:
+        """How many steps."""
+        return self.last - self.first + 1
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A trajectory and its labelling.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        May hold true labels, of the same names.
+    labeling : Labeling
+        Of its steps.
+    label_names : tuple of str
+    warnings : tuple of str
+    """
+
+    trajectory: Trajectory
+    labeling: Labeling
+    label_names: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.labeling.labels) != len(self.trajectory):
+            raise InputError(
+                f"{self.trajectory.name} has {len(self.trajectory)} steps, but there are "
+                f"{len(self.labeling.labels)} labels"
+            )
+
+    @property
+    def truth(self) -> NDArray[np.int64] | None:
+        """(T,) the true labels where the trajectory has some of the same names."""
+        if self.trajectory.label_names != self.label_names:
+            return None
+        return self.trajectory.labels
+
+    @property
+    def accuracy(self) -> float | None:
+        """Share of right labels among the steps whose true one is known, None if none is."""
+        truth = self.truth
+        if truth is None or not (truth >= 0).any():
+            return None
+        known = truth >= 0
+        return float((self.labeling.labels[known] == truth[known]).mean())
+
+    def stays(self) -> Iterator[Stay]:
+        """The stretches of one label, in order."""
+        labels = self.labeling.labels
+        if not len(labels):
+            return
+        way = np.concatenate([[0.0], np.cumsum(self.trajectory.step_lengths_m)])
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(labels)) + 1])
+        ends = np.append(starts[1:], len(labels))
+        for first, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            metres = way[min(end, len(labels) - 1)] - way[first]
+            yield Stay(int(labels[first]), first, end - 1, float(metres))
+
+    def totals(self) -> list[tuple[str, int, int, float]]:
+        """Per label its name, stays, steps and metres."""
+        stays = list(self.stays())
+        return [
+            (
+                name,
+                sum(stay.label == k for stay in stays),
+                sum(stay.n_steps for stay in stays if stay.label == k),
+                sum(stay.way_m for stay in stays if stay.label == k),
+            )
+            for k, name in enumerate(self.label_names)
+        ]
+
+
+def map_of_scans(trajectory: Trajectory, *, resolution_m: float = 0.05) -> OccupancyGrid:
+    """What the laser saw along the whole way as a map, in the frame of the poses.
+
+    It is as good as the poses are. A trajectory without scans gives an unknown map around it.
+    """
+    xy = trajectory.poses[:, :2]
+    if not len(xy):
+        return OccupancyGrid(np.full((8, 8), UNKNOWN, np.int8), resolution_m)
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    side = float((high - low).max()) + 2 * DRAWN_M
+    cell = max(resolution_m, side / DRAWN_CELLS)
+    whole = LocalMap(side, cell, robot_radius_m=0.0)
+    middle: Sequence[float] = [*(0.5 * (low + high)), 0.0]
+    # The window is put in the middle of the way once; scans then do not move it.
+    whole.update(middle, [np.nan], [0.0], max_range_m=1.0)
+    if trajectory.ranges_m is not None and trajectory.geometry is not None:
+        answered = trajectory.geometry.returned(trajectory.ranges_m)
+        ranges = np.where(answered, trajectory.ranges_m, np.nan)
+        for pose, row in zip(trajectory.poses, ranges, strict=True):
+            whole.write(pose, row, trajectory.geometry.angles_rad, max_range_m=DRAWN_M)
+    return whole.to_grid()

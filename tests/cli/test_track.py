@@ -1,0 +1,124 @@
+"""Logs are tracked whole or while they grow, and what is wrong is said in one line."""
+
+import csv
+import io
+import sys
+import time
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pgm_places.io.map_server import save_map
+from pgm_places.io.trajectories import write_trajectory
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.place_files import save_labeler
+from pgm_places.places import PlaceLabeler
+from pgm_places.sensing.sensor import Sensor
+from tests.cli.conftest import Run
+from tests.drives import building as made_building
+from tests.drives import drive
+
+
+@lru_cache
+def places() -> PlaceLabeler:
+    known, names = made_building()
+    quick = DecisionListClassifier(n_rounds=10, order="heuristic")
+    return PlaceLabeler(names, sensor=Sensor(max_range_m=12.0), classifier=quick).fit([known])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A model, a map and a log."""
+    save_labeler(tmp_path / "model", places())
+    save_map(made_building()[0].grid, tmp_path / "map")
+    write_trajectory(tmp_path / "drive.log", drive(1)[:60])
+    return tmp_path
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(path.read_text())))
+
+
+def test_a_log_becomes_a_table_pictures_and_a_report(folder: Path, run: Run) -> None:
+    out = folder / "out"
+    code, text, _ = run(
+        "track", folder / "drive.log", "--model", folder / "model", "--out", out, "-q"
+    )
+    assert code == 0
+    assert "doorway" in text and "metres" in text
+    names = {path.name for path in out.iterdir()}
+    assert names == {"beliefs.csv", "path.png", "beliefs.png", "report.html"}
+    assert len(rows_of(out / "beliefs.csv")) == 60
+
+
+@pytest.mark.parametrize("mode", ["smooth", "viterbi"])
+def test_a_known_map_and_other_modes(folder: Path, run: Run, mode: str) -> None:
+    out = folder / "out"
+    arguments: tuple[Any, ...] = ("--map", folder / "map.yaml", "--mode", mode, "--every", 0.3)
+    code, _, _ = run(
+        "track", folder / "drive.log", "-m", folder / "model", "-o", out, *arguments, "-q"
+    )
+    assert code == 0
+    assert ("p_room" in rows_of(out / "beliefs.csv")[0]) == (mode == "smooth")
+
+
+def test_following_prints_a_line_per_scan_with_the_beliefs_of_the_whole_log(
+    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Pipe:
+        buffer = io.BytesIO((folder / "drive.log").read_bytes())
+
+    monkeypatch.setattr(sys, "stdin", Pipe())
+    model, out = folder / "model", folder / "out"
+    code, text, _ = run("track", "-", "--follow", "-m", model, "-o", out, "-q")
+    assert code == 0
+    lines = [line.split() for line in text.splitlines() if not line.startswith("wrote")]
+    assert len(lines) == 60
+    run("track", folder / "drive.log", "-m", model, "-o", folder / "whole", "-q")
+    whole = rows_of(folder / "whole" / "beliefs.csv")
+    assert [line[3] for line in lines] == [row["label"] for row in whole]
+    assert rows_of(out / "beliefs.csv") == whole
+
+
+def test_an_interrupt_ends_following_in_good_order(
+    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(time, "sleep", interrupt)  # at the end of the file, for now
+    out = folder / "out"
+    log, model = folder / "drive.log", folder / "model"
+    code, text, error = run("track", log, "--follow", "-m", model, "-o", out)
+    assert code == 0
+    assert "stopped after 60 scans" in error
+    assert (out / "report.html").exists()
+    assert len(text.splitlines()) == 64
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["drive.log"], "--out"),
+        (["-", "--out", "out"], "--follow"),
+        (["nowhere.log", "--out", "out"], "no such file"),
+        (["drive.log", "--out", "out", "--mode", "smoothly"], "mode"),
+        (["drive.log", "--out", "out", "--beams", "rear"], "local-map"),
+        (["drive.log", "--out", "out", "--beams", "known-map"], "no map is given"),
+        (["drive.log", "--out", "out", "--map", "nowhere.yaml"], "nowhere.yaml"),
+        (["drive.log", "--follow", "--mode", "smooth"], "filter"),
+        (["nowhere.log", "--follow"], "cannot read the log"),
+        (["drive.log.gz", "--follow"], "compressed"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(
+    folder: Path, run: Run, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
+) -> None:
+    monkeypatch.chdir(folder)
+    code, _, error = run("track", *arguments, "--model", "model", "-q")
+    assert code == 2
+    assert message in error
+    assert len(error.strip().splitlines()) == 1
+    assert not list(folder.glob("out/*"))
