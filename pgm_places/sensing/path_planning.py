@@ -152,17 +152,18 @@ class PathPlanner:
     def _stops(self, start: int, spacing_m: float) -> list[int]:
         """The start, then again and again the cell farthest from the stops so far."""
         stops, nearest_stop_m = [start], self._lengths_from(start)
+        if 0 < nearest_stop_m.max() <= spacing_m:
+            stops.append(int(nearest_stop_m.argmax()))  # a tour of a small room still moves
         while nearest_stop_m.max() > spacing_m:
             corner = int(nearest_stop_m.argmax())
-            # The farthest cell lies in a corner; the robot rather stops amid the place.
-            around = np.hypot(*(self.positions_m - self.positions_m[corner]).T)
-            near = np.flatnonzero(around <= spacing_m / 2)
-            near = near[nearest_stop_m[near] > spacing_m / 2]
+            # The farthest cell lies in a corner; the robot rather stops amid the place, but where
+            # it can reach the corner from: the roomiest cell around may be behind a wall.
+            around = self._lengths_from(corner, limit_m=spacing_m / 2)
+            near = np.flatnonzero(np.isfinite(around) & (nearest_stop_m > spacing_m / 2))
             stop = int(near[self._nodes.room_m[near].argmax()])
             stops.append(stop)
             lengths = self._lengths_from(stop, limit_m=float(nearest_stop_m.max()))
             nearest_stop_m = np.minimum(nearest_stop_m, lengths)
-            nearest_stop_m[corner] = min(nearest_stop_m[corner], spacing_m)  # an end, always
         return stops
 
     def _in_order(self, stops: list[int]) -> list[int]:

@@ -69,6 +69,27 @@ def test_a_tour_comes_near_every_place(building: LabelledBuilding) -> None:
     assert visited >= {0, 1, 2}
 
 
+def test_a_tour_enters_places_that_lie_close_by_behind_a_wall() -> None:
+    """Five halls of 3 m, 10 cm of wall between them, doors at alternating ends 12 m away."""
+    cells = np.full((5 * 31 + 1, 122), OCCUPIED)
+    for hall in range(5):
+        cells[31 * hall + 1 : 31 * (hall + 1), 1:121] = FREE
+        if hall:
+            door = slice(110, 120) if hall % 2 else slice(2, 12)
+            cells[31 * hall, door] = FREE
+    planner = PathPlanner(OccupancyGrid(cells, 0.1))
+    way = planner.tour(spacing_m=4.0, start_m=planner.positions_m[0])
+    for hall in range(5):
+        inside = way[(way[:, 1] > 3.1 * hall + 0.1) & (way[:, 1] < 3.1 * (hall + 1))]
+        assert np.ptp(inside[:, 0]) > 6.0
+
+
+def test_a_tour_of_a_small_room_still_moves() -> None:
+    planner = PathPlanner(OccupancyGrid(np.zeros((20, 20), np.int8), 0.1))
+    way = planner.tour(spacing_m=50.0)
+    assert np.hypot(*(way[-1] - way[0])) > 0.5
+
+
 def test_a_tour_begins_where_it_is_told_or_at_a_drawn_place() -> None:
     planner = PathPlanner(rooms())
     start = in_map(rooms(), 15, 15)
