@@ -136,7 +136,7 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
         1 - TV(p_i, p_j), with the total variation distance of the ends' label probabilities:
         1 where the classifier says the same at both ends, 0 where it excludes that.
     ``raw-difference``
-        exp(-mean |f_i - f_j| / s) over node features f in units of their spread over the graph,
+        ``exp(-mean |f_i - f_j| / s)`` over node features f in units of their spread over the graph,
         with s the mean such distance over edges; 1 where the ends look alike.
     ``given``
         The problem's own edge features.

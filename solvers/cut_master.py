@@ -1,10 +1,10 @@
 """The small quadratic program inside the cutting plane: the best weights under the cuts so far.
 
-Over cuts ``H(w) >= b_c - a_c . w`` (and ``H >= 0``) the master minimises
+Over cuts ``H(w) >= b_c - a_c . w`` (and ``H >= 0``) the master minimises::
 
     1/2 |w|^2 + C xi,   xi >= b_c - a_c . w,   xi >= 0,   w_e >= 0.
 
-Its dual has one multiplier per cut, z >= 0 with sum(z) <= C, and gives the weights back:
+Its dual has one multiplier per cut, z >= 0 with sum(z) <= C, and gives the weights back::
 
     max  b . z - 1/2 |w(z)|^2,   w_n = (A^T z)_n,   w_e = max(0, (A^T z)_e).
 

@@ -1,11 +1,11 @@
 """The max-margin objective of an associative Markov network: what every learner minimises.
 
 Weights ``w`` hold one column per label: node weights (D, K) and edge weights (F, K) >= 0. They give
-the score of a labelling y,
+the score of a labelling y::
 
     score(y) = sum_i w_n[:, y_i] . x_i + sum_ij [y_i = y_j] w_e[:, y_i] . x_ij ,
 
-and learning minimises, with the true labelling t, node losses l and N nodes,
+and learning minimises, with the true labelling t, node losses l and N nodes::
 
     f(w) = 1/2 |w|^2 + C H(w),   H(w) = 1/N max_y ( score(y) + sum_i l_i [y_i != t_i] - score(t) ).
 
@@ -313,7 +313,7 @@ def hinge(
 
 
 def objective(problem: MaxMarginProblem, weights: NDArray[np.float64], hinge: float) -> float:
-    """f(w) = 1/2 |w|^2 + C H."""
+    """``f(w) = 1/2 |w|^2 + C H``."""
     return 0.5 * float(weights @ weights) + problem.penalty * hinge
 
 
@@ -321,7 +321,7 @@ def relaxed_lower_bound(problem: MaxMarginProblem, marginals: NDArray[np.float64
     """A rigorous lower bound of the relaxed objective's minimum from node marginals (N, K).
 
     Any marginals with rows that sum to one are feasible in the dual of the learning QP, with
-    the edge marginals ``min(m_i, m_j)`` that suit it best; the bound is the dual's value
+    the edge marginals ``min(m_i, m_j)`` that suit it best; the bound is the dual's value::
 
         C/N sum_i l_i (1 - m_i[t_i]) - 1/2 |w_n|^2 - 1/2 |w_e|^2,
         w_n = C/N sum_i x_i (1[t_i] - m_i),  w_e = max(0, C/N sum_ij x_ij (1[t_ij] - m_ij)).

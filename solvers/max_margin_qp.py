@@ -61,7 +61,7 @@ def max_margin_qp(
 ) -> MaxMarginSolution:
     """The weights that minimise the relaxed objective, with a rigorous value and lower bound.
 
-    In the half-size form, with S = x_e w_e and the edge dual of the first end S/2 + b:
+    In the half-size form, with S = x_e w_e and the edge dual of the first end S/2 + b::
 
         min  1/2 |w|^2 + C/N ( sum_i a_i - score(t) )
         s.t. a_i - sum_(j: ij) (dual of i in ij) >= w_n[:, k] . x_i + l_i [k != t_i]

@@ -1,0 +1,109 @@
+"""
+A map and a robot's path, labelled together
+===========================================
+
+A robot drives through a building whose map is known. The map's cells want labels, and so do the
+robot's steps, of which each has a scan of its own, noisier than the map's.
+``LabelGraph.joined`` makes one graph of both: a step is linked to the cell where the robot stands,
+so that the map tells the path and the path the map.
+The network learns how much a link is worth, besides neighbours in the map and in time.
+"""
+
+from itertools import pairwise
+
+import matplotlib.pyplot as plt
+import networkx as nx
+import numpy as np
+from matplotlib.colors import ListedColormap
+
+from pgm_places import (
+    LabelGraph,
+    LabelingProblem,
+    LabelledMap,
+    PlaceLabeler,
+    Sensor,
+    SensorNoise,
+    build,
+)
+from pgm_places.datasets import generate_building
+from pgm_places.features.extraction import extract
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.report.palette import WALL, label_colours
+from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.unary import aligned_log_proba
+
+buildings = [generate_building(seed, size="small") for seed in (0, 1, 2)]
+names = buildings[0].label_names
+first = LabelledMap(buildings[0].grid, buildings[0].labels)
+sensor = Sensor(noise=SensorNoise(sigma_m=0.05))
+labeler = PlaceLabeler(
+    names, sensor=sensor, classifier=DecisionListClassifier(10, order="rarest-first")
+).fit([first])
+
+
+def drive(cells, rng):
+    """The nodes on the ways between some random cells of the map, every second one."""
+    places = cells.to_networkx()
+    stops = rng.choice(sorted(max(nx.connected_components(places), key=len)), 25)
+    legs = [nx.shortest_path(places, a, b)[:-1] for a, b in pairwise(stops)]
+    return np.concatenate(legs)[::2]
+
+
+def joined_problem(building, rng):
+    """The problem on cells and steps, its truth, which nodes are steps, and where they are."""
+    cells = labeler.problem(building.grid)
+    path = drive(cells.graph, rng)
+    where = cells.graph.positions_m[path]
+    heading = rng.uniform(0, 2 * np.pi, len(path))
+    angles = np.arange(360) * np.pi / 180
+    scans = cast_poses(building.grid, np.column_stack([where, heading]), angles, max_range_m=30.0)
+    scans = np.maximum(scans + rng.normal(scale=0.1, size=scans.shape), 0.01)
+    features = extract(scans, max_range_m=30.0)
+    heard = aligned_log_proba(labeler.unary_model.classifier, features, len(names))
+    links = np.column_stack([path, np.arange(len(path))])
+    graph = LabelGraph.joined(cells.graph, LabelGraph.from_trajectory(where), links)
+    kinds = np.eye(4)[graph.edge_kind]  # one column for each kind of edge: a weight for each
+    unary = np.vstack([cells.unary, heard])
+    truth = LabelledMap(building.grid, building.labels).truth(cells.graph)
+    is_step = np.arange(graph.n_nodes) >= cells.graph.n_nodes
+    problem = LabelingProblem(graph, names, unary, edge_features=kinds)
+    return problem, np.concatenate([truth, truth[path]]), is_step
+
+
+rng = np.random.default_rng(7)
+(train, known, was_step), (test, truth, is_step) = (joined_problem(b, rng) for b in buildings[1:])
+
+# %%
+# Each alone, then both together; a subproblem keeps the edges inside it.
+found = {"each step, each cell": test.unary.argmax(axis=1)}
+network = build("amn", {"edge_features": ("given",), "loss": "hamming", "certify": True})
+apart = np.empty(len(truth), int)
+for train_part, test_part in [(was_step, is_step), (~was_step, ~is_step)]:
+    fitted = network.fit([train.subproblem(train_part)], [known[train_part]])
+    apart[test_part] = fitted.infer(test.subproblem(test_part)).labels
+found["path and map apart"] = apart
+labeling = network.fit([train], [known]).infer(test)
+found["joined"] = labeling.labels
+for name, labels in found.items():
+    right = [(labels == truth)[part & (truth >= 0)].mean() for part in (is_step, ~is_step)]
+    print(f"{name:20} steps {100 * right[0]:.1f} %, cells {100 * right[1]:.1f} %")
+print(f"joined: {labeling.status}, gap to the best possible score {labeling.gap:.1g}")
+
+# %%
+colours = label_colours(names)
+picture, grid = ListedColormap(colours), buildings[2].grid
+layout = LabelGraph.from_grid(grid).layout
+x, y = test.graph.positions_m[is_step].T
+figure, axes = plt.subplots(1, 3, figsize=(13, 3.2), layout="constrained")
+for axis, (name, labels) in zip(axes, found.items(), strict=True):
+    cells = np.ma.masked_less(layout.to_raster(labels[~is_step], fill=-1), 0)
+    box = [0, grid.shape[1] * grid.resolution_m, 0, grid.shape[0] * grid.resolution_m]
+    place = {"origin": "lower", "extent": np.add(box, np.repeat(grid.origin_xy_m, 2))}
+    axis.imshow(np.ma.masked_equal(grid.occupied, 0), cmap=ListedColormap([WALL]), **place)
+    axis.imshow(cells, cmap=picture, vmin=-0.5, vmax=2.5, alpha=0.45, **place)
+    axis.scatter(x, y, c=np.array(colours)[labels[is_step]], s=14, edgecolors="k", linewidths=0.3)
+    axis.set_title(name)
+    axis.set_axis_off()
+for name, colour in zip(names, colours, strict=True):
+    axes[0].scatter([], [], c=colour, edgecolors="k", label=name)
+figure.legend(loc="outside lower center", ncols=3)

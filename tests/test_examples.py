@@ -1,0 +1,56 @@
+"""The gallery: short scripts; the documentation runs all of them, a test runs the first."""
+
+import ast
+import io
+import runpy
+import tokenize
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("plot_*.py"))
+
+LAYOUT = (
+    tokenize.COMMENT,
+    tokenize.NL,
+    tokenize.NEWLINE,
+    tokenize.INDENT,
+    tokenize.DEDENT,
+    tokenize.ENDMARKER,
+)
+
+
+def lines_of_code(source: str) -> int:
+    """Lines that are neither blank nor comment nor the module's docstring."""
+    used: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type not in LAYOUT:
+            used.update(range(token.start[0], token.end[0] + 1))
+    docstring = ast.parse(source).body[0]
+    return len(used - set(range(docstring.lineno, (docstring.end_lineno or 0) + 1)))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_short_and_has_a_title(path: Path) -> None:
+    source = path.read_text(encoding="utf-8")
+    title, underline, *_ = (ast.get_docstring(ast.parse(source)) or "").splitlines()
+    assert set(underline) == {"="}
+    assert len(underline) == len(title)
+    assert lines_of_code(source) <= 85
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning")
+def test_the_learned_network_beats_its_unary_on_the_picture(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("skimage")
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    script = next(path for path in EXAMPLES if path.stem == "plot_coins")
+    names = runpy.run_path(str(script))
+    accuracy = {
+        name: float(np.mean(labels == names["truth"])) for name, labels in names["found"].items()
+    }
+    assert accuracy["learned AMN"] > accuracy["pixel by pixel"] + 0.01
+    assert names["labeling"].gap is not None
+    names["plt"].close("all")
