@@ -124,13 +124,16 @@ def _compact_program(problem: MaxMarginProblem) -> _Program:
 
     n, k = problem.n_nodes, problem.n_labels
     n_edges, n_edge_features = problem.edge_features.shape
-    tails, heads = (_incidence(problem, end) for end in (0, 1))
+    n_rows = max(n_edges, 1)  # cvxpy before 1.9 has no empty variables: a row that touches no node
+    tails, heads = (_incidence(problem, end, n_rows) for end in (0, 1))
     node_weights = cp.Variable((problem.node_features.shape[1], k))
     edge_weights = cp.Variable((n_edge_features, k), nonneg=True)
-    split = cp.Variable((n_edges, k))
+    split = cp.Variable((n_rows, k))
     node_duals = cp.Variable((n, 1))
     loss = problem.loss[:, None] * (np.arange(k) != problem.labels[:, None])
-    features = sp.csr_array(problem.edge_features)
+    padded = np.zeros((n_rows, n_edge_features))
+    padded[:n_edges] = problem.edge_features
+    features = sp.csr_array(padded)
     half = 0.5 * (features @ edge_weights)
     # (tails + heads) half is assembled as a node feature: one product instead of two.
     at_nodes = 0.5 * ((tails + heads) @ features)
@@ -147,11 +150,13 @@ def _compact_program(problem: MaxMarginProblem) -> _Program:
     return _Program(program, node_weights, edge_weights, split, node_rows)
 
 
-def _incidence(problem: MaxMarginProblem, end: int) -> "sp.csr_array[Any, tuple[int, int]]":
+def _incidence(
+    problem: MaxMarginProblem, end: int, n_columns: int
+) -> "sp.csr_array[Any, tuple[int, int]]":
     n_edges = len(problem.edges)
     rows = problem.edges[:, end]
     return sp.csr_array(
-        (np.ones(n_edges), (rows, np.arange(n_edges))), shape=(problem.n_nodes, n_edges)
+        (np.ones(n_edges), (rows, np.arange(n_edges))), shape=(problem.n_nodes, n_columns)
     )
 
 
@@ -192,7 +197,7 @@ def _solution(
 ) -> MaxMarginSolution:
     edge_weights = np.maximum(program.edge_weights.value, 0.0)
     weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
-    upper = relaxed_objective(problem, weights, program.split.value)
+    upper = relaxed_objective(problem, weights, program.split.value[: len(problem.edges)])
     lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
     iterations = int(program.problem.solver_stats.num_iters or 0)
     step = LearningStep(iterations, time.perf_counter() - start, upper, lower, 0)
