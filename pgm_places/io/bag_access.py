@@ -53,7 +53,10 @@ def open_bag(path: Path | str) -> Iterator[Any]:
         raise
     except _damage() as error:
         reason = str(error) or type(error).__name__
-        raise LogError(f"cannot read the bag {path}: {reason}; is it whole?") from error
+        raise LogError(
+            f"cannot read the bag {path}: {reason}; is it whole? 'rosbag reindex', 'ros2 bag "
+            "reindex' and 'mcap recover' mend recordings that were cut short"
+        ) from error
 
 
 def _damage() -> tuple[type[Exception], ...]:
