@@ -1,0 +1,30 @@
+"""The public API changes on purpose only."""
+
+import inspect
+import subprocess
+import sys
+
+import pgm_places
+from tests.public_api import RECORD, public_api
+
+
+def test_public_names_and_signatures_are_those_on_record() -> None:
+    """If this is meant, run ``python -m tests.public_api`` and tell users in the changelog."""
+    assert public_api() == RECORD.read_text(encoding="utf-8")
+
+
+def test_all_lists_what_is_imported_lazily_in_order() -> None:
+    assert set(pgm_places.__all__) == {*pgm_places._HOMES, "__version__"}
+    assert set(pgm_places.__all__) <= set(dir(pgm_places))
+
+
+def test_public_things_are_documented() -> None:
+    for name in set(pgm_places.__all__) - {"__version__"}:
+        assert inspect.getdoc(getattr(pgm_places, name)), name
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    heavy = "numba, scipy, sklearn, cvxpy, matplotlib, networkx, pydantic"
+    code = f"import sys, pgm_places; print([n for n in '{heavy}'.split(', ') if n in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
