@@ -19,6 +19,7 @@ TOPICS = (
     "inference",
     "amn_learning",
     "forward",
+    "tracking",
     "topology",
 )
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"

@@ -4,6 +4,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -226,7 +227,7 @@ class HiddenMarkovModel:
         begin = time.perf_counter()
         observed = self._log_likelihood(_chain_unary(problem))
         actions = self._actions(problem.graph)
-        start, tables = self._start(), self._transitions()
+        start, tables = self._start(), self._transitions
         info: dict[str, Any] = {}
         if self.mode == "viterbi":
             path = best_path(start, tables, observed, actions=actions)
@@ -271,10 +272,10 @@ class HiddenMarkovModel:
             raise InputError(f"unary must have shape (K,), got {row.shape}")
         observed = self._log_likelihood(row[None])
         if belief is None:
-            found = filtered_beliefs(self._start(), self._transitions()[0], observed)
+            found = filtered_beliefs(self._start(), self._transitions[0], observed)
             return found.beliefs[0], not len(found.impossible)
         stays = moved_m is not None and moved_m < self.stay_below_m
-        return filter_step(belief, self._transitions()[STAY if stays else MOVE], observed[0])
+        return filter_step(belief, self._transitions[STAY if stays else MOVE], observed[0])
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where no label is allowed."""
@@ -304,6 +305,7 @@ class HiddenMarkovModel:
             return self.initial
         return np.full(len(self.initial), 1.0 / len(self.initial))
 
+    @cached_property
     def _transitions(self) -> NDArray[np.float64]:
         """(2, K, K): for MOVE as learned, for STAY as learned or else the same label again."""
         if self.transition is None:

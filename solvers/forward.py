@@ -210,8 +210,8 @@ def _check_chain(initial: ArrayLike, transition: ArrayLike, observed: Any, actio
 
 
 def _require_distributions(name: str, values: NDArray[np.float64]) -> None:
-    if (values < 0).any() or not np.allclose(
-        values.sum(axis=-1), 1.0, rtol=0.0, atol=SUM_TOLERANCE
+    if values.min(initial=0.0) < 0 or abs(values.sum(axis=-1) - 1.0).max(initial=0.0) > (
+        SUM_TOLERANCE
     ):
         raise InputError(f"{name} must hold probabilities that sum to one in every row")
 

@@ -243,8 +243,8 @@ def _check_columns(columns: Columns | None) -> tuple[int, ...]:
     chosen = np.asarray(columns)
     if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
         raise InputError(f"columns must be a sequence of column numbers, got {columns!r}")
-    numbers = tuple(int(column) for column in chosen)
-    if any(not 0 <= column < n_known for column in numbers):
+    numbers = tuple(chosen.tolist())
+    if chosen.size and not (chosen.min() >= 0 and chosen.max() < n_known):
         raise InputError(f"columns must lie in 0..{n_known - 1}, got {list(numbers)}")
     if len(set(numbers)) != len(numbers):
         raise InputError(f"columns must not repeat, got {list(numbers)}")

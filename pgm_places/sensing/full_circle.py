@@ -71,6 +71,9 @@ class FullCircle:
     local_map: LocalMap | None = None
     n_beams: int = 360
     _beam_of: NDArray[np.int64] = field(init=False, repr=False)
+    _seen: NDArray[np.bool_] = field(init=False, repr=False)
+    _mirror_of: NDArray[np.int64] = field(init=False, repr=False)
+    _angles: NDArray[np.float64] = field(init=False, repr=False)
     _caster: PoseCaster | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
@@ -86,9 +89,12 @@ class FullCircle:
             raise ConfigError(f"missing = {self.missing!r} does not use the local map given")
         if self.known_map is not None:
             self._caster = PoseCaster(self.known_map)
-        self._beam_of = _nearest_beams(self.geometry.angles_rad, self.angles_rad)
-        if (self._beam_of < 0).all():
+        self._angles = self.angles_rad
+        self._beam_of = _nearest_beams(self.geometry.angles_rad, self._angles)
+        self._seen = self._beam_of >= 0
+        if not self._seen.any():
             raise InputError(f"{self.geometry} has no beam near any of {self.n_beams} directions")
+        self._mirror_of = _mirrored(self._angles, self._seen)
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -122,7 +128,7 @@ class FullCircle:
         if self.missing in ("local-map", "known-map"):
             return self._filled_from_map(poses, ranges)
         reach = np.float32(self.max_range_m)
-        seen = self._beam_of >= 0
+        seen = self._seen
         bridged = _bridged(np.where(self.geometry.returned(ranges), ranges, np.nan), reach)
         found = np.full((len(poses), self.n_beams), reach, np.float32)
         found[:, seen] = bridged[:, self._beam_of[seen]]
@@ -134,13 +140,13 @@ class FullCircle:
         self, poses: NDArray[np.float64], ranges: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         reach = np.float32(self.max_range_m)
-        seen = self._beam_of >= 0
+        seen = self._seen
         found = np.where(seen, ranges[:, self._beam_of], reach)
         answered = seen & self.geometry.returned(ranges)[:, self._beam_of]
         wanted = np.ones_like(answered) if self.all_from_map else ~answered
         for row, pose in enumerate(poses):
             beams = np.flatnonzero(wanted[row])
-            simulated, met = self._cast(pose, self.angles_rad[beams])
+            simulated, met = self._cast(pose, self._angles[beams])
             # No answer from a beam that the laser has says that there is no obstacle, unless the
             # map knows one: glass and black things give no answer either.
             open_space = seen[beams] & ~met & (not self.all_from_map)
@@ -157,14 +163,6 @@ class FullCircle:
         ranges = self._caster.cast(pose[None], angles, max_range_m=self.max_range_m)[0]
         return ranges, ranges < np.float32(self.max_range_m)
 
-    @property
-    def _mirror_of(self) -> NDArray[np.int64]:
-        """(n_beams,) the seen beam that lies nearest to each beam's mirror image in the y axis."""
-        angles = self.angles_rad
-        seen = np.flatnonzero(self._beam_of >= 0)
-        apart = _turn_between(pi - angles[:, None], angles[None, seen])
-        return seen[apart.argmin(axis=1)]
-
 
 def check_missing(missing: str, *, all_from_map: bool) -> None:
     """Refuse an unknown source of missing beams, or all beams from a map that is not there."""
@@ -178,6 +176,13 @@ def check_missing(missing: str, *, all_from_map: bool) -> None:
 def _turn_between(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     """The smaller angle between two directions."""
     return np.abs(np.mod(first - second + pi, 2 * pi) - pi)
+
+
+def _mirrored(angles: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The seen beam that lies nearest to each beam's mirror image in the y axis."""
+    beams = np.flatnonzero(seen)
+    apart = _turn_between(np.pi - angles[:, None], angles[None, beams])
+    return beams[apart.argmin(axis=1)]
 
 
 def _nearest_beams(angles: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.int64]:

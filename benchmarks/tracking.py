@@ -1,0 +1,101 @@
+"""Tracking a robot scan by scan, and whole logs.
+
+A simulated robot with a laser of 360 beams over 180 degrees drives through a generated building;
+the list has 100 rounds for each of 3 labels. ``online step`` is all of it: from a raw scan to a
+belief; the parts below it are measured on their own, ``all 321 features`` beside those that the
+list asks for. Milliseconds of wall clock on one thread, median and 99th percentile over the scans,
+and the median of the processor's time.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pgm_places.datasets import generate_building
+from pgm_places.features.extraction import extract
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.online import BeliefFilter
+from pgm_places.places import PlaceLabeler
+from pgm_places.scan import ScanGeometry
+from pgm_places.scan_model import BeamOptions, circles_along
+from pgm_places.sensing.local_map import LocalMap
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.trajectory_labeler import TrajectoryLabeler
+
+GEOMETRY = ScanGeometry.half_circle(360, range_max_m=80.0)
+WARM_UP = 20
+
+
+def timed(work: Callable[[int], object], n_scans: int) -> dict[str, float]:
+    """Milliseconds of ``work(t)`` over the scans after the first few."""
+    wall, processor = [], []
+    for t in range(n_scans):
+        started, before = time.perf_counter(), time.thread_time()
+        work(t)
+        wall.append(time.perf_counter() - started)
+        processor.append(time.thread_time() - before)
+    median, late = 1e3 * np.quantile(wall[WARM_UP:], [0.5, 0.99])
+    return {
+        "median ms": round(float(median), 3),
+        "99 % ms": round(float(late), 3),
+        "processor ms": round(1e3 * float(np.median(processor[WARM_UP:])), 3),
+    }
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """The rows of the table."""
+    building = generate_building(size="small" if quick else "floor")
+    names = tuple(building.label_names)
+    kept = np.random.default_rng(0).random(building.labels.shape) < (1.0 if quick else 0.1)
+    known = LabelledMap(building.grid, np.where(kept, building.labels, -1))
+    places = PlaceLabeler(names, sensor=Sensor(max_range_m=12.0)).fit([known])
+    labeler = TrajectoryLabeler.from_places(places)
+    path = SimulatedRobot(GEOMETRY).explore(building.grid, max_length_m=30.0 if quick else 120.0)
+    model = labeler.scan_model
+    assert model is not None
+    assert path.ranges_m is not None
+    n_scans = len(path)
+    scans = [path.scan(t) for t in range(n_scans)]
+    sensor, angles = model.sensor, GEOMETRY.angles_rad
+    local, ranges = LocalMap(), path.ranges_m
+    behind = sensor.angles_rad[91:270]
+    circles = circles_along(path, sensor, labeler.beams)
+    columns = model.classifier.used_features
+    count = len(columns)
+    scores = model.log_proba(circles, n_threads=1)
+    beliefs = BeliefFilter(labeler.method, labeler.every_m)
+    parts: dict[str, Callable[[int], object]] = {}
+    for beams in ("local-map", "known-map", "mirror"):
+        tool = TrajectoryLabeler(names, labeler.method, beams=BeamOptions(beams), scan_model=model)
+        online = tool.online(GEOMETRY, known_map=building.grid)
+        parts[f"online step, missing beams: {beams}"] = lambda t, online=online: online.step(
+            scans[t]
+        )
+    parts |= {
+        "local map: add a scan": lambda t: local.update(
+            path.poses[t], ranges[t], angles, max_range_m=80.0
+        ),
+        "local map: cast 179 beams": lambda t: local.cast(path.poses[t], behind, max_range_m=12.0),
+        f"{count} features of the list": lambda t: extract(
+            circles[t : t + 1], max_range_m=12.0, columns=columns, n_threads=1
+        ),
+        "all 321 features": lambda t: extract(circles[t : t + 1], max_range_m=12.0, n_threads=1),
+        "features and list": lambda t: model.log_proba(circles[t : t + 1], n_threads=1),
+        "filter step with its checks": lambda t: beliefs.step(*path.poses[t, :2], scores[t]),
+    }
+    rows = [
+        {"part": name, "scans": n_scans, **timed(work, n_scans)} for name, work in parts.items()
+    ]
+    started = time.perf_counter()
+    labeler.label(path, n_threads=1)
+    per_scan = 1e3 * (time.perf_counter() - started) / n_scans
+    whole = {"part": "a whole log, per scan", "scans": n_scans, "median ms": round(per_scan, 3)}
+    return [*rows, {**whole, "99 % ms": None, "processor ms": None}]
+
+
+if __name__ == "__main__":
+    for row in run(quick=False):
+        print(row)
