@@ -38,16 +38,18 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_signature": False,
     "abort_on_example_error": True,
+    "capture_repr": (),
 }
 
 html_theme = "pydata_sphinx_theme"
 html_title = "pgm_places"
 html_static_path: list[str] = []
 html_show_sourcelink = False
+html_sidebars = {"*": []}  # single pages have no section to navigate
 html_theme_options = {
     "navigation_with_keys": True,
     "show_toc_level": 2,
-    "header_links_before_dropdown": 5,
+    "header_links_before_dropdown": 4,
 }
 
 

@@ -16,20 +16,13 @@ import networkx as nx
 import numpy as np
 from matplotlib.colors import ListedColormap
 
-from pgm_places import (
-    LabelGraph,
-    LabelingProblem,
-    LabelledMap,
-    PlaceLabeler,
-    Sensor,
-    SensorNoise,
-    build,
-)
+from pgm_places import LabelGraph, LabelingProblem, LabelledMap, PlaceLabeler, Sensor, build
 from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.report.palette import WALL, label_colours
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.unary import aligned_log_proba
 
 buildings = [generate_building(seed, size="small") for seed in (0, 1, 2)]
@@ -42,7 +35,7 @@ labeler = PlaceLabeler(
 
 
 def drive(cells, rng):
-    """The nodes on the ways between some random cells of the map, every second one."""
+    # the nodes on the ways between some random cells of the map, every second one
     places = cells.to_networkx()
     stops = rng.choice(sorted(max(nx.connected_components(places), key=len)), 25)
     legs = [nx.shortest_path(places, a, b)[:-1] for a, b in pairwise(stops)]
@@ -50,13 +43,12 @@ def drive(cells, rng):
 
 
 def joined_problem(building, rng):
-    """The problem on cells and steps, its truth, which nodes are steps, and where they are."""
+    # the problem on cells and steps, its truth, and the cells of the path
     cells = labeler.problem(building.grid)
     path = drive(cells.graph, rng)
     where = cells.graph.positions_m[path]
-    heading = rng.uniform(0, 2 * np.pi, len(path))
-    angles = np.arange(360) * np.pi / 180
-    scans = cast_poses(building.grid, np.column_stack([where, heading]), angles, max_range_m=30.0)
+    poses = np.column_stack([where, rng.uniform(0, 2 * np.pi, len(path))])
+    scans = cast_poses(building.grid, poses, sensor.angles_rad, max_range_m=30.0)
     scans = np.maximum(scans + rng.normal(scale=0.1, size=scans.shape), 0.01)
     features = extract(scans, max_range_m=30.0)
     heard = aligned_log_proba(labeler.unary_model.classifier, features, len(names))
@@ -65,13 +57,14 @@ def joined_problem(building, rng):
     kinds = np.eye(4)[graph.edge_kind]  # one column for each kind of edge: a weight for each
     unary = np.vstack([cells.unary, heard])
     truth = LabelledMap(building.grid, building.labels).truth(cells.graph)
-    is_step = np.arange(graph.n_nodes) >= cells.graph.n_nodes
     problem = LabelingProblem(graph, names, unary, edge_features=kinds)
-    return problem, np.concatenate([truth, truth[path]]), is_step
+    return problem, np.concatenate([truth, truth[path]]), path
 
 
 rng = np.random.default_rng(7)
-(train, known, was_step), (test, truth, is_step) = (joined_problem(b, rng) for b in buildings[1:])
+(train, known, before), (test, truth, path) = (joined_problem(b, rng) for b in buildings[1:])
+was_step = np.arange(len(known)) >= len(known) - len(before)
+is_step = np.arange(len(truth)) >= len(truth) - len(path)
 
 # %%
 # Each alone, then both together; a subproblem keeps the edges inside it.
@@ -93,14 +86,12 @@ print(f"joined: {labeling.status}, gap to the best possible score {labeling.gap:
 colours = label_colours(names)
 picture, grid = ListedColormap(colours), buildings[2].grid
 layout = LabelGraph.from_grid(grid).layout
-x, y = test.graph.positions_m[is_step].T
 figure, axes = plt.subplots(1, 3, figsize=(13, 3.2), layout="constrained")
 for axis, (name, labels) in zip(axes, found.items(), strict=True):
     cells = np.ma.masked_less(layout.to_raster(labels[~is_step], fill=-1), 0)
-    box = [0, grid.shape[1] * grid.resolution_m, 0, grid.shape[0] * grid.resolution_m]
-    place = {"origin": "lower", "extent": np.add(box, np.repeat(grid.origin_xy_m, 2))}
-    axis.imshow(np.ma.masked_equal(grid.occupied, 0), cmap=ListedColormap([WALL]), **place)
-    axis.imshow(cells, cmap=picture, vmin=-0.5, vmax=2.5, alpha=0.45, **place)
+    axis.imshow(np.ma.masked_equal(grid.occupied, 0), cmap=ListedColormap([WALL]), origin="lower")
+    axis.imshow(cells, cmap=picture, vmin=-0.5, vmax=2.5, alpha=0.45, origin="lower")
+    y, x = layout.cells_rc[path].T
     axis.scatter(x, y, c=np.array(colours)[labels[is_step]], s=14, edgecolors="k", linewidths=0.3)
     axis.set_title(name)
     axis.set_axis_off()

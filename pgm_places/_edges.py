@@ -11,9 +11,13 @@ from pgm_places.errors import InputError
 __all__ = ["empty_pairs", "lattice_edges", "nearest_pairs", "require_canonical", "sparse_pairs"]
 
 
-def empty_pairs(edges: ArrayLike) -> NDArray[Any]:
-    """``edges`` as an array, of shape (0, 2) where there are none."""
+def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
+    """``edges`` as an array, of shape (0, 2) where there are none; (2, E) is refused by name."""
     pairs = np.asarray(edges)
+    if pairs.ndim == 2 and pairs.shape[0] == 2 and pairs.shape[1] > 2:
+        raise InputError(
+            f"{name} must have shape (E, 2), got {pairs.shape}; transpose them: {name}.T"
+        )
     return np.zeros((0, 2), np.int32) if pairs.size == 0 else pairs
 
 

@@ -307,7 +307,7 @@ class LabelGraph:
 
         ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
         """
-        pairs = np.asarray(empty_pairs(links))
+        pairs = np.asarray(empty_pairs(links, "links"))
         integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first.n_nodes, 1))
         integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second.n_nodes, 1))
         shift = first.n_nodes

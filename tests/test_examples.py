@@ -37,7 +37,7 @@ def test_an_example_is_short_and_has_a_title(path: Path) -> None:
     title, underline, *_ = (ast.get_docstring(ast.parse(source)) or "").splitlines()
     assert set(underline) == {"="}
     assert len(underline) == len(title)
-    assert lines_of_code(source) <= 85
+    assert lines_of_code(source) <= 75
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning")

@@ -246,3 +246,8 @@ def test_sparse_matrix_must_be_square_without_loops() -> None:
         LabelGraph.from_sparse(sparse.eye_array(2).tocsr())
     with pytest.raises(InputError, match=r"matrix must have shape \(3, 3\), got \(2, 2\)"):
         LabelGraph.from_edges(3, []).edge_values(sparse.eye_array(2))
+
+
+def test_edges_in_two_rows_are_told_to_be_transposed() -> None:
+    with pytest.raises(InputError, match=r"shape \(E, 2\), got \(2, 3\); transpose them"):
+        LabelGraph.from_edges(4, [[0, 1, 2], [1, 2, 3]])
