@@ -86,8 +86,9 @@ def trim_doorways(
     pieces = connected_components(marked)
     length = contacts(pieces.piece, pieces.count).matrix(pieces.count)
     table = np.append(pieces.label, np.int16(-1))
+    cells_of = _cells_of_pieces(pieces, pieces.label == len(label_names))
     log = []
-    for number in np.flatnonzero(pieces.label == len(label_names)):
+    for number, members in cells_of.items():
         around = length[[number]]
         others = [
             (-float(share), int(other))
@@ -96,9 +97,8 @@ def trim_doorways(
         ]
         table[number] = pieces.label[min(others)[1]] if others else doorway
         if others:
-            cells = np.argwhere(pieces.piece == number)
             became = label_names[table[number]]
-            log.append(_entry(cells, resolution_m, rules.doorway_label, became, "too wide"))
+            log.append(_entry(members, resolution_m, rules.doorway_label, became, "too wide"))
     return table[pieces.piece].astype(np.int16, copy=False), log
 
 
@@ -118,9 +118,10 @@ def close_leaks(
     doors = connected_components(np.where(labels == doorway, labels, np.int16(-1)))
     parting = _Parting(labels, doorway, resolution_m, rules.min_part_m2)
     longest = rules.close_leaks_m / resolution_m
+    blocked = labels < 0
     log = []
-    for cells in _cells_of_pieces(doors):
-        split = parting.split(shortest_chords(labels < 0, cells, longest))
+    for cells in _cells_of_pieces(doors, np.ones(doors.count, np.bool_)).values():
+        split = parting.split(shortest_chords(blocked, cells, longest))
         if split is not None:
             log.append(_filled(split, label_names, resolution_m, rules, "leak"))
     return parting.labels, log
@@ -163,10 +164,11 @@ def _splits(
     saddles = np.empty(MOST_SADDLES, np.int64)
     parent = np.full(labels.size, -1, np.int32)
     count = find_saddles(piece, clearance, order, widest, LEAST_RATIO**2, parent, saddles)
+    blocked = labels < 0
     found = []
     for cell in saddles[: min(count, MOST_SADDLES)].tolist():
         near = _around(divmod(cell, labels.shape[1]), piece, resolution_m)
-        split = parting.split(shortest_chords(labels < 0, near, longest))
+        split = parting.split(shortest_chords(blocked, near, longest))
         if split is not None:
             found.append(split)
     return found, parting.labels
@@ -285,15 +287,16 @@ def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-def _cells_of_pieces(pieces: Components) -> list[NDArray[np.int64]]:
-    """(n, 2) row and column of the cells of each piece."""
+def _cells_of_pieces(pieces: Components, wanted: NDArray[np.bool_]) -> dict[int, NDArray[np.int64]]:
+    """(n, 2) row and column of the cells of each wanted piece, by its number."""
     from scipy.ndimage import find_objects
 
-    listed = []
+    found = {}
     for number, (rows, columns) in enumerate(find_objects(pieces.piece + 1)):
-        inside = pieces.piece[rows, columns] == number
-        listed.append(np.argwhere(inside) + np.array([rows.start, columns.start]))
-    return listed
+        if wanted[number]:
+            inside = pieces.piece[rows, columns] == number
+            found[number] = np.argwhere(inside) + np.array([rows.start, columns.start])
+    return found
 
 
 def _filled(
