@@ -243,9 +243,9 @@ def test_sparse_matrix_must_be_square_without_loops() -> None:
     with pytest.raises(InputError, match=r"must have shape \(N, N\), got \(2, 3\)"):
         LabelGraph.from_sparse(sparse.csr_array((2, 3)))
     with pytest.raises(InputError, match=r"0 on its diagonal, got 2 other values.*setdiag"):
-        LabelGraph.from_sparse(sparse.eye_array(2).tocsr())
+        LabelGraph.from_sparse(sparse.csr_array(np.eye(2)))
     with pytest.raises(InputError, match=r"matrix must have shape \(3, 3\), got \(2, 2\)"):
-        LabelGraph.from_edges(3, []).edge_values(sparse.eye_array(2))
+        LabelGraph.from_edges(3, []).edge_values(sparse.csr_array(np.eye(2)))
 
 
 def test_edges_in_two_rows_are_told_to_be_transposed() -> None:
