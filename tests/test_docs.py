@@ -21,6 +21,18 @@ SETUP = {
         "building = generate_building(size='small')\n"
         "grid, labels = building.grid, building.labels"
     ),
+    "docs/trajectories.md": (
+        "import numpy as np\n"
+        "from pgm_places import ScanGeometry, Trajectory\n"
+        "from pgm_places.io.trajectories import write_trajectory\n"
+        "log = Trajectory(\n"
+        "    [0.0, 1.0],\n"
+        "    [[0, 0, 0], [1, 0, 0]],\n"
+        "    ranges_m=np.full((2, 360), 3.0),\n"
+        "    geometry=ScanGeometry.full_circle(360, range_max_m=30.0),\n"
+        ")\n"
+        "write_trajectory('robot.log.gz', log)"
+    ),
 }
 """What a page takes as given: the reader's own data."""
 
