@@ -326,6 +326,10 @@ def track(
         float | None,
         typer.Option(min=0, help="Readings from here on, in metres, mean that nothing was met."),
     ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="Table of the true places, a row per step, to compare with."),
+    ] = None,
     follow: Annotated[
         bool,
         typer.Option("--follow", "-f", help="Read a growing CARMEN log, or -: a line per update."),
@@ -335,7 +339,7 @@ def track(
     """Label the places along a robot's trajectory, from a log or while it is being written."""
     from pgm_places.cli.track import TrackOptions, run_follow, run_track
 
-    options = TrackOptions(model, map_yaml, mode, beams, every, max_range)
+    options = TrackOptions(model, map_yaml, mode, beams, every, max_range, truth)
     if follow:
         run_follow(log, out, options, quiet=quiet)
     else:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pgm_places.grid import OccupancyGrid
     from pgm_places.scan import Scan
     from pgm_places.tracking import Track
+    from pgm_places.trajectory import Trajectory
     from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 __all__ = ["TrackOptions", "run_follow", "run_track"]
@@ -32,6 +33,7 @@ class TrackOptions:
     beams: str | None = None
     every_m: float | None = None
     max_range_m: float | None = None
+    truth: Path | None = None
 
 
 def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
@@ -52,8 +54,9 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
         read = read_trajectory(log, range_max_m=options.max_range_m)
     for message in read.warnings:
         progress.warn(message)
+    trajectory = _with_truth(read.trajectory, options, tuple(labeler.label_names))
     with progress.stage("labelling"):
-        labeling = labeler.label(read.trajectory, known_map=grid)
+        labeling = labeler.label(trajectory, known_map=grid)
     warnings = list(read.warnings)
     impossible = labeling.info.get("impossible", [])
     if impossible:
@@ -61,7 +64,7 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
             f"the model gives what was seen at {len(impossible)} steps no probability (first at "
             f"step {impossible[0]}); they were passed over"
         )
-    track = Track(read.trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
+    track = Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
     typer.echo(_summary(track))
     with progress.stage("files and pictures"):
         written = _write(track, grid, out)
@@ -161,6 +164,25 @@ def _labeler(options: TrackOptions) -> "TrajectoryLabeler":
     if options.every_m is not None:
         labeler = replace(labeler, every_m=options.every_m)
     return labeler
+
+
+def _with_truth(
+    trajectory: "Trajectory", options: TrackOptions, label_names: tuple[str, ...]
+) -> "Trajectory":
+    """The trajectory with the true places from a table of as many steps, if one is named."""
+    if options.truth is None:
+        return trajectory
+    from pgm_places.io.pose_csv import read_pose_csv
+
+    table = read_pose_csv(options.truth, label_names=label_names).trajectory
+    if table.labels is None:
+        raise LogError(f"{options.truth} has no column of places, such as 'label'")
+    if len(table) != len(trajectory):
+        raise LogError(
+            f"{options.truth} has {len(table)} rows but the log {len(trajectory)} steps; a table "
+            "of the same steps is wanted, as 'pgm-places simulate' writes it"
+        )
+    return trajectory.with_labels(table.labels, label_names)
 
 
 def _map(options: TrackOptions) -> "OccupancyGrid | None":

@@ -98,6 +98,20 @@ def test_an_interrupt_ends_following_in_good_order(
     assert len(text.splitlines()) == 64
 
 
+def test_labels_are_compared_with_a_table_of_true_places(folder: Path, run: Run) -> None:
+    log, out, truth = folder / "drive.log", folder / "out", folder / "truth.csv"
+    write_trajectory(truth, drive(1)[:60])
+    model = folder / "model"
+    code, text, _ = run("track", log, "-m", model, "-o", out, "--truth", truth, "-q")
+    assert code == 0
+    right = sum(row["label"] == row["true_label"] for row in rows_of(out / "beliefs.csv"))
+    assert f"{100 * right / 60:.1f} % of the labels are right" in text
+    write_trajectory(truth, drive(1)[:59])
+    code, _, error = run("track", log, "-m", model, "-o", out, "--truth", truth, "-q")
+    assert code == 2
+    assert "59 rows" in error
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
