@@ -96,6 +96,8 @@ def main() -> None:
         print(f"== {name}", flush=True)
         parts.append(section(name))
         print(parts[-1], flush=True)
+    # Written by experiments.trajectories, which takes its own time.
+    parts.append((FOLDER / "trajectories.md").read_text(encoding="utf-8"))
     parts.append((FOLDER / "discussion.md").read_text(encoding="utf-8"))
     (DOCS / "results.md").write_text("\n".join(parts), encoding="utf-8")
     print(f"wrote {DOCS / 'results.md'}")

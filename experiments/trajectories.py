@@ -1,0 +1,145 @@
+"""Trajectories on real buildings, labelled with and without a hidden Markov model.
+
+``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` writes experiments/trajectories.md, the
+part of docs/results.md about them; a single part is printed if it is named.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
+from experiments.cold import cold_table
+from experiments.joined import joined_table
+from pgm_places.evaluation import evaluate
+from pgm_places.scan_model import BeamOptions
+from pgm_places.trajectory import Trajectory
+from pgm_places.trajectory_labeler import TrajectoryLabeler
+
+FOLDER = Path(__file__).resolve().parent
+PAGE = FOLDER / "trajectories.md"
+MODES = ("filter", "smooth", "viterbi")
+HEAD = (
+    "| beams | learned on | scan alone | filter | smoother | Viterbi | "
+    "doorway recall: alone / filter / smoother |\n|---|---|---|---|---|---|---|"
+)
+FRONT_ONLY = {"front only": BeamOptions("max-range")}
+LOCAL = {"front, rear from the local map": BeamOptions()}
+KNOWN = {"front, rear from the known map": BeamOptions("known-map")}
+FROM_MAP: Mapping[str, BeamOptions] = {
+    "front, its mirror image behind": BeamOptions("mirror"),
+    **LOCAL,
+    "all from the local map": BeamOptions(all_from_map=True),
+    **KNOWN,
+    "all from the known map": BeamOptions("known-map", all_from_map=True),
+}
+
+
+def answers(
+    labeler: TrajectoryLabeler, path: Trajectory, scores: NDArray[np.float64]
+) -> dict[str, NDArray[np.int64]]:
+    """Labels from each scan alone and from each mode of the hidden Markov model."""
+    found = {"alone": scores.argmax(axis=1)}
+    for mode in MODES:
+        method = replace(labeler.method, mode=mode)
+        found[mode] = replace(labeler, method=method).infer(path, scores).labels
+    return found
+
+
+def row(
+    name: str,
+    learned_on: str,
+    found: Mapping[str, NDArray[np.int64]],
+    truth: NDArray[np.int64],
+    names: Sequence[str],
+) -> str:
+    """A row of the table."""
+    scored = {key: evaluate(truth, labels, names) for key, labels in found.items()}
+    rates = " | ".join(f"{100 * item.accuracy:.1f}" for item in scored.values())
+    doors = " / ".join(
+        f"{100 * (scored[key].recall['doorway'] or 0.0):.0f}"
+        for key in ("alone", "filter", "smooth")
+    )
+    text = f"| {name} | {learned_on} | {rates} | {doors} |"
+    print(text, flush=True)
+    return text
+
+
+def places_table(data: Building79) -> str:
+    """Three places: the left half is learned from, the right half of the log is labelled."""
+    truth = np.where(data.left, -1, data.place)
+    path = data.path
+    left = path.with_labels(np.where(data.left, data.place, -1), PLACES)
+    from_map = from_left_map(data)
+    lines = [HEAD]
+    for name, beams in FROM_MAP.items():
+        labeler = replace(from_map, beams=beams)
+        found = answers(labeler, path, labeler.scores(path, known_map=data.map.grid))
+        lines.append(row(name, "left map", found, truth, PLACES))
+    for name, beams in {**FRONT_ONLY, **LOCAL}.items():
+        labeler = TrajectoryLabeler(PLACES, beams=beams).fit([], [left])
+        found = answers(labeler, path, labeler.scores(path))
+        lines.append(row(name, "left log", found, truth, PLACES))
+    both = TrajectoryLabeler(PLACES).fit([data.training_map], [left])
+    found = answers(both, path, both.scores(path))
+    lines.append(row(next(iter(LOCAL)), "left map and log", found, truth, PLACES))
+    return "\n".join(lines)
+
+
+def from_left_map(data: Building79) -> TrajectoryLabeler:
+    """A labeler that knows the left half of the map, and no log."""
+    return TrajectoryLabeler(PLACES).fit([data.training_map])
+
+
+def categories_table(data: Building79) -> str:
+    """Categories, learned from one half of the log and looked for in the other."""
+    lines = [HEAD]
+    for learn_left in (False, True):
+        learn = data.left == learn_left
+        learned = np.where(learn, data.category, -1)
+        known = np.unique(learned[learned >= 0])
+        names = tuple(CATEGORY_NAMES[k] for k in known)
+        number = np.full(len(CATEGORY_NAMES) + 1, -1)  # its last entry is for "not known", -1
+        number[known] = np.arange(len(known))
+        truth = np.where(learn, -1, number[data.category])
+        path = data.path.with_labels(number[learned], names)
+        for name, beams in {**FRONT_ONLY, **LOCAL, **KNOWN}.items():
+            labeler = TrajectoryLabeler(names, beams=beams)
+            labeler = labeler.fit([], [path], known_map=data.map.grid)
+            found = answers(labeler, path, labeler.scores(path, known_map=data.map.grid))
+            where = f"{'left' if learn_left else 'right'} log, {len(names)} categories"
+            lines.append(row(name, where, found, truth, names))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run all parts and write the page, or print those that are named."""
+    data = os.environ.get("PGM_PLACES_DATA")
+    if not data:
+        sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
+    building = load_building79(Path(data))
+    parts: Mapping[str, Callable[[], str]] = {
+        "PLACES": lambda: places_table(building),
+        "CATEGORIES": lambda: categories_table(building),
+        "COLD": lambda: cold_table(Path(data)),
+        "JOINED": lambda: joined_table(building, from_left_map(building)),
+    }
+    chosen = [name.upper() for name in sys.argv[1:]]
+    if chosen:
+        for name in chosen:
+            print(parts[name]())
+        return
+    page = (FOLDER / "trajectories.template.md").read_text(encoding="utf-8")
+    for name, run in parts.items():
+        page = page.replace("{" + name + "}", run())
+    PAGE.write_text(page, encoding="utf-8")
+    print(f"wrote {PAGE}")
+
+
+if __name__ == "__main__":
+    main()
