@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.labeling import Labeling, Status
 from pgm_places.potentials import Potentials, score
 from pgm_places.problem import LabelingProblem
+from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["Independent"]
 
@@ -33,20 +32,7 @@ class Independent:
         """
         if problem.unary is None:
             raise InputError("'independent' needs unary log-probabilities; the problem has none")
-        unary = problem.unary
-        best = unary.max(axis=1, keepdims=True, initial=-np.inf)
-        forbidden = np.flatnonzero(~np.isfinite(best[:, 0]))
-        if len(forbidden):
-            raise InputError(f"unary forbids every label at node {forbidden[0]}")
-        labels = unary.argmax(axis=1)
-        beliefs = unary - best
-        np.exp(beliefs, out=beliefs)
-        beliefs /= beliefs.sum(axis=1, keepdims=True)
-        total = score(problem.graph, Potentials(unary), labels)
-        return Labeling(
-            labels,
-            Status.EXACT,
-            beliefs=sealed(beliefs),
-            score=total,
-            bound=total,
-        )
+        labels = sealed(problem.unary.argmax(axis=1))
+        total = score(problem.graph, Potentials(problem.unary), labels)
+        beliefs = sealed(starting_beliefs(problem.unary))
+        return Labeling(labels, Status.EXACT, beliefs=beliefs, score=total, bound=total)

@@ -207,7 +207,7 @@ class Relaxation:
         if truth is not None:
             history["accuracy"] = accuracy
         return Labeling(
-            relaxed.beliefs.argmax(axis=1),
+            sealed(relaxed.beliefs.argmax(axis=1)),
             Status.CONVERGED if relaxed.converged else Status.STOPPED,
             beliefs=sealed(relaxed.beliefs),
             info={

@@ -7,7 +7,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
 
-__all__ = ["finite_array", "frozen", "integer_array", "label_raster", "nearest_name", "sealed"]
+__all__ = [
+    "ROWS_AT_ONCE",
+    "finite_array",
+    "frozen",
+    "integer_array",
+    "label_raster",
+    "nearest_name",
+    "sealed",
+]
+
+ROWS_AT_ONCE = 262_144
+"""Rows of huge arrays that are looked at together, so that temporary arrays stay small."""
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -48,15 +59,18 @@ def finite_array(
     """``values`` as a float array of the stated shape without NaN or infinity.
 
     In ``shape`` a number must match, a string or None stands for any size. ``-inf`` (the logarithm
-    of zero probability) is let through where ``allow_minus_inf`` says so.
+    of zero probability) is let through where ``allow_minus_inf`` says so. The type is float64, or
+    with ``dtype=None`` whatever ``values`` have if they are float32.
     """
+    if dtype is None:
+        dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
     try:
         array = np.asarray(values, dtype=dtype)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} must be an array of numbers: {error}") from None
     _check_shape(name, array.shape, shape)
-    bad = np.isnan(array) | (array == np.inf) if allow_minus_inf else ~np.isfinite(array)
-    if bad.any():
+    if not _all_allowed(array, allow_minus_inf):
+        bad = np.isnan(array) | (array == np.inf) if allow_minus_inf else ~np.isfinite(array)
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         allowed = "finite numbers or -inf" if allow_minus_inf else "finite numbers"
         raise InputError(
@@ -64,6 +78,15 @@ def finite_array(
             f" ({int(bad.sum())} such values)"
         )
     return array
+
+
+def _all_allowed(array: NDArray[Any], allow_minus_inf: bool) -> bool:
+    """Whether no value is refused; piece by piece, since a mask of a huge array is huge too."""
+    rows = np.atleast_1d(array)
+    return all(
+        bool((part < np.inf if allow_minus_inf else np.isfinite(part)).all())
+        for part in (rows[i : i + ROWS_AT_ONCE] for i in range(0, len(rows), ROWS_AT_ONCE))
+    )
 
 
 def integer_array(
@@ -74,8 +97,8 @@ def integer_array(
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{name} must hold integers, got dtype {array.dtype}")
     _check_shape(name, array.shape, shape)
-    bad = (array < low) | (array >= high)
-    if bad.any():
+    if array.size and (array.min() < low or array.max() >= high):
+        bad = (array < low) | (array >= high)
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         raise InputError(
             f"{name} must hold integers from {low} to {high - 1}, "

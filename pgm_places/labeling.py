@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 
 __all__ = ["Labeling", "Status"]
@@ -38,7 +38,7 @@ class Labeling:
         Label index per node.
     status : Status
         How the method ended.
-    beliefs : (N, K) float or None
+    beliefs : (N, K) float64 or float32, or None
         Probability of each label at each node, where the method has one; rows sum to one.
     score : float or None
         The log-potential of ``labels`` under the method's potentials, computed by
@@ -51,7 +51,7 @@ class Labeling:
 
     labels: NDArray[np.int64]
     status: Status
-    beliefs: NDArray[np.float64] | None = None
+    beliefs: NDArray[np.floating[Any]] | None = None
     score: float | None = None
     bound: float | None = None
     info: Mapping[str, Any] = field(default_factory=dict, repr=False)
@@ -60,10 +60,9 @@ class Labeling:
         labels = integer_array("labels", self.labels, ("N",), low=0, high=2**31)
         object.__setattr__(self, "labels", frozen(labels))
         if self.beliefs is not None:
-            beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"))
-            excess = beliefs.sum(axis=1)
-            excess -= 1.0
-            if np.abs(excess, out=excess).max(initial=0.0) > 1e-6:
+            beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"), dtype=None)
+            parts = (beliefs[i : i + ROWS_AT_ONCE] for i in range(0, len(beliefs), ROWS_AT_ONCE))
+            if any(np.abs(part.sum(axis=1) - 1).max() > 1e-6 for part in parts):
                 raise InputError("beliefs must sum to one in every row")
             object.__setattr__(self, "beliefs", frozen(beliefs))
         object.__setattr__(self, "info", MappingProxyType(dict(self.info)))

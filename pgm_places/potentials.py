@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph import LabelGraph
 
@@ -117,7 +117,7 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
     """
     potentials.check_fits(graph)
     chosen = integer_array("labels", labels, (graph.n_nodes,), low=0, high=potentials.n_labels)
-    total = float(potentials.unary[np.arange(graph.n_nodes), chosen].sum())
+    total = float(_picked(potentials.unary, chosen).sum())
     if potentials.agreement is None and potentials.pairwise is None:
         return total  # without asking for the edges, which a grid lists only on demand
     first, second = chosen[graph.edges[:, 0]], chosen[graph.edges[:, 1]]
@@ -129,3 +129,12 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
     elif potentials.pairwise is not None:
         total += float(potentials.pairwise[np.arange(graph.n_edges), first, second].sum())
     return total
+
+
+def _picked(table: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(N,) the entry of each row (N, K) that ``columns`` (N,) names; few temporary arrays."""
+    found = np.empty(len(table))
+    for first in range(0, len(table), ROWS_AT_ONCE):
+        part = slice(first, first + ROWS_AT_ONCE)
+        found[part] = np.take_along_axis(table[part], columns[part, np.newaxis], axis=1)[:, 0]
+    return found

@@ -1,6 +1,6 @@
 """From scans to unary potentials: what the boosted decision list says of every cell of a map."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from pgm_places.grid import OccupancyGrid
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.layout import GridLayout
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.progress import Progress, Silent
+from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 
@@ -99,8 +99,7 @@ class UnaryModel:
         """The scores of a grid graph's nodes: scans, features and list, streamed in tiles.
 
         Only the features that the lists and the result need are computed. Memory beyond the result
-        is bounded by the ray caster's tiles, whatever the map's size; with context, ``8 (K - 1)``
-        bytes a node more.
+        is bounded by the ray caster's tiles and by bands of rows, whatever the map's size.
         """
         layout = _grid_layout(graph)
         progress = progress or Silent()
@@ -114,46 +113,61 @@ class UnaryModel:
         n = graph.n_nodes
         laser = np.empty((n, self.n_labels))
         features = np.empty((n, len(handed)), np.float32) if with_node_features else None
-        # The second list waits for the first one's results all around: its stumps on the scans
-        # vote now, so that the scans' features need not be kept.
-        votes = None if second is None else np.empty((len(second.classifiers), n))
+        context = None if second is None else np.empty((n, self.n_labels))
+
+        def take(nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
+            laser[nodes] = aligned_log_proba(first_list, values, self.n_labels, n_threads)
+            if features is not None:
+                features[nodes] = values[:, np.searchsorted(needed, handed)]
+            if context is not None and laser_part is not None:
+                # The second list waits for the first one's results all around: its stumps on the
+                # scans vote now, so that the scans' features need not be kept.
+                votes = laser_part.scores(values, n_threads=n_threads)
+                context[nodes, : len(votes)] = votes.T
+
         with progress.stage("scans, features and list") as stage:
-            done = 0
-            for block in iter_cast(grid, self.sensor, mask=layout.mask(), n_threads=n_threads):
-                values = extract(
-                    block.ranges,
-                    max_range_m=self.sensor.max_range_m,
-                    columns=needed,
-                    n_threads=n_threads,
-                )
-                laser[block.nodes] = aligned_log_proba(first_list, values, self.n_labels, n_threads)
-                if features is not None:
-                    features[block.nodes] = values[:, np.searchsorted(needed, handed)]
-                if laser_part is not None and votes is not None:
-                    votes[:, block.nodes] = laser_part.scores(values, n_threads=n_threads)
-                done += len(block.nodes)
-                stage.update(done / max(n, 1))
-        context = None
-        if second is not None and votes is not None:
+            self._stream(grid, layout.mask(), needed, take, n_threads, stage)
+        if second is not None and context is not None:
             with progress.stage("spatial context"):
-                context = self._context_scores(second, grid, layout, laser, votes)
+                self._add_context(second, grid, layout, laser, context)
         return CellScores(
             sealed(laser),
             None if context is None else sealed(context),
             None if features is None else sealed(features),
         )
 
-    def _context_scores(
+    def _stream(
+        self,
+        grid: OccupancyGrid,
+        mask: NDArray[np.bool_],
+        columns: NDArray[np.int64],
+        take: Callable[[NDArray[np.int64], NDArray[np.float32]], None],
+        n_threads: int | None,
+        stage: Stage,
+    ) -> None:
+        """Hand the nodes and features (n, F) of block after block of scans to ``take``."""
+        done, total = 0, int(np.count_nonzero(mask))
+        for block in iter_cast(grid, self.sensor, mask=mask, n_threads=n_threads):
+            values = extract(
+                block.ranges,
+                max_range_m=self.sensor.max_range_m,
+                columns=columns,
+                n_threads=n_threads,
+            )
+            take(block.nodes, values)
+            done += len(block.nodes)
+            stage.update(done / max(total, 1))
+
+    def _add_context(
         self,
         second: BoostedList,
         grid: OccupancyGrid,
         layout: GridLayout,
         laser: NDArray[np.float64],
-        votes: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """(N, K) log z of the second list, from its votes (C, N) on laser features alone."""
+        context: NDArray[np.float64],
+    ) -> None:
+        """Turn ``context`` (N, K), the list's votes on laser features so far, into its log z."""
         context_part = second.part(np.arange(len(LASER_FEATURES), second.n_features))
-        context = np.empty_like(laser)
         bands = iter_window_means(
             layout,
             lambda nodes: np.exp(laser[nodes]),
@@ -162,9 +176,9 @@ class UnaryModel:
             grid.resolution_m,
         )
         for nodes, means in bands:
-            scores = votes[:, nodes] + context_part.scores(means)
+            scores = context_part.scores(means)
+            scores += context[nodes, : len(scores)].T
             context[nodes] = _aligned(second, second.log_histogram_of(scores), self.n_labels)
-        return context
 
 
 def fit_unary(

@@ -40,7 +40,7 @@ def collect(
     store: NDArray[np.float32],
     cells: NDArray[np.int32],
     index: NDArray[np.int32],
-    out: NDArray[np.float64],
+    out: NDArray[np.float32],
 ) -> None:
     """Read node beliefs (n, K) from the store (K, M), each row normalised once more."""
     for i in range(cells.shape[0]):

@@ -161,8 +161,8 @@ def relax_grid(
         run_tasks(update, len(tasks), n_threads=threads)
         return results
 
-    def current() -> NDArray[np.float64]:
-        beliefs = np.empty((n_nodes, n_labels))
+    def current() -> NDArray[np.float32]:
+        beliefs = np.empty((n_nodes, n_labels), np.float32)
         collect(store, cells, rows.index, beliefs)
         return beliefs
 
@@ -237,7 +237,8 @@ def _fill(
     store = np.zeros((unary.shape[1], rows.n_cells), np.float32)
     for begin in range(0, len(cells), NODES_AT_ONCE):
         part = slice(begin, begin + NODES_AT_ONCE)
-        place(starting_beliefs(unary[part], floor=floor), cells[part], rows.index, store)
+        beliefs = starting_beliefs(unary[part], floor=floor, first_node=begin)
+        place(beliefs, cells[part], rows.index, store)
     return store
 
 

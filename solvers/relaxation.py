@@ -9,6 +9,7 @@ The update of every node (paper eq. 4 and 5)::
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,9 +21,12 @@ from pgm_places.errors import InputError
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
 NODES_PER_TASK = 4096
+NODES_AT_ONCE = 65_536  # while normalising: bounds the temporary arrays
 TASKS_PER_THREAD = 4  # fewer tasks than this a thread and starting threads costs more than it saves
 
-OnIteration = Callable[[int, float, Callable[[], NDArray[np.float64]]], None]
+Beliefs = NDArray[np.floating[Any]]
+
+OnIteration = Callable[[int, float, Callable[[], Beliefs]], None]
 """Called after each iteration with its number from 1, the largest change of a belief, and a
 function that returns the beliefs (N, K) of the moment."""
 
@@ -36,7 +40,7 @@ class Relaxed:
 
     Parameters
     ----------
-    beliefs : (N, K) float
+    beliefs : (N, K) float64, or float32 from a raster, where they are computed in it
         Rows sum to one.
     converged : bool
         Whether no belief changed by more than the tolerance in the last iteration.
@@ -47,7 +51,7 @@ class Relaxed:
         with those of their neighbours (average local consistency).
     """
 
-    beliefs: NDArray[np.float64]
+    beliefs: Beliefs
     converged: bool
     max_change: list[float] = field(default_factory=list)
     mean_change: list[float] = field(default_factory=list)
@@ -59,7 +63,9 @@ class Relaxed:
         return len(self.max_change)
 
 
-def starting_beliefs(unary: ArrayLike, *, floor: float = 0.0) -> NDArray[np.float64]:
+def starting_beliefs(
+    unary: ArrayLike, *, floor: float = 0.0, first_node: int = 0
+) -> NDArray[np.float64]:
     """(N, K) probabilities from log-probabilities up to a constant per row.
 
     Parameters
@@ -69,6 +75,8 @@ def starting_beliefs(unary: ArrayLike, *, floor: float = 0.0) -> NDArray[np.floa
     floor : float
         Other probabilities below are raised to it before rows are normalised again: a product
         update cannot bring back a label that starts at 0.
+    first_node : int
+        The number of the first row's node, for messages.
 
     Examples
     --------
@@ -76,16 +84,20 @@ def starting_beliefs(unary: ArrayLike, *, floor: float = 0.0) -> NDArray[np.floa
     [[0.75, 0.25]]
     """
     array = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
-    best = array.max(axis=1, keepdims=True, initial=-np.inf)
-    forbidden = np.flatnonzero(~np.isfinite(best[:, 0]))
-    if len(forbidden):
-        raise InputError(f"unary forbids every label at node {forbidden[0]}")
-    weights = np.exp(array - best)
-    weights /= weights.sum(axis=1, keepdims=True)
-    if floor > 0:
-        np.maximum(weights, floor, out=weights, where=np.isfinite(array))
+    beliefs = np.empty(array.shape)
+    for first in range(0, len(array), NODES_AT_ONCE):
+        part, weights = (rows[first : first + NODES_AT_ONCE] for rows in (array, beliefs))
+        best = part.max(axis=1, keepdims=True, initial=-np.inf)
+        forbidden = np.flatnonzero(~np.isfinite(best[:, 0]))
+        if len(forbidden):
+            node = first_node + first + forbidden[0]
+            raise InputError(f"unary forbids every label at node {node}")
+        np.exp(part - best, out=weights)
         weights /= weights.sum(axis=1, keepdims=True)
-    return weights
+        if floor > 0:
+            np.maximum(weights, floor, out=weights, where=np.isfinite(part))
+            weights /= weights.sum(axis=1, keepdims=True)
+    return beliefs
 
 
 def relax_graph(
@@ -166,7 +178,7 @@ def relax_graph(
 
 def repeat(
     step: Step,
-    current: Callable[[], NDArray[np.float64]],
+    current: Callable[[], Beliefs],
     shape: tuple[int, int],
     iterations: int,
     tolerance: float,

@@ -1,6 +1,7 @@
 """Pictures of labelled maps: labels, differences, probabilities, and an overview."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +32,7 @@ from pgm_places.report.sheet import ColourBar, Entry, Panel, sheet_png
 
 __all__ = ["difference_map", "entropy", "label_map", "overview", "probability_maps"]
 
+_NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000
 _GROUND_ENTRIES = (
     Entry(WALL, "occupied"),
@@ -153,14 +155,17 @@ def probability_maps(
     return sheet_png(panels, columns=2, title=title, bars=bars)
 
 
-def entropy(beliefs: NDArray[np.float64]) -> NDArray[np.float64]:
+def entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(N,) entropy of each row of beliefs (N, K) as a share of the largest, ``log K``."""
     n_labels = beliefs.shape[1]
     if n_labels < 2:
         return np.zeros(len(beliefs))
-    positive = np.clip(beliefs, np.finfo(np.float64).tiny, 1.0)
-    share = -(positive * np.log(positive)).sum(axis=1) / np.log(n_labels)
-    return np.asarray(np.clip(share, 0.0, 1.0))
+    share = np.empty(len(beliefs))
+    for first in range(0, len(beliefs), _NODES_AT_ONCE):
+        part = slice(first, first + _NODES_AT_ONCE)
+        positive = np.clip(beliefs[part], np.finfo(np.float64).tiny, 1.0)
+        share[part] = -(positive * np.log(positive)).sum(axis=1) / np.log(n_labels)
+    return np.clip(share, 0.0, 1.0, out=share)
 
 
 def overview(
@@ -197,7 +202,8 @@ def overview(
     if beliefs is not None:
         if layout is None:
             raise InputError("beliefs need the layout of their nodes; pass layout as well")
-        array = finite_array("beliefs", beliefs, (len(layout.cells_rc), len(label_names)))
+        shape = (len(layout.cells_rc), len(label_names))
+        array = finite_array("beliefs", beliefs, shape, dtype=None)
         panels.append(_entropy_panel(grid, array, layout, view))
         bars = (ColourBar("entropy", "entropy", "sure", "undecided"),)
     height, width = view.shape
@@ -211,7 +217,7 @@ def overview(
 
 
 def _entropy_panel(
-    grid: OccupancyGrid, beliefs: NDArray[np.float64], layout: GridLayout, view: View
+    grid: OccupancyGrid, beliefs: NDArray[np.floating[Any]], layout: GridLayout, view: View
 ) -> Panel:
     return Panel(value_canvas(grid, entropy(beliefs), layout, "entropy", view), "entropy")
 

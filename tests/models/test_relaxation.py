@@ -48,7 +48,7 @@ def a_problem(noise: float, seed: int = 0) -> tuple[LabelingProblem, NDArray[np.
     return LabelingProblem(graph, NAMES, unary=np.log(z)), true
 
 
-def beliefs(labeling: Labeling) -> NDArray[np.float64]:
+def beliefs(labeling: Labeling) -> NDArray[np.floating[Any]]:
     assert labeling.beliefs is not None
     return labeling.beliefs
 
