@@ -87,7 +87,11 @@ def njit(
             if _CACHE is not None:
                 numba.config.CACHE_DIR = str(_CACHE)
             compiled: Callable[P, R] = numba.njit(
-                nogil=True, error_model="numpy", fastmath=fastmath, cache=_CACHE is not None
+                nogil=True,
+                error_model="numpy",
+                fastmath=fastmath,
+                no_cfunc_wrapper=True,
+                cache=_CACHE is not None,
             )(plain)
         finally:
             numba.config.CACHE_DIR = before
