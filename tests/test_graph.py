@@ -251,3 +251,23 @@ def test_sparse_matrix_must_be_square_without_loops() -> None:
 def test_edges_in_two_rows_are_told_to_be_transposed() -> None:
     with pytest.raises(InputError, match=r"shape \(E, 2\), got \(2, 3\); transpose them"):
         LabelGraph.from_edges(4, [[0, 1, 2], [1, 2, 3]])
+
+
+@pytest.mark.parametrize("connectivity", [4, 8])
+@given(free=masks)
+def test_edges_of_a_grid_are_counted_without_listing_them(
+    connectivity: int, free: np.ndarray
+) -> None:
+    graph = LabelGraph.from_grid(free, connectivity=connectivity)
+    assert graph.n_edges == len(neighbours_by_hand(free, connectivity))
+    assert "edges" not in vars(graph)
+    assert len(graph.edges) == graph.n_edges
+    LabelGraph(graph.n_nodes, graph.edges, graph.edge_kind)  # which checks their order
+
+
+def test_a_part_of_a_grid_is_a_grid_with_positions() -> None:
+    grid = OccupancyGrid(np.zeros((2, 3), np.int8), resolution_m=0.5)
+    part = LabelGraph.from_grid(grid, connectivity=4).subgraph([1, 0, 0, 1, 1, 1])
+    assert part.edges.tolist() == [[0, 1], [1, 2], [2, 3]]
+    assert part.positions_m is not None
+    assert part.positions_m.tolist() == [[0.25, 0.25], [0.25, 0.75], [0.75, 0.75], [1.25, 0.75]]

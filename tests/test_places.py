@@ -195,3 +195,12 @@ def test_noise_changes_scans_but_not_from_run_to_run(known: LabelledMap) -> None
     )
     assert (first.labels == second.labels).all()
     assert (first.labels != plain.fit([known]).label(known.grid).labels).any()
+
+
+def test_only_what_the_methods_want_is_computed(labeler: PlaceLabeler, known: LabelledMap) -> None:
+    _, plain = labeler.scores(known.grid, methods=["relaxation"])
+    assert plain.context is None
+    assert plain.node_features is None
+    _, every = labeler.scores(known.grid)
+    assert every.node_features is not None
+    np.testing.assert_array_equal(plain.laser, every.laser)

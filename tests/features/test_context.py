@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pgm_places.errors import InputError
+from pgm_places.features import context
 from pgm_places.features.context import window_means
 from pgm_places.layout import GridLayout
 
@@ -36,3 +37,15 @@ def test_wrong_rows_are_refused() -> None:
     layout = GridLayout((1, 2), np.array([[0, 0], [0, 1]], np.int32))
     with pytest.raises(InputError, match=r"values must have shape \(2, K\), got \(3, 1\)"):
         window_means(layout, np.zeros((3, 1)), [1.0], 0.1)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 7])
+def test_bands_of_rows_do_not_change_a_bit(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    free = rng.random((30, 20)) < 0.6
+    free[8:14] = False  # a band without nodes
+    layout = GridLayout.of_mask(free)
+    values = rng.random((int(free.sum()), 3))
+    whole = window_means(layout, values, [0.1, 0.5], 0.1)
+    monkeypatch.setattr(context, "ROWS_AT_ONCE", rows)
+    np.testing.assert_array_equal(window_means(layout, values, [0.1, 0.5], 0.1), whole)

@@ -299,6 +299,16 @@ def test_restricted_needs_only_the_columns_it_was_given() -> None:
     np.testing.assert_array_equal(np.sort(columns[small.used_features_]), model.used_features_)
 
 
+def test_parts_of_a_list_add_up_to_it() -> None:
+    model, X = fitted()
+    whole = model.boosted_list_
+    first, rest = [4, 1], [0, 2, 3, 5]
+    votes = whole.part(first).scores(X[:, first]) + whole.part(rest).scores(X[:, rest])
+    np.testing.assert_allclose(votes, whole.scores(X), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(whole.log_histogram_of(votes), whole.log_histogram(X), atol=1e-12)
+    assert not whole.part([]).scores(X[:, []]).any()
+
+
 def test_restricted_refuses_columns_that_do_not_serve() -> None:
     model, _ = fitted()
     first = model.used_features_[0]

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers import _relaxation_kernels, grid_relaxation
+from pgm_places.solvers import _relaxation_kernels, grid_relaxation, relaxation
 from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from tests.reference.relaxation import STEPS, relaxed_grid
@@ -286,3 +286,17 @@ def test_bad_graphs() -> None:
         relax_graph(unary, [0, 1, 2], [1, 0], table, weight=[1.5, 0.5])
     with pytest.raises(InputError, match="table must hold integers"):
         relax_graph(unary, [0, 1, 2], [1, 0], table, table=[0, 1])
+
+
+def test_a_node_without_labels_is_named_by_its_own_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 3)
+    monkeypatch.setattr(relaxation, "NODES_AT_ONCE", 2)
+    unary = np.zeros((8, 2))
+    unary[7] = -np.inf
+    cells = np.argwhere(np.ones((2, 4), np.bool_))
+    with pytest.raises(InputError, match="every label at node 7"):
+        relax_grid(unary, cells, (2, 4), np.zeros((1, 3, 3)))
+    with pytest.raises(InputError, match="every label at node 7"):
+        starting_beliefs(unary)
