@@ -15,6 +15,7 @@ TOPICS = (
     "features",
     "boosting",
     "labelling",
+    "large_map",
     "relaxation",
     "inference",
     "amn_learning",

@@ -5,11 +5,17 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from pgm_places.cli.ahead import compiled_ahead, stage_of
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pgm_places.experiment import Experiment
+    from pgm_places.io.map_server import MapFile
+    from pgm_places.places import PlaceLabeler
+    from pgm_places.progress import Progress
 
 __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
 
@@ -37,7 +43,9 @@ def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: b
 
     experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
     check_writable_folder(out)  # an unwritable folder shows before the work, not after
-    comparison = compare(experiment)
+    stages = ["features", "boosting", *(item.name for item in experiment.config.methods)]
+    with compiled_ahead(stages, n_threads=n_threads):
+        comparison = compare(experiment)
     with experiment.progress.stage("report"):
         written = write_comparison(comparison, out)
     typer.echo(comparison_table(comparison))
@@ -69,7 +77,9 @@ def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: boo
 
     experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
     check_target(out)
-    labeler = train(experiment)
+    stages = ["features", "boosting", *(item.name for item in experiment.config.methods)]
+    with compiled_ahead(stages, n_threads=n_threads):
+        labeler = train(experiment)
     record: dict[str, Any] = {
         "config": resolved_config(experiment.config, labeler),
         "inputs": experiment.inputs,
@@ -92,22 +102,37 @@ def run_label(
     quiet: bool,
 ) -> None:
     """``pgm-places label``."""
-    from pgm_places.cli.places import rules_of, write_places
     from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.map_server import load_map
-    from pgm_places.label_map import label_map
     from pgm_places.place_files import load_labeler
-    from pgm_places.report.label_files import write_labels
 
     progress = make_progress(quiet=quiet)
     labeler, record = load_labeler(model)
-    labeler.method(method)  # an unknown method shows before the work
+    backend = labeler.method(method).backend  # an unknown method shows before the work
     with progress.stage("map"):
         loaded = load_map(map_yaml, unknown_value=unknown_value)
     for message in loaded.warnings:
         progress.warn(message)
     check_writable_folder(out)
     typer.echo(shares_line(loaded.fractions))
+    with compiled_ahead(["features", stage_of(backend), "topology"], n_threads=n_threads):
+        _label(labeler, record, loaded, method, out, n_threads, progress)
+
+
+def _label(
+    labeler: "PlaceLabeler",
+    record: "Mapping[str, Any]",
+    loaded: "MapFile",
+    method: str | None,
+    out: Path,
+    n_threads: int | None,
+    progress: "Progress",
+) -> None:
+    """Label a map that has been read; write labels, pictures and places."""
+    from pgm_places.cli.places import rules_of, write_places
+    from pgm_places.label_map import label_map
+    from pgm_places.report.label_files import write_labels
+
     result = label_map(labeler, loaded.grid, method=method, n_threads=n_threads, progress=progress)
     for message in result.warnings:
         progress.warn(message)
