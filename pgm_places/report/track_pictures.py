@@ -115,7 +115,7 @@ def belief_plot(track: Track, *, title: str | None = None) -> bytes:
     return page.png()
 
 
-def _filled(column: NDArray[np.int64], beliefs: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filled(column: NDArray[np.int64], beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(PLOT_COLUMNS, K) mean beliefs per column; a column without a step shows the one before."""
     sums = np.zeros((PLOT_COLUMNS, beliefs.shape[1]))
     counts = np.bincount(column, minlength=PLOT_COLUMNS)
