@@ -1,6 +1,10 @@
 """A map with larger cells: which blocks are free, occupied or unknown, and their labels."""
 
 from collections.abc import Iterator
+from fractions import Fraction
+from itertools import count
+from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,24 +20,24 @@ _SAME = 1e-3
 _CHUNK_CELLS = 1 << 22
 
 
-def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> int:
+def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
     """How many cells of ``grid`` stand along the side of a cell of ``resolution_m``.
+
+    The simplest fraction within a thousandth, so that 0.02 m to 0.05 m is 5/2.
 
     Raises
     ------
     MapError
-        Where that is not a whole number from 1 on.
+        Where that is less than 1, or no number.
     """
-    ratio = resolution_m / grid.resolution_m if np.isfinite(resolution_m) else np.nan
-    factor = round(ratio) if np.isfinite(ratio) else 0
-    if factor < 1 or abs(ratio - factor) > _SAME * factor:
-        low = max(1, int(np.floor(ratio))) if np.isfinite(ratio) else 1
-        offers = " or ".join(f"{n * grid.resolution_m:g}" for n in (low, low + 1))
+    ratio = resolution_m / grid.resolution_m if np.isfinite(resolution_m) else 0.0
+    if ratio < 1 - _SAME:
         raise MapError(
             f"a map with cells of {grid.resolution_m:g} m cannot be brought to {resolution_m:g} m: "
-            f"cells are joined in square blocks of a whole number of cells; take e.g. {offers} m"
+            f"cells are joined, never split; take at least {grid.resolution_m:g} m"
         )
-    return factor
+    fractions = (Fraction(round(ratio * parts), parts) for parts in count(1))
+    return next(f for f in fractions if abs(ratio - f) <= _SAME * ratio)
 
 
 def coarsen(
@@ -45,27 +49,29 @@ def coarsen(
 ) -> OccupancyGrid:
     """The map with blocks of f x f cells joined into one; origin and yaw are kept.
 
-    A block is *occupied* where at least ``occupied_share`` of its cells are occupied; else *free*
-    where at least ``free_share`` of them are free; else *unknown*. Blocks start at cell (0, 0);
-    those that stick out at the top or the right are filled up with unknown cells.
+    A block is *occupied* where at least ``occupied_share`` of its area is occupied; else *free*
+    where at least ``free_share`` of it is free; else *unknown*. Blocks start at cell (0, 0); where
+    f is no whole number, a cell on a border counts in each block by the part that lies in it.
+    Blocks that stick out at the top or the right are filled up with unknown cells.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The fine map.
     resolution_m : float
-        Side of the new cells, a whole multiple f of the map's own.
+        Side of the new cells, f times the map's own; f is at least 1.
     occupied_share : float, optional
-        From 0 (exclusive) to 1; by default ``1 / f``, the share of a straight wall one cell thick
-        that crosses the block. A larger share lets such walls vanish, a smaller one narrows
-        doorways by up to a coarse cell on each side.
+        From 0 (exclusive) to 1; by default ``1 / f`` for a whole f, the share of a straight wall
+        one cell thick that crosses the block, and ``1 / (2 f)`` else, as a border may halve such a
+        wall. A larger share lets such walls vanish, a smaller one narrows doorways by up to a
+        coarse cell on each side.
     free_share : float
         From 0 (exclusive) to 1.
 
     Raises
     ------
     MapError
-        Where f is not a whole number or a share is out of range.
+        Where f is less than 1 or a share is out of range.
 
     Examples
     --------
@@ -74,22 +80,25 @@ def coarsen(
     [[100, 0]]
     """
     factor = coarsening_factor(grid, resolution_m)
-    share = 1 / factor if occupied_share is None else occupied_share
+    if occupied_share is None:
+        share = 1 / float(factor if factor.denominator == 1 else 2 * factor)
+    else:
+        share = occupied_share
     for name, value in (("occupied_share", share), ("free_share", free_share)):
         if not 0 < value <= 1:
             raise MapError(f"{name} must be above 0 and at most 1, got {value:g}")
     if factor == 1:
         return grid
-    size = factor * factor
+    size = factor.numerator**2  # of a block, in pieces of 1/denominator of a cell's side
     least_occupied, least_free = _least(share, size), _least(free_share, size)
-    height, width = grid.shape
-    cells = np.full((-(-height // factor), -(-width // factor)), UNKNOWN, np.int8)
-    for rows, part in _block_rows(grid.cells, factor, fill=UNKNOWN):
+    shape = _coarse_shape(grid, factor)
+    cells = np.full(shape, UNKNOWN, np.int8)
+    for rows, part in _block_rows(grid.cells, factor):
         out = cells[rows]
-        out[_count(part == FREE, factor) >= least_free] = FREE
-        out[_count(part == OCCUPIED, factor) >= least_occupied] = OCCUPIED
+        out[_areas(part == FREE, factor, out.shape) >= least_free] = FREE
+        out[_areas(part == OCCUPIED, factor, out.shape) >= least_occupied] = OCCUPIED
     cells.setflags(write=False)
-    return OccupancyGrid(cells, factor * grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
+    return OccupancyGrid(cells, float(factor) * grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
 
 
 def coarsen_labels(
@@ -97,8 +106,8 @@ def coarsen_labels(
 ) -> NDArray[np.int16]:
     """(h, w) label of each cell of a coarsened map; -1 for none and for cells that are not free.
 
-    The most frequent entry among the free fine cells of the block, "no label" being one of them;
-    a label wins a tie against "no label", the first of several labels one among themselves.
+    The entry with the largest area among the free fine cells of the block, "no label" being one of
+    them; a label wins a tie against "no label", the first of several labels one among themselves.
 
     Parameters
     ----------
@@ -122,8 +131,7 @@ def coarsen_labels(
     [[1, -1]]
     """
     factor = coarsening_factor(grid, coarse.resolution_m)
-    height, width = grid.shape
-    if coarse.shape != (-(-height // factor), -(-width // factor)):
+    if coarse.shape != _coarse_shape(grid, factor):
         raise LabelError(
             f"a map of {grid.shape} cells coarsened by {factor} does not have {coarse.shape} cells"
         )
@@ -133,37 +141,52 @@ def coarsen_labels(
     n_labels = int(fine.max()) + 1
     result = np.full(coarse.shape, -1, np.int16)
     masked = np.where(grid.free, fine, n_labels).astype(np.int16)  # n_labels: not free
-    for rows, part in _block_rows(masked, factor, fill=n_labels):
-        counts = [_count(part == k, factor) for k in (*range(n_labels), -1)]
-        best = np.argmax(np.stack(counts), axis=0)  # the first of the largest
+    for rows, part in _block_rows(masked, factor):
+        shape = result[rows].shape
+        areas = [_areas(part == k, factor, shape) for k in (*range(n_labels), -1)]
+        best = np.argmax(np.stack(areas), axis=0)  # the first of the largest
         result[rows] = np.where(best == n_labels, -1, best)
     result[~coarse.free] = -1
     return result
 
 
+def _coarse_shape(grid: OccupancyGrid, factor: Fraction) -> tuple[int, int]:
+    height, width = grid.shape
+    return ceil(height / factor), ceil(width / factor)
+
+
 def _least(share: float, size: int) -> int:
-    """The smallest count of ``size`` cells that is at least this share, rounding errors aside."""
+    """The smallest whole part of ``size`` that is at least this share, rounding errors aside."""
     return max(1, int(np.ceil(share * size - 1e-9 * size)))
 
 
 def _block_rows(
-    cells: NDArray[np.integer], factor: int, *, fill: int
+    cells: NDArray[np.integer], factor: Fraction
 ) -> Iterator[tuple[slice, NDArray[np.integer]]]:
-    """Rows of blocks and their cells, filled up to whole blocks; a few million cells at a time."""
+    """Rows of blocks and their cells, a few million cells at a time; no cell is in two parts."""
     height, width = cells.shape
-    wide = -(-width // factor) * factor
-    n_block_rows = -(-height // factor)
-    step = max(1, _CHUNK_CELLS // (wide * factor))
-    for first in range(0, n_block_rows, step):
-        last = min(first + step, n_block_rows)
-        part = np.full(((last - first) * factor, wide), fill, cells.dtype)
-        source = cells[first * factor : last * factor]
-        part[: len(source), :width] = source
-        yield slice(first, last), part
+    blocks, tall = factor.denominator, factor.numerator  # so many blocks hold so many whole cells
+    repeats = max(1, _CHUNK_CELLS // (width * tall))
+    for turn in range(0, ceil(height / tall), repeats):
+        part = cells[turn * tall : (turn + repeats) * tall]
+        first = turn * blocks
+        yield slice(first, first + ceil(len(part) / factor)), part
 
 
-def _count(mask: NDArray[np.bool_], factor: int) -> NDArray[np.int64]:
-    """(h, w) number of true cells in each block."""
-    height, width = mask.shape
-    blocks = mask.reshape(height // factor, factor, width // factor, factor)
-    return np.asarray(blocks.sum(axis=(1, 3), dtype=np.int64))
+def _areas(mask: NDArray[np.bool_], factor: Fraction, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """(h, w) area of the true cells in each block; a cell is ``denominator**2``."""
+    tall = _run_sums(mask.T, factor, shape[0]).T
+    return _run_sums(tall, factor, shape[1])
+
+
+def _run_sums(values: NDArray[Any], factor: Fraction, n_runs: int) -> NDArray[np.int64]:
+    """(n, n_runs) sum of each row over runs of ``factor`` entries, a cut entry by its parts."""
+    length = values.shape[1]
+    total = np.zeros((len(values), length + 1), np.int64)
+    np.cumsum(values, axis=1, out=total[:, 1:])
+    ends = np.minimum(np.arange(n_runs + 1) * factor.numerator, length * factor.denominator)
+    entry, rest = np.divmod(ends, factor.denominator)
+    before = total[:, entry] * factor.denominator
+    cut = np.flatnonzero(rest)
+    before[:, cut] += values[:, entry[cut]] * rest[cut]
+    return np.diff(before, axis=1)

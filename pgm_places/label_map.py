@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.coarsening import coarsen
+from pgm_places.coarsening import coarsen, coarsening_factor
 from pgm_places.errors import MapError
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
@@ -120,13 +120,12 @@ def _at_model_resolution(
     wanted = labeler.resolution_m
     if wanted is None or abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
         return grid, []
-    factor = wanted / grid.resolution_m
-    if factor > 1.5 and abs(factor - round(factor)) < SAME_RESOLUTION * factor:
+    if wanted > grid.resolution_m:
         note = (
             f"the map has cells of {grid.resolution_m:g} m, the model learned at {wanted:g} m: "
-            f"coarsened by {round(factor)} and painted back"
+            f"coarsened by {float(coarsening_factor(grid, wanted)):g} and painted back"
         )
-        return coarsen(grid, round(factor) * grid.resolution_m), [note]
+        return coarsen(grid, wanted), [note]
     note = (
         f"the map has cells of {grid.resolution_m:g} m, the model learned at {wanted:g} m; "
         "expect worse labels, or train a model at this resolution"
@@ -140,9 +139,13 @@ def _painted_back(
     """Coarse labels on the fine raster; free cells without one take the nearest label."""
     from scipy.ndimage import distance_transform_edt
 
-    factor = round(coarse.resolution_m / grid.resolution_m)
-    rows, columns = grid.shape
-    fine = np.repeat(np.repeat(raster, factor, axis=0), factor, axis=1)[:rows, :columns]
+    # A fine cell takes the label of the coarse cell that holds its centre.
+    ratio = grid.resolution_m / coarse.resolution_m
+    rows, columns = (
+        np.minimum(((np.arange(size) + 0.5) * ratio).astype(np.int64), limit - 1)
+        for size, limit in zip(grid.shape, coarse.shape, strict=True)
+    )
+    fine = raster[np.ix_(rows, columns)]
     open_cells = grid.free & (fine < 0)
     if open_cells.any() and (fine >= 0).any():
         nearest = distance_transform_edt(fine < 0, return_distances=False, return_indices=True)

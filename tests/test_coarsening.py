@@ -1,5 +1,7 @@
 """Coarser maps: the stated rule, walls that stay, doorways that stay open, labels by majority."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -22,7 +24,7 @@ def random_grid(shape: tuple[int, int], seed: int) -> OccupancyGrid:
 
 @given(
     shape=shapes,
-    factor=st.integers(2, 5),
+    factor=st.builds(Fraction, st.integers(2, 10), st.integers(1, 4)).filter(lambda f: f > 1),
     shares=st.tuples(
         st.sampled_from([None, 0.1, 0.25, 0.5, 1.0]), st.sampled_from([0.2, 0.5, 1.0])
     ),
@@ -31,7 +33,7 @@ def random_grid(shape: tuple[int, int], seed: int) -> OccupancyGrid:
 )
 def test_cells_and_labels_are_those_of_the_reference(
     shape: tuple[int, int],
-    factor: int,
+    factor: Fraction,
     shares: tuple[float | None, float],
     seed: int,
     chunk: int,
@@ -40,9 +42,10 @@ def test_cells_and_labels_are_those_of_the_reference(
     labels = np.random.default_rng(seed + 1).integers(-1, 3, shape).astype(np.int16)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_CHUNK_CELLS", chunk)
-        coarse = coarsen(grid, factor * 0.05, occupied_share=shares[0], free_share=shares[1])
+        coarse = coarsen(grid, float(factor) * 0.05, occupied_share=shares[0], free_share=shares[1])
         found = coarsen_labels(labels, grid, coarse)
-    expected = coarse_cells(grid.cells, factor, shares[0] or 1 / factor, shares[1])
+    default = 1 / (factor if factor.denominator == 1 else 2 * factor)
+    expected = coarse_cells(grid.cells, factor, shares[0] or float(default), shares[1])
     assert (coarse.cells == expected).all()
     assert (found == coarse_labels(labels, grid.free, coarse.free, factor)).all()
     assert found.dtype == np.int16
@@ -61,19 +64,20 @@ def test_the_frame_is_kept() -> None:
 
 
 @given(
-    factor=st.integers(2, 10),
+    factor=st.integers(2, 10).map(Fraction)
+    | st.sampled_from([Fraction(3, 2), Fraction(5, 2), Fraction(7, 3), Fraction(9, 4)]),
     offset=st.integers(0, 9),
     thickness=st.integers(1, 3),
     upright=st.booleans(),
 )
 def test_a_straight_wall_of_one_cell_never_vanishes(
-    factor: int, offset: int, thickness: int, upright: bool
+    factor: Fraction, offset: int, thickness: int, upright: bool
 ) -> None:
-    cells = np.zeros((4 * factor, 40), np.int8)
-    cells[factor + offset % factor :][:thickness] = 100
+    cells = np.zeros((4 * factor.numerator, 40), np.int8)
+    cells[factor.numerator + offset % factor.numerator :][:thickness] = 100
     grid = OccupancyGrid(cells.T if upright else cells, 0.02)
-    coarse = coarsen(grid, factor * 0.02)
-    whole = 40 // factor  # blocks that lie inside the map along the wall
+    coarse = coarsen(grid, float(factor) * 0.02)
+    whole = int(40 / factor)  # blocks that lie inside the map along the wall
     along = np.any(coarse.occupied, axis=1 if upright else 0)
     assert along[:whole].all()
 
@@ -111,25 +115,19 @@ def test_labels_need_a_majority_and_ties_go_to_labels_then_to_the_first() -> Non
     assert coarsen_labels(labels, grid, coarse).tolist() == [[2, 1, 1, -1]]
 
 
-@pytest.mark.parametrize(
-    ("resolution_m", "message"),
-    [
-        (
-            0.12,
-            "cells of 0.05 m cannot be brought to 0.12 m: cells are joined in square blocks of a",
-        ),
-        (0.12, "take e.g. 0.1 or 0.15 m"),
-        (0.02, "take e.g. 0.05 or 0.1 m"),
-        (0.0, "cannot be brought to 0 m"),
-        (-0.1, "cannot be brought to -0.1 m"),
-        (float("nan"), "cannot be brought to nan m"),
-        (float("inf"), "cannot be brought to inf m"),
-    ],
-)
-def test_other_factors_than_whole_ones_are_refused(resolution_m: float, message: str) -> None:
+@pytest.mark.parametrize("resolution_m", [0.02, 0.0, -0.1, float("nan"), float("inf")])
+def test_smaller_cells_are_refused(resolution_m: float) -> None:
     with pytest.raises(MapError) as caught:
         coarsen(random_grid((4, 4), 0), resolution_m)
-    assert message in str(caught.value)
+    assert f"cells of 0.05 m cannot be brought to {resolution_m:g} m" in str(caught.value)
+    assert "take at least 0.05 m" in str(caught.value)
+
+
+def test_the_simplest_fraction_near_the_ratio_is_taken() -> None:
+    grid = OccupancyGrid(np.zeros((1, 1), np.int8), 0.02)
+    assert coarsening_factor(grid, 0.05) == Fraction(5, 2)
+    assert coarsening_factor(grid, 0.0500001) == Fraction(5, 2)
+    assert coarsen(grid, 0.0500001).resolution_m == pytest.approx(0.05, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """Coarsening block by block (slow), and whether doorways still lead from one side to the other."""
 
-from collections import Counter
+from fractions import Fraction
 from itertools import combinations
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,34 +11,56 @@ from scipy import ndimage
 from pgm_places.grid import FREE, OCCUPIED, UNKNOWN
 
 
-def coarse_cells(
-    cells: NDArray[np.int8], factor: int, occupied_share: float, free_share: float
-) -> NDArray[np.int8]:
-    """One block at a time; cells beyond the map are unknown."""
-    height, width = (-(-size // factor) for size in cells.shape)
-    out = np.empty((height, width), np.int8)
+def block_areas(mask: NDArray[np.bool_], factor: Fraction) -> dict[tuple[int, int], Fraction]:
+    """Area of the true cells in each block, by the overlap of every cell with every block."""
+    height, width = (ceil(size / factor) for size in mask.shape)
+    areas = {}
     for r in range(height):
         for c in range(width):
-            block = cells[r * factor : (r + 1) * factor, c * factor : (c + 1) * factor]
-            if (block == OCCUPIED).sum() / factor**2 >= occupied_share - 1e-9:
-                out[r, c] = OCCUPIED
-            elif (block == FREE).sum() / factor**2 >= free_share - 1e-9:
-                out[r, c] = FREE
-            else:
-                out[r, c] = UNKNOWN
+            areas[r, c] = sum(
+                (
+                    _overlap(i, r, factor) * _overlap(j, c, factor)
+                    for i in range(int(r * factor), min(ceil((r + 1) * factor), mask.shape[0]))
+                    for j in range(int(c * factor), min(ceil((c + 1) * factor), mask.shape[1]))
+                    if mask[i, j]
+                ),
+                Fraction(0),
+            )
+    return areas
+
+
+def _overlap(cell: int, block: int, factor: Fraction) -> Fraction:
+    return min((block + 1) * factor, Fraction(cell + 1)) - max(block * factor, Fraction(cell))
+
+
+def coarse_cells(
+    cells: NDArray[np.int8], factor: Fraction, occupied_share: float, free_share: float
+) -> NDArray[np.int8]:
+    """One block at a time; cells beyond the map are unknown."""
+    height, width = (ceil(size / factor) for size in cells.shape)
+    out = np.full((height, width), UNKNOWN, np.int8)
+    occupied, free = (block_areas(cells == kind, factor) for kind in (OCCUPIED, FREE))
+    for r, c in np.ndindex(out.shape):
+        if occupied[r, c] / factor**2 >= occupied_share - 1e-9:
+            out[r, c] = OCCUPIED
+        elif free[r, c] / factor**2 >= free_share - 1e-9:
+            out[r, c] = FREE
     return out
 
 
 def coarse_labels(
-    labels: NDArray[np.int16], free: NDArray[np.bool_], coarse_free: NDArray[np.bool_], factor: int
+    labels: NDArray[np.int16],
+    free: NDArray[np.bool_],
+    coarse_free: NDArray[np.bool_],
+    factor: Fraction,
 ) -> NDArray[np.int16]:
-    """The most frequent label of each block's free cells, by counting them in a dictionary."""
+    """The label with the largest area among each block's free cells."""
     out = np.full(coarse_free.shape, -1, np.int16)
+    areas = {int(k): block_areas(free & (labels == k), factor) for k in np.unique(labels)}
     for r, c in np.argwhere(coarse_free):
-        window = np.s_[r * factor : (r + 1) * factor, c * factor : (c + 1) * factor]
-        counts = Counter(labels[window][free[window]].tolist())
-        most = max(counts.values())
-        out[r, c] = min((k for k, n in counts.items() if n == most), key=lambda k: (k < 0, k))
+        most = max(area[r, c] for area in areas.values())
+        best = (k for k, area in areas.items() if area[r, c] == most)
+        out[r, c] = min(best, key=lambda k: (k < 0, k))
     return out
 
 
