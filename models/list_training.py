@@ -15,7 +15,14 @@ from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier, score_all
 
-__all__ = ["Folds", "ListTraining", "folds_of_groups", "last_quarters", "platt"]
+__all__ = [
+    "Folds",
+    "ListTraining",
+    "folds_of_groups",
+    "last_quarters",
+    "platt",
+    "prior_calibration",
+]
 
 _MAX_FOLDS = 5
 _MAX_EXHAUSTIVE = 7  # classes; 448 binary classifiers and 2 520 orders
@@ -212,6 +219,23 @@ class ListTraining:
                 np.concatenate(scores), np.concatenate(positive), np.concatenate(weights)
             )
         return found
+
+
+def prior_calibration(
+    order: Sequence[int],
+    labels: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    prior_weight: float,
+) -> NDArray[np.float64]:
+    """(K - 1, 2) slope 2 (eq. 7) and offset of each classifier's confidence.
+
+    The offset is ``prior_weight * log(w+ / w-)`` with the weights of the class and of those later
+    in the list: what Bayes' rule adds to the log-odds learned with ``w+ = w-``.
+    """
+    carried = np.bincount(labels, weights=weights, minlength=len(order))[list(order)]
+    later = np.cumsum(carried[::-1])[::-1][1:]
+    offset = prior_weight * np.log(carried[:-1] / later)
+    return np.stack([np.full(len(order) - 1, 2.0), offset], axis=1)
 
 
 def _log_bins(scores: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -69,17 +69,21 @@ class LabelsConfig(_Record):
 class MapConfig(_Record):
     """A map, where its labels are, and which part of it to use.
 
-    ``map`` is a map_server YAML file. ``labels`` is a label image on the map image's raster, or
-    ``regions`` a GeoJSON file of polygons in map metres whose property ``class`` is translated by
-    ``classes``. ``columns`` and ``rows`` are half-open ranges of image columns and rows counted
-    from the left and the top; ``x_m`` and ``y_m`` are ranges in map metres.
+    ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
+    labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
+    the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres whose property
+    ``class`` is translated by ``classes``. ``columns`` and ``rows`` are half-open ranges of image
+    columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
+    metres. Maps of one ``building`` are held out together; by default, parts of the same map are.
     """
 
-    map: str
+    map: str | None = None
+    generated: Annotated[int, Field(ge=0)] | None = None
     labels: str | None = None
     regions: str | None = None
     classes: dict[str, str] | None = None
     name: str | None = None
+    building: str | None = None
     columns: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
     rows: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
     x_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
@@ -89,7 +93,12 @@ class MapConfig(_Record):
 
     @model_validator(mode="after")
     def _one_source_of_labels(self) -> Self:
-        if (self.labels is None) == (self.regions is None):
+        if (self.map is None) == (self.generated is None):
+            raise ValueError("give map (a YAML file) or generated (a seed), one of them")
+        if self.generated is not None:
+            if self.labels is not None or self.regions is not None:
+                raise ValueError("a generated building brings its own labels; drop labels, regions")
+        elif (self.labels is None) == (self.regions is None):
             raise ValueError("give labels (an image) or regions (a GeoJSON file), one of them")
         if self.classes is not None and self.regions is None:
             raise ValueError("classes translates the classes of regions; there are no regions")
@@ -119,14 +128,18 @@ class ClassifierConfig(_Record):
 
     ``order`` is ``"rarest-first"``, ``"heuristic"`` (the paper's), ``"exhaustive"`` or a list of
     label names. ``learn_on`` says which scores the structured methods learn from: those of cells
-    the list was trained on (``"in-sample"``), or of cells held out in contiguous blocks
-    (``"out-of-fold"``).
+    the list was trained on (``"in-sample"``), or of cells held out (``"out-of-fold"``): whole
+    buildings where there are several, contiguous blocks of the only one else. ``prior_weight``
+    says how far z follows the frequencies of the labels in training, and
+    ``max_examples_per_map`` how many cells of a map the lists are trained on at most.
     """
 
     n_rounds: Annotated[int, Field(ge=1, le=100_000)] = 100
     order: Literal["rarest-first", "heuristic", "exhaustive"] | list[str] = "rarest-first"
     decision: Literal["list", "argmax"] = "list"
     calibration: Literal["none", "platt"] = "none"
+    prior_weight: Annotated[float, Field(ge=0, le=2)] = 0.5
+    max_examples_per_map: Annotated[int, Field(ge=100)] | None = None
     learn_on: Literal["in-sample", "out-of-fold"] = "out-of-fold"
     n_folds: Annotated[int, Field(ge=2, le=50)] = 5
     node_features: Annotated[int, Field(ge=1, le=321)] = 30

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places._version import __version__
 from pgm_places.coarsening import coarsen, coarsen_labels
@@ -25,6 +26,7 @@ from pgm_places.config import (
 )
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation import Evaluation, evaluate
+from pgm_places.grid import OccupancyGrid
 from pgm_places.io.checks import sha256_of
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
@@ -103,21 +105,10 @@ def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
 
 
 def _load_map(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
-    names = experiment.config.labels.names
-    yaml_path = experiment.resolve(source.map)
-    loaded = load_map(yaml_path, compat=source.compat, unknown_value=source.unknown_value)
-    for message in loaded.warnings:
-        experiment.warn(message)
-    for path in (loaded.yaml_path, loaded.image_path):
-        experiment.record_input(path)
-    grid = loaded.grid
-    if source.labels is not None:
-        label_path = experiment.resolve(source.labels)
-        labels = load_labels(label_path, names, grid=grid)
+    if source.generated is None:
+        grid, labels, origin = _read_map(experiment, source)
     else:
-        label_path = experiment.resolve(str(source.regions))
-        labels = load_regions(label_path, names, grid, classes=source.classes)
-    experiment.record_input(label_path)
+        grid, labels, origin = _generated(experiment, source.generated)
     window = window_mask(
         grid, columns=source.columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m
     )
@@ -132,8 +123,8 @@ def _load_map(experiment: Experiment, source: MapConfig, where: str) -> Labelled
         chosen = np.zeros(len(cells), np.bool_)
         chosen[inside] = window[cells[inside, 0], cells[inside, 1]]
         window, grid = chosen.reshape(coarse.shape), coarse
-    name = source.name or _default_name(source, yaml_path)
-    found = LabelledMap(grid, labels, window, name)
+    name = source.name or _default_name(source, origin)
+    found = LabelledMap(grid, labels, window, name, source.building or str(origin))
     if not found.labelled_cells.any():
         raise LabelError(
             f"{where} ({name}): no free cell inside the window has a label; check that the labels "
@@ -142,8 +133,40 @@ def _load_map(experiment: Experiment, source: MapConfig, where: str) -> Labelled
     return found
 
 
-def _default_name(source: MapConfig, yaml_path: Path) -> str:
-    name = yaml_path.stem if yaml_path.stem != "map" else yaml_path.parent.name
+def _read_map(
+    experiment: Experiment, source: MapConfig
+) -> tuple[OccupancyGrid, NDArray[np.int16], Path]:
+    names = experiment.config.labels.names
+    yaml_path = experiment.resolve(str(source.map))
+    loaded = load_map(yaml_path, compat=source.compat, unknown_value=source.unknown_value)
+    for message in loaded.warnings:
+        experiment.warn(message)
+    for path in (loaded.yaml_path, loaded.image_path):
+        experiment.record_input(path)
+    if source.labels is not None:
+        label_path = experiment.resolve(source.labels)
+        labels = load_labels(label_path, names, grid=loaded.grid)
+    else:
+        label_path = experiment.resolve(str(source.regions))
+        labels = load_regions(label_path, names, loaded.grid, classes=source.classes)
+    experiment.record_input(label_path)
+    return loaded.grid, labels, yaml_path
+
+
+def _generated(experiment: Experiment, seed: int) -> tuple[OccupancyGrid, NDArray[np.int16], Path]:
+    """A generated building; its labels are those of the configuration by name."""
+    from pgm_places.datasets.building import generate_building
+
+    building = generate_building(seed)
+    names = experiment.config.labels.names
+    numbers = [names.index(name) if name in names else -1 for name in building.label_names]
+    # The entry after the last serves -1, "no label".
+    labels = np.array([*numbers, -1], np.int16)[building.labels]
+    return building.grid, labels, Path(f"generated building {seed}")
+
+
+def _default_name(source: MapConfig, origin: Path) -> str:
+    name = origin.stem if origin.stem != "map" else origin.parent.name
     parts = []
     for axis in ("columns", "rows", "x_m", "y_m"):
         limits = getattr(source, axis)
@@ -175,6 +198,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         order=order,
         decision=settings.decision,
         calibration=settings.calibration,
+        prior_weight=settings.prior_weight,
     )
     context_m = tuple(config.context.half_widths_m)
     methods = {
@@ -193,6 +217,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         settings.learn_on,
         settings.n_folds,
         settings.node_features,
+        settings.max_examples_per_map,
     )
 
 

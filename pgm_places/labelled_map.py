@@ -28,12 +28,16 @@ class LabelledMap:
         The part to learn from or to test on; the whole map by default.
     name : str
         What to call it in messages and tables.
+    building : str, optional
+        Maps of one building share it: they are never on both sides of a cross-validation. By
+        default each map is a building of its own.
     """
 
     grid: OccupancyGrid
     labels: NDArray[np.int16]
     window: NDArray[np.bool_] | None = None
     name: str = "map"
+    building: str | None = None
 
     def __post_init__(self) -> None:
         labels = np.asarray(self.labels)

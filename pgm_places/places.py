@@ -21,7 +21,7 @@ from pgm_places.movement import learn_movement
 from pgm_places.problem import LabelingProblem
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary import RAREST_FIRST, CellScores, UnaryModel, fit_unary
+from pgm_places.unary import PRIOR_WEIGHT, RAREST_FIRST, CellScores, UnaryModel, fit_unary
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -76,7 +76,7 @@ class PlaceLabeler:
         Half-widths of the windows of the second list; () to do without.
     learn_on : {"in-sample", "out-of-fold"}
         Which scores the methods learn from.
-    n_folds, n_node_features : int
+    n_folds, n_node_features, max_examples_per_map : int
         See :func:`pgm_places.unary.fit_unary`.
     unary_model : UnaryModel or None
         Filled by :meth:`fit`.
@@ -105,6 +105,7 @@ class PlaceLabeler:
     learn_on: str = "out-of-fold"
     n_folds: int = 5
     n_node_features: int = 30
+    max_examples_per_map: int | None = None
     unary_model: UnaryModel | None = field(default=None, repr=False)
     resolution_m: float | None = None
     movement: "HiddenMarkovModel | None" = field(default=None, repr=False)
@@ -150,6 +151,7 @@ class PlaceLabeler:
             sensor=self.sensor,
             classifier=self.classifier or _default_classifier(),
             n_node_features=self.n_node_features,
+            max_examples_per_map=self.max_examples_per_map,
             context_m=self.context_m,
             learn_on=self.learn_on,
             n_folds=self.n_folds,
@@ -284,7 +286,7 @@ class PlaceLabeler:
 def _default_classifier() -> "DecisionListClassifier":
     from pgm_places.models.decision_list import DecisionListClassifier
 
-    return DecisionListClassifier(order=RAREST_FIRST)
+    return DecisionListClassifier(order=RAREST_FIRST, prior_weight=PRIOR_WEIGHT)
 
 
 def _fitted(

@@ -27,6 +27,10 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
 
+PRIOR_WEIGHT = 0.5
+"""How far z follows the frequencies of training: at 0 rare labels are found too often, at 1 seldom;
+halfway kept both accuracy and balanced accuracy on buildings held out."""
+
 __all__ = [
     "CellScores",
     "UnaryModel",
@@ -191,6 +195,7 @@ def fit_unary(
     context_m: tuple[float, ...] = (),
     learn_on: str = "out-of-fold",
     n_folds: int = 5,
+    max_examples_per_map: int | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[UnaryModel, list[CellScores]]:
@@ -210,9 +215,11 @@ def fit_unary(
         Half-widths in metres of the windows for the second list; () for none.
     learn_on : {"in-sample", "out-of-fold"}
         Whether the returned scores come from the fitted list, or from lists that did not see the
-        contiguous block that a cell lies in.
+        building that a cell lies in, or its contiguous block where there is only one building.
     n_folds : int
-        Blocks per map for out-of-fold scores.
+        Folds for out-of-fold scores: so many blocks, or at most so many groups of buildings.
+    max_examples_per_map : int, optional
+        Train the lists on a random choice of so many cells of each map; all cells are scored.
 
     Returns
     -------
@@ -228,17 +235,18 @@ def fit_unary(
     truth = np.concatenate(
         [item.labels[mask] for item, mask in zip(maps, masks, strict=True)]
     ).astype(np.int64)
-    groups = fold_groups(masks, n_folds)
+    groups = building_folds(maps, masks, n_folds)
+    chosen = _chosen(sizes, max_examples_per_map)
 
     classifier = with_explicit_order(classifier, truth)
     with progress.stage("decision list"):
-        fitted = clone(classifier).fit(laser_features, truth, groups=groups)
+        fitted = _fitted(classifier, laser_features, truth, groups, chosen)
     node_columns = np.asarray(fitted.features_in_order_of_choice(n_node_features), np.int64)
     in_sample = aligned_log_proba(fitted.boosted_list_, laser_features, n_labels, n_threads)
     held_out = None
     if context_m or learn_on == "out-of-fold":
         held_out = held_out_scores(
-            fitted, laser_features, truth, groups, n_labels, progress, "held-out scores"
+            fitted, laser_features, truth, groups, n_labels, progress, "held-out scores", chosen
         )
     learn_from = in_sample if learn_on == "in-sample" or held_out is None else held_out
 
@@ -247,12 +255,13 @@ def fit_unary(
         means = _context_means(maps, masks, np.exp(held_out), context_m)
         both = np.concatenate([laser_features, means], axis=1)
         with progress.stage("decision list with context"):
-            second = clone(classifier).set_params(order=fitted.order_).fit(both, truth)
+            same_order = clone(classifier).set_params(order=fitted.order_)
+            second = _fitted(same_order, both, truth, groups, chosen)
         context_scores = (
             aligned_log_proba(second.boosted_list_, both, n_labels, n_threads)
             if learn_on == "in-sample"
             else held_out_scores(
-                second, both, truth, groups, n_labels, progress, "held-out context"
+                second, both, truth, groups, n_labels, progress, "held-out context", chosen
             )
         )
     model = UnaryModel(
@@ -355,6 +364,47 @@ def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.
     return np.concatenate([contiguous_blocks(np.argwhere(mask), n_folds) for mask in masks])
 
 
+def building_folds(
+    maps: Sequence[LabelledMap], masks: Sequence[NDArray[np.bool_]], n_folds: int
+) -> NDArray[np.int64]:
+    """(N,) fold of each cell: whole buildings where there are several, else contiguous blocks.
+
+    A list is much surer of another part of a building that it has seen than of a new building;
+    what is to label new buildings must learn from scores of the latter kind.
+    """
+    names = [item.building or f"map {index}" for index, item in enumerate(maps)]
+    buildings = list(dict.fromkeys(names))
+    if len(buildings) == 1:
+        return fold_groups(masks, n_folds)
+    fold = [buildings.index(name) % n_folds for name in names]
+    return np.repeat(fold, [int(mask.sum()) for mask in masks])
+
+
+def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_] | None:
+    """(N,) the cells to train on, at most ``limit`` of each map by chance; None for all."""
+    if limit is None or max(sizes) <= limit:
+        return None
+    rng = np.random.default_rng(0)
+    return np.concatenate([rng.permutation(size) < limit for size in sizes])
+
+
+def _fitted(
+    classifier: "DecisionListClassifier",
+    features: NDArray[np.float32],
+    truth: NDArray[np.int64],
+    groups: NDArray[np.int64],
+    chosen: NDArray[np.bool_] | None,
+) -> "DecisionListClassifier":
+    """The list fitted on the chosen cells."""
+    from sklearn.base import clone
+
+    some = slice(None) if chosen is None else chosen  # a slice copies nothing
+    fitted: DecisionListClassifier = clone(classifier).fit(
+        features[some], truth[some], groups=groups[some]
+    )
+    return fitted
+
+
 def held_out_scores(
     fitted: "DecisionListClassifier",
     features: NDArray[np.float32],
@@ -363,8 +413,12 @@ def held_out_scores(
     n_labels: int,
     progress: Progress,
     name: str,
+    chosen: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float64]:
-    """Log z of every cell from a list of the same order that did not see the cell's block."""
+    """Log z of every cell from a list of the same order that did not see the cell's group.
+
+    The lists are trained on the cells of the mask ``chosen``, by default on all.
+    """
     from sklearn.base import clone
 
     scores = np.empty((len(truth), n_labels))
@@ -372,13 +426,14 @@ def held_out_scores(
     with progress.stage(name) as stage:
         for count, fold in enumerate(folds, start=1):
             out = groups == fold
-            order = [label for label in fitted.order_ if (truth[~out] == label).any()]
+            seen = ~out if chosen is None else chosen & ~out
+            order = [label for label in fitted.order_ if (truth[seen] == label).any()]
             if len(order) < 2:
                 raise InputError(
-                    "out-of-fold scores need at least two labels outside every block; "
+                    "out-of-fold scores need at least two labels outside every group; "
                     "use fewer folds or learn_on='in-sample'"
                 )
-            part = clone(fitted).set_params(order=order).fit(features[~out], truth[~out])
+            part = clone(fitted).set_params(order=order).fit(features[seen], truth[seen])
             scores[out] = aligned_log_proba(part.boosted_list_, features[out], n_labels)
             stage.update(count / len(folds))
     return scores

@@ -54,7 +54,16 @@ def test_other_keys_of_a_method_are_its_options() -> None:
         (changed(sensor={"n_beams": "360"}), "sensor.n_beams: Input should be a valid integer"),
         (changed(resolution_m=-0.1), "resolution_m: Input should be greater than 0, got -0.1"),
         (changed(resolution_m=float("nan")), "resolution_m: "),
-        (changed(train=[{"labels": "a.png"}]), "'train[0].map' is missing"),
+        (changed(train=[{"labels": "a.png"}]), "train[0]: give map (a YAML file) or generated"),
+        (
+            changed(train=[{"map": "a.yaml", "labels": "a.png", "generated": 1}]),
+            "train[0]: give map (a YAML file) or generated",
+        ),
+        (
+            changed(train=[{"generated": 1, "labels": "a.png"}]),
+            "train[0]: a generated building brings its own labels",
+        ),
+        (changed(classifier={"prior_weight": -1.0}), "classifier.prior_weight: Input should be"),
         (changed(train=[{"map": "a.yaml"}]), "train[0]: give labels (an image) or regions"),
         (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
         (changed(methods=[{"name": "relaxaton"}]), "did you mean 'relaxation'?"),

@@ -14,7 +14,7 @@ from pgm_places.label_map import label_map
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.place_files import load_labeler, save_labeler
 from pgm_places.places import PlaceMethod
-from pgm_places.unary import contiguous_blocks
+from pgm_places.unary import building_folds, contiguous_blocks
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -176,6 +176,32 @@ def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler)
         PlaceLabeler(NAMES).fit([known, LabelledMap(other, known.labels, name="other")])
     with pytest.raises(LabelError, match="labels must be integers of the map's shape"):
         LabelledMap(known.grid, known.labels[1:])
+
+
+def test_buildings_are_held_out_whole_and_a_single_one_in_blocks(known: LabelledMap) -> None:
+    def folds(*buildings: str | None) -> list[list[int]]:
+        maps = [dataclasses.replace(known, building=name) for name in buildings]
+        masks = [item.labelled_cells for item in maps]
+        found = np.split(building_folds(maps, masks, 3), len(maps))
+        return [np.unique(part).tolist() for part in found]
+
+    assert folds("a", "b", "a", "c", "d") == [[0], [1], [0], [2], [0]]
+    assert folds(None, None) == [[0], [1]]
+    assert folds("a", "a") == [[0, 1, 2], [0, 1, 2]]
+    assert folds(None) == [[0, 1, 2]]
+
+
+def test_lists_may_be_trained_on_a_part_of_each_map(known: LabelledMap) -> None:
+    few = PlaceLabeler(
+        NAMES,
+        classifier=DecisionListClassifier(n_rounds=10, order="rarest-first"),
+        max_examples_per_map=300,
+    )
+    labeling = few.fit([known]).label(known.grid)
+    truth = known.truth(known.graph())
+    assert evaluate(truth, labeling.labels, NAMES).balanced_accuracy > 0.6
+    whole = dataclasses.replace(few, max_examples_per_map=None).fit([known])
+    assert few.fit([known]).unary_model != whole.unary_model
 
 
 def test_blocks_are_stripes_of_equal_size() -> None:

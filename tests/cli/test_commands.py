@@ -1,5 +1,6 @@
 """The commands do what they say, and write everything they promise."""
 
+import functools
 import json
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pgm_places.datasets import building as building_module
 from tests.cli.conftest import Run
 
 
@@ -91,3 +93,30 @@ def test_version(run: Run) -> None:
     code, text, _ = run("--version")
     assert code == 0
     assert text.startswith("pgm-places ")
+
+
+def test_train_on_a_generated_building(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = functools.partial(building_module.generate_building, size="small")
+    monkeypatch.setattr(building_module, "generate_building", small)
+    config = tmp_path / "generated.toml"
+    config.write_text(
+        """
+        [labels]
+        names = ["corridor", "room", "doorway"]
+        [classifier]
+        n_rounds = 5
+        max_examples_per_map = 500
+        [context]
+        half_widths_m = []
+        [[train]]
+        generated = 1
+        [[methods]]
+        name = "independent"
+        """,
+        encoding="utf-8",
+    )
+    code, _, err = run("train", config, "--out", tmp_path / "model")
+    assert code == 0, err
+    assert (tmp_path / "model" / "manifest.json").is_file()

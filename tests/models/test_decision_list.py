@@ -272,6 +272,20 @@ def test_calibration_changes_the_histogram_but_not_the_list() -> None:
     np.testing.assert_array_equal(plain.boosted_list_.calibration, [[2, 0]] * 3)
 
 
+@pytest.mark.parametrize("prior_weight", [0.0, 0.5, 1.0])
+def test_the_prior_adds_the_log_odds_of_training(prior_weight: float) -> None:
+    order = list(NAMES)
+    model, X = fitted(order=order, prior_weight=prior_weight)
+    plain, _ = fitted(order=order)
+    y = NAMES[example()[1]]
+    later = [np.isin(y, order[k + 1 :]).sum() for k in range(len(order) - 1)]
+    odds = [(y == name).sum() / rest for name, rest in zip(order, later, strict=False)]
+    slope, offset = model.boosted_list_.calibration.T
+    np.testing.assert_array_equal(slope, 2)
+    np.testing.assert_allclose(offset, prior_weight * np.log(odds), rtol=1e-12)
+    np.testing.assert_array_equal(model.predict(X), plain.predict(X))
+
+
 def test_any_number_of_threads_gives_the_same_bits() -> None:
     X, y = example(3_000)
     one, three = (DecisionListClassifier(n_rounds=10, n_threads=t).fit(X, y) for t in (1, 3))
@@ -429,6 +443,7 @@ def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
         ({"order": ["room", "doorway", "kitchen", "kitchen"]}, "order must name each class"),
         ({"decision": "vote"}, "decision must be one of list, argmax, got 'vote'"),
         ({"criterion": "f1"}, "criterion must be one of balanced_accuracy, accuracy, got 'f1'"),
+        ({"prior_weight": -1.0}, "prior_weight must be a number of at least 0, got -1.0"),
         ({"calibration": "isotonic"}, "calibration must be one of none, platt, got 'isotonic'"),
         ({"clip": 0.25}, "clip must be at least 0 and below 1/4, got 0.25"),
         ({"n_rounds": 0}, "n_rounds must be a whole number of at least 1, got 0"),
