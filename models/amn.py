@@ -83,7 +83,8 @@ class AssociativeMarkovNetwork:
         problem has them. Repeated columns are dropped, the rest is standardised, and a constant is
         added.
     edge_features : tuple of str
-        ``constant``, ``diagonal``, ``unary-difference``, ``raw-difference``, ``given``; see
+        ``constant``, ``diagonal``, ``unary-difference``, ``raw-difference``, ``given``; or
+        ``auto``, ``constant`` and, where the problem has node features, ``raw-difference``. See
         :func:`pgm_places.models.amn_features.edge_features`.
     edge_scale : float
         Edge features are multiplied by this before learning: the larger, the less the size of
@@ -126,8 +127,8 @@ class AssociativeMarkovNetwork:
     loss: str = "class-weighted"
     class_weight: str = "sqrt"
     node_features: str = "auto"
-    edge_features: tuple[str, ...] = ("constant",)
-    edge_scale: float = 4.0
+    edge_features: tuple[str, ...] = ("auto",)
+    edge_scale: float = 2.0
     solver: str = "clarabel"
     tolerance: float = 1e-3
     max_cuts: int = 500

@@ -26,7 +26,7 @@ NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
 probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``raw`` where there."""
 
-EDGE_FEATURES = ("constant", "diagonal", "unary-difference", "raw-difference", "given")
+EDGE_FEATURES = ("auto", "constant", "diagonal", "unary-difference", "raw-difference", "given")
 """Edge features, each at least 0; see :func:`edge_features`."""
 
 LOG_FLOOR = -15.0
@@ -96,14 +96,11 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
 
 def _resolved(problem: LabelingProblem, parts: Sequence[str]) -> list[str]:
     """The parts with ``auto`` replaced by what the problem has."""
-    named = [part for part in parts if part != "auto"]
-    if len(named) == len(parts):
-        return named
-    if problem.unary is not None and "logz" not in named:
-        named.append("logz")
-    if problem.node_features is not None and "raw" not in named:
-        named.append("raw")
-    return named
+    if "auto" not in parts:
+        return list(parts)
+    there = [] if problem.unary is None else ["logz"]
+    there += [] if problem.node_features is None else ["raw"]
+    return list(dict.fromkeys([*(part for part in parts if part != "auto"), *there]))
 
 
 def _probabilities(
@@ -121,7 +118,7 @@ def _probabilities(
 def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
     """F, the number of columns that :func:`edge_features` gives for a problem."""
     given = 0 if problem.edge_features is None else problem.edge_features.shape[1]
-    return sum(given if name == "given" else 1 for name in names)
+    return sum(given if name == "given" else 1 for name in _resolved_edges(problem, names))
 
 
 def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.float64]:
@@ -140,9 +137,19 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
         with s the mean such distance over edges; 1 where the ends look alike.
     ``given``
         The problem's own edge features.
+    ``auto``
+        ``constant``, and ``raw-difference`` where the problem has node features.
     """
-    columns = [_edge_columns(problem, name) for name in names]
+    columns = [_edge_columns(problem, name) for name in _resolved_edges(problem, names)]
     return np.concatenate(columns, axis=1)
+
+
+def _resolved_edges(problem: LabelingProblem, names: Sequence[str]) -> list[str]:
+    """The names with ``auto`` replaced by what the problem has."""
+    if "auto" not in names:
+        return list(names)
+    there = ["constant"] if problem.node_features is None else ["constant", "raw-difference"]
+    return list(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
 
 
 def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:

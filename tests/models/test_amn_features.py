@@ -96,6 +96,13 @@ def test_edges_between_like_nodes_weigh_more() -> None:
     np.testing.assert_array_equal(constant, 1.0)
 
 
+def test_automatic_edge_features_take_what_is_there() -> None:
+    assert edge_features(grid_problem(), ("auto",)).shape == (6, 2)
+    assert edge_feature_count(grid_problem(), ("auto", "diagonal", "constant")) == 3
+    bare: dict[str, None] = {"node_features": None}
+    assert edge_features(grid_problem(**bare), ("auto",)).shape == (6, 1)  # type: ignore[arg-type]
+
+
 def test_given_edge_features_pass_through_and_must_be_there() -> None:
     given = np.arange(12.0).reshape(6, 2)
     problem = grid_problem(edge_features=given)
