@@ -42,6 +42,7 @@ __all__ = ["Experiment", "compare", "load_maps", "make_labeler", "train"]
 
 logger = logging.getLogger(__name__)
 
+DATA_VARIABLE = "PGM_PLACES_DATA"
 REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "cvxpy", "osqp", "networkx")
 
 
@@ -89,8 +90,17 @@ class Experiment:
         return (self.folder / Path(name).expanduser()).resolve()
 
     def record_input(self, path: Path) -> None:
-        """Keep the hash of a file that was read."""
-        self.inputs[str(path)] = sha256_of(path)
+        """Keep the hash of a file that was read, by the shortest name that says where it was."""
+        self.inputs[self._shown(path)] = sha256_of(path)
+
+    def _shown(self, path: Path) -> str:
+        """The path from the data folder or the configuration's, so that results name no machine."""
+        data = os.environ.get(DATA_VARIABLE)
+        if data and path.is_relative_to(Path(data).resolve()):
+            return f"${DATA_VARIABLE}/{path.relative_to(Path(data).resolve()).as_posix()}"
+        if path.is_relative_to(self.folder):
+            return path.relative_to(self.folder).as_posix()
+        return str(path)
 
 
 def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:

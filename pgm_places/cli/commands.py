@@ -95,7 +95,7 @@ def run_label(
     map_yaml: Path,
     out: Path,
     *,
-    model: Path,
+    model: str,
     method: str | None,
     unknown_value: int | None,
     n_threads: int | None,
@@ -105,9 +105,10 @@ def run_label(
     from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.map_server import load_map
     from pgm_places.place_files import load_labeler
+    from pgm_places.trained import model_folder
 
     progress = make_progress(quiet=quiet)
-    labeler, record = load_labeler(model)
+    labeler, record = load_labeler(model_folder(model))
     backend = labeler.method(method).backend  # an unknown method shows before the work
     with progress.stage("map"):
         loaded = load_map(map_yaml, unknown_value=unknown_value)

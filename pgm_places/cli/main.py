@@ -88,7 +88,10 @@ def train(
 def label(
     map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
     out: Out,
-    model: Annotated[Path, typer.Option("--model", "-m", help="A model made by 'train'.")],
+    model: Annotated[
+        str,
+        typer.Option("--model", "-m", help="A model made by 'train', or a shipped one's name."),
+    ] = "default",
     method: Annotated[
         str | None, typer.Option(help="A method of the model; its last one by default.")
     ] = None,
@@ -300,7 +303,10 @@ def track(
             metavar="LOG", help="CARMEN log, ROS bag or table of poses; - with --follow."
         ),
     ],
-    model: Annotated[Path, typer.Option("--model", "-m", help="A model made by 'train'.")],
+    model: Annotated[
+        str,
+        typer.Option("--model", "-m", help="A model made by 'train', or a shipped one's name."),
+    ] = "default",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results; made if needed.")
     ] = None,

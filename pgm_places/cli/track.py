@@ -27,7 +27,7 @@ __all__ = ["TrackOptions", "run_follow", "run_track"]
 class TrackOptions:
     """What the command line says besides the log and the folder."""
 
-    model: Path
+    model: str
     map_yaml: Path | None = None
     mode: str = "filter"
     beams: str | None = None
@@ -146,9 +146,10 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
 def _labeler(options: TrackOptions) -> "TrajectoryLabeler":
     from pgm_places.models.hmm import HiddenMarkovModel
     from pgm_places.sensing.full_circle import check_missing
+    from pgm_places.trained import model_folder
     from pgm_places.trajectory_files import load_trajectory_labeler
 
-    labeler, _ = load_trajectory_labeler(options.model)
+    labeler, _ = load_trajectory_labeler(model_folder(options.model))
     if isinstance(labeler.method, HiddenMarkovModel):
         labeler = replace(labeler, method=replace(labeler.method, mode=options.mode))
     elif options.mode != "filter":

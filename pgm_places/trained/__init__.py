@@ -1,0 +1,50 @@
+"""The models that ship with the package: learned numbers and how they were learned, no data."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import ModelFileError
+
+if TYPE_CHECKING:
+    from pgm_places.places import PlaceLabeler
+
+__all__ = ["DEFAULT", "NAMES", "model_folder", "trained_labeler"]
+
+NAMES = ("default", "generated")
+"""``default`` learned from real office buildings and generated ones, ``generated`` from generated
+ones alone; both tell corridor, room and doorway apart on cells of 5 cm."""
+
+DEFAULT = NAMES[0]
+
+
+def model_folder(name: str | Path) -> Path:
+    """The folder of a shipped model by its name, or the given folder where there is one.
+
+    Raises
+    ------
+    ModelFileError
+        Neither a folder nor a shipped model.
+    """
+    if Path(name).exists():
+        return Path(name)
+    if str(name) in NAMES:
+        return Path(__file__).parent / str(name)
+    raise ModelFileError(
+        f"no model at {name}, and none of that name ships with the package. "
+        f"{nearest_name(str(name), list(NAMES))}"
+    )
+
+
+def trained_labeler(name: str | Path = DEFAULT) -> "PlaceLabeler":
+    """A labeler that needs no training, by name or from a folder.
+
+    Examples
+    --------
+    >>> labeler = trained_labeler()
+    >>> labeler.label_names
+    ('corridor', 'room', 'doorway')
+    """
+    from pgm_places.place_files import load_labeler
+
+    return load_labeler(model_folder(name))[0]
