@@ -1,0 +1,56 @@
+"""The shipped models: they load, label, say how they were learned, and name no machine."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pgm_places import PlaceLabeler, evaluate
+from pgm_places.datasets import generate_building
+from pgm_places.errors import ModelFileError
+from pgm_places.place_files import save_labeler
+from pgm_places.trained import NAMES, model_folder, trained_labeler
+from tests.cli.conftest import Run
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_labels_a_building_without_training(name: str) -> None:
+    building = generate_building(9, size="small", resolution_m=0.05)
+    labeler = trained_labeler(name)
+    labeling = labeler.label(building.grid)
+    truth = building.labels[building.grid.free]
+    found = evaluate(truth, labeling.labels, building.label_names)
+    assert found.balanced_accuracy > 0.75
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
+    folder = model_folder(name)
+    text = (folder / "manifest.json").read_text(encoding="utf-8")
+    record = json.loads(text)["content"]["record"]
+    assert record["config"]["train"] and record["versions"]["numpy"]
+    assert all(len(digest) == 64 for digest in record["inputs"].values())
+    assert not any(Path(path).is_absolute() for path in record["inputs"])
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 200_000
+
+
+def test_a_folder_wins_and_other_names_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_labeler(tmp_path / "default", trained_labeler("generated"))
+    monkeypatch.chdir(tmp_path)
+    assert model_folder("default") == Path("default")
+    assert isinstance(trained_labeler("default"), PlaceLabeler)
+    with pytest.raises(ModelFileError, match="did you mean 'generated'"):
+        model_folder("generatd")
+
+
+def test_label_needs_no_model(tmp_path: Path, run: Run, building: Path) -> None:
+    code, out, err = run("label", building / "map.yaml", "--out", tmp_path / "labelled")
+    assert code == 0, err
+    assert "relaxation: corridor" in out
+    code, _, err = run(
+        "label", building / "map.yaml", "--model", "deflt", "--out", tmp_path / "other"
+    )
+    assert code == 2
+    assert "did you mean 'default'" in err
