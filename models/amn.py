@@ -84,7 +84,8 @@ class AssociativeMarkovNetwork:
         added.
     edge_features : tuple of str
         ``constant``, ``diagonal``, ``unary-difference``, ``raw-difference``, ``given``; or
-        ``auto``, ``constant`` and, where the problem has node features, ``raw-difference``. See
+        ``auto``: ``constant``, ``raw-difference`` where the problem has node features, and
+        ``given`` where it has edge features. See
         :func:`pgm_places.models.amn_features.edge_features`.
     edge_scale : float
         Edge features are multiplied by this before learning: the larger, the less the size of

@@ -138,7 +138,8 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
     ``given``
         The problem's own edge features.
     ``auto``
-        ``constant``, and ``raw-difference`` where the problem has node features.
+        ``constant``, ``raw-difference`` where the problem has node features, and ``given`` where
+        it has edge features.
     """
     columns = [_edge_columns(problem, name) for name in _resolved_edges(problem, names)]
     return np.concatenate(columns, axis=1)
@@ -148,7 +149,9 @@ def _resolved_edges(problem: LabelingProblem, names: Sequence[str]) -> list[str]
     """The names with ``auto`` replaced by what the problem has."""
     if "auto" not in names:
         return list(names)
-    there = ["constant"] if problem.node_features is None else ["constant", "raw-difference"]
+    there = ["constant"]
+    there += [] if problem.node_features is None else ["raw-difference"]
+    there += [] if problem.edge_features is None else ["given"]
     return list(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
 
 
@@ -179,11 +182,12 @@ def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:
 def _raw_likeness(problem: LabelingProblem) -> NDArray[np.float64]:
     if problem.node_features is None:
         raise InputError("'raw-difference' needs the problem's node features; it has none")
-    features = problem.node_features
+    features, edges = problem.node_features, problem.graph.edges
+    if not len(edges):
+        return np.ones(0)
     spread = features.std(axis=0)
     varying = spread > 0
-    edges = problem.graph.edges
-    if not varying.any() or not len(edges):
+    if not varying.any():
         return np.ones(len(edges))
     scaled = features[:, varying] / spread[varying]
     distance = np.abs(scaled[edges[:, 0]] - scaled[edges[:, 1]]).mean(axis=1)

@@ -186,8 +186,9 @@ def test_duplicate_features_are_dropped() -> None:
         [problem.node_features, -3.0 * problem.node_features[:, 0] + 1.0, np.ones(len(truth))]
     )
     more = replace(problem, node_features=padded)
-    network = AssociativeMarkovNetwork().fit([problem], [truth])
-    again = AssociativeMarkovNetwork().fit([more], [truth])
+    unfitted = AssociativeMarkovNetwork(edge_features=("constant",))
+    network = unfitted.fit([problem], [truth])
+    again = unfitted.fit([more], [truth])
     np.testing.assert_array_equal(again.node_weights, network.node_weights)
     np.testing.assert_array_equal(again.infer(more).labels, network.infer(problem).labels)
 

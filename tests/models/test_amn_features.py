@@ -99,6 +99,8 @@ def test_edges_between_like_nodes_weigh_more() -> None:
 def test_automatic_edge_features_take_what_is_there() -> None:
     assert edge_features(grid_problem(), ("auto",)).shape == (6, 2)
     assert edge_feature_count(grid_problem(), ("auto", "diagonal", "constant")) == 3
+    given = grid_problem(edge_features=np.ones((6, 2)))
+    assert edge_features(given, ("auto",)).shape == (6, 4)
     bare: dict[str, None] = {"node_features": None}
     assert edge_features(grid_problem(**bare), ("auto",)).shape == (6, 1)  # type: ignore[arg-type]
 
