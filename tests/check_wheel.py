@@ -15,7 +15,10 @@ here = pathlib.Path(pgm_places.__file__)
 assert "site-packages" in here.parts, here
 assert not (here.parent / "models").is_symlink()
 from pgm_places.datasets import generate_building
+from pgm_places.trained import NAMES, trained_labeler
 assert generate_building(size="small").grid.free.any()
+for name in NAMES:
+    assert trained_labeler(name).label_names == ("corridor", "room", "doorway")
 print("wheel works:", here.parent)
 """
 
