@@ -1,4 +1,8 @@
-"""Run every benchmark and write ``docs/benchmarks.md``: ``python -m benchmarks [--quick]``."""
+"""Run benchmarks and write ``docs/benchmarks.md``: ``python -m benchmarks [topics] [--quick]``.
+
+Each topic's section is kept, so that the page holds them all whichever ran last; with ``--quick``
+nothing is kept.
+"""
 
 import argparse
 import importlib
@@ -23,7 +27,9 @@ TOPICS = (
     "tracking",
     "topology",
 )
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
+FOLDER = Path(__file__).resolve().parent
+SECTIONS = FOLDER / "sections"  # what each topic wrote last
+PAGE = FOLDER.parent / "docs" / "benchmarks.md"
 HEAD = """\
 # Benchmarks
 
@@ -84,17 +90,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("topics", nargs="*", help=f"some of {', '.join(TOPICS)}; all by default")
     parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    parser.add_argument("--out", type=Path, default=PAGE, help="the page to write")
     arguments = parser.parse_args()
+    for topic in arguments.topics or TOPICS:
+        print(f"== {topic}", flush=True)
+        text = section(topic, quick=arguments.quick)
+        print(text, flush=True)
+        if not arguments.quick:
+            SECTIONS.mkdir(exist_ok=True)
+            (SECTIONS / f"{topic}.md").write_text(text, encoding="utf-8")
+    if not arguments.quick:
+        PAGE.write_text(page(), encoding="utf-8")
+        print(f"wrote {PAGE}")
+
+
+def page() -> str:
+    """The page of all sections that were kept."""
     known = ", ".join(f"{name} {version}" for name, version in versions().items())
     machine = f"Machine: {processor()}, {os.cpu_count()} cores. Versions: {known}."
     parts = [HEAD + machine + "\n\nAll of it: `make bench` or `python -m benchmarks`.\n"]
-    for topic in arguments.topics or TOPICS:
-        print(f"== {topic}", flush=True)
-        parts.append(section(topic, quick=arguments.quick))
-        print(parts[-1], flush=True)
-    arguments.out.write_text("\n".join(parts), encoding="utf-8")
-    print(f"wrote {arguments.out}")
+    files = (SECTIONS / f"{topic}.md" for topic in TOPICS)
+    return "\n".join(
+        [*parts, *(file.read_text(encoding="utf-8") for file in files if file.exists())]
+    )
 
 
 if __name__ == "__main__":
