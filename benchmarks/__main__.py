@@ -35,8 +35,7 @@ HEAD = """\
 
 Each table compares methods side by side in one run on the same data.
 Machines differ and shared ones are noisy: look at the ratios, and compare only within a table. The
-sections were measured at different times on a shared machine whose speed varied by a factor of 3;
-the plain DDA of the first section reaches 12 million rays a second on it when nothing else runs.
+sections were measured at different times on a shared machine whose speed varied by a factor of 3.
 Times are medians of repeated runs after a warm-up that compiles the kernels: processor time on one
 thread, wall clock on several, unless a column says otherwise.
 
