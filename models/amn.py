@@ -126,7 +126,7 @@ class AssociativeMarkovNetwork:
     C: float | str | tuple[float, ...] = 100.0
     n_validation_blocks: int = 4
     loss: str = "class-weighted"
-    class_weight: str = "sqrt"
+    class_weight: str = "cube-root"
     node_features: str = "auto"
     edge_features: tuple[str, ...] = ("auto",)
     edge_scale: float = 2.0
