@@ -21,7 +21,8 @@ from pgm_places.movement import learn_movement
 from pgm_places.problem import LabelingProblem
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary import PRIOR_WEIGHT, RAREST_FIRST, CellScores, UnaryModel, fit_unary
+from pgm_places.unary import CellScores, UnaryModel
+from pgm_places.unary_learning import PRIOR_WEIGHT, RAREST_FIRST, fit_unary
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -77,7 +78,7 @@ class PlaceLabeler:
     learn_on : {"in-sample", "out-of-fold"}
         Which scores the methods learn from.
     n_folds, n_node_features, max_examples_per_map : int
-        See :func:`pgm_places.unary.fit_unary`.
+        See :func:`pgm_places.unary_learning.fit_unary`.
     unary_model : UnaryModel or None
         Filled by :meth:`fit`.
     movement : HiddenMarkovModel or None

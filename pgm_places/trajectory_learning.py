@@ -19,7 +19,7 @@ from pgm_places.scan_model import BeamOptions, ScanModel, check_extra, circles_a
 from pgm_places.segments import Segments
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectory import Trajectory
-from pgm_places.unary import (
+from pgm_places.unary_learning import (
     RAREST_FIRST,
     fold_groups,
     held_out_scores,
