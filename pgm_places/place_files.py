@@ -1,9 +1,9 @@
 """A fitted PlaceLabeler as a folder: manifest.json and arrays.safetensors, data only."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,20 @@ from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary import UnaryModel
 
-__all__ = ["get_list", "get_sensor", "load_labeler", "put_list", "save_labeler"]
+__all__ = [
+    "get_labeler",
+    "get_list",
+    "get_sensor",
+    "load_labeler",
+    "put_list",
+    "restored",
+    "save_labeler",
+]
 
 KIND = "place-labeler"
 
 Arrays = dict[str, NDArray[Any]]
+T = TypeVar("T")
 
 
 def save_labeler(
@@ -68,13 +77,29 @@ def load_labeler(folder: Path) -> tuple[PlaceLabeler, dict[str, Any]]:
         raise ModelFileError(
             f"{folder} holds a {manifest.get('kind')!r} model; a {KIND!r} is wanted"
         )
+    return restored(folder, manifest, arrays, get_labeler)
+
+
+def restored(
+    folder: Path,
+    manifest: dict[str, Any],
+    arrays: Arrays,
+    build: Callable[[dict[str, Any], Arrays], T],
+) -> tuple[T, dict[str, Any]]:
+    """What ``build`` makes of a model folder's content, and the training record.
+
+    Raises
+    ------
+    ModelFileError
+        It was made for other features, or the content is not what this version writes.
+    """
     if manifest.get("feature_set") != feature_set_hash():
         raise ModelFileError(
             f"{folder} was trained with another definition of the laser features; train it again "
             "with this version"
         )
     try:
-        return _labeler(manifest, arrays), dict(manifest["record"])
+        return build(manifest, arrays), dict(manifest["record"])
     except ModelFileError as error:
         raise ModelFileError(f"{folder}: {error}") from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -83,7 +108,8 @@ def load_labeler(folder: Path) -> tuple[PlaceLabeler, dict[str, Any]]:
         ) from None
 
 
-def _labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
+def get_labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
+    """The labeler that :func:`save_labeler` described so."""
     sensor = get_sensor(manifest["sensor"])
     context_m = tuple(float(width) for width in manifest["context_m"])
     label_names = tuple(str(name) for name in manifest["label_names"])

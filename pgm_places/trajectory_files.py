@@ -13,7 +13,7 @@ from pgm_places.errors import ModelFileError, NotFittedError
 from pgm_places.features.laser import LASER_FEATURES, feature_set_hash
 from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.place_files import KIND as PLACES_KIND
-from pgm_places.place_files import get_list, get_sensor, load_labeler, put_list
+from pgm_places.place_files import get_labeler, get_list, get_sensor, put_list, restored
 from pgm_places.scan_model import BeamOptions, ScanModel
 from pgm_places.trajectory_labeler import TrajectoryLabeler
 
@@ -71,26 +71,14 @@ def load_trajectory_labeler(folder: Path | str) -> tuple[TrajectoryLabeler, dict
     path = Path(folder)
     manifest, arrays = load_folder(path)
     if manifest.get("kind") == PLACES_KIND:
-        places, record = load_labeler(path)
+        places, record = restored(path, manifest, arrays, get_labeler)
         return TrajectoryLabeler.from_places(places), record
     if manifest.get("kind") != KIND:
         raise ModelFileError(
             f"{path} holds a {manifest.get('kind')!r} model; a {KIND!r} or a {PLACES_KIND!r} is "
             "wanted"
         )
-    if manifest.get("feature_set") != feature_set_hash():
-        raise ModelFileError(
-            f"{path} was trained with another definition of the laser features; train it again "
-            "with this version"
-        )
-    try:
-        return _labeler(manifest, arrays), dict(manifest["record"])
-    except ModelFileError as error:
-        raise ModelFileError(f"{path}: {error}") from None
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ModelFileError(
-            f"{path}/manifest.json is not what this version writes ({error!r}); train again"
-        ) from None
+    return restored(path, manifest, arrays, _labeler)
 
 
 def _labeler(manifest: dict[str, Any], arrays: Arrays) -> TrajectoryLabeler:
