@@ -26,6 +26,13 @@ Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; 
 Threads = Annotated[
     int | None, typer.Option("--threads", min=1, help="Threads to use; all cores by default.")
 ]
+Model = Annotated[
+    str, typer.Option("--model", "-m", help="A model made by 'train', or a shipped one's name.")
+]
+UnknownValue = Annotated[
+    int | None,
+    typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 
 
@@ -88,17 +95,11 @@ def train(
 def label(
     map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
     out: Out,
-    model: Annotated[
-        str,
-        typer.Option("--model", "-m", help="A model made by 'train', or a shipped one's name."),
-    ] = "default",
+    model: Model = "default",
     method: Annotated[
         str | None, typer.Option(help="A method of the model; its last one by default.")
     ] = None,
-    unknown_value: Annotated[
-        int | None,
-        typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
-    ] = None,
+    unknown_value: UnknownValue = None,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -151,10 +152,7 @@ def topology(
     correct: Annotated[
         bool, typer.Option("--correct/--as-it-is", help="Correct regions that are errors.")
     ] = True,
-    unknown_value: Annotated[
-        int | None,
-        typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
-    ] = None,
+    unknown_value: UnknownValue = None,
     quiet: Quiet = False,
 ) -> None:
     """Find the places of a labelled map and how they are connected."""
@@ -261,10 +259,7 @@ def simulate(
     seed: Annotated[
         int, typer.Option(min=0, max=2**63 - 1, help="Draws the start, the errors, the building.")
     ] = 0,
-    unknown_value: Annotated[
-        int | None,
-        typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
-    ] = None,
+    unknown_value: UnknownValue = None,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -303,10 +298,7 @@ def track(
             metavar="LOG", help="CARMEN log, ROS bag or table of poses; - with --follow."
         ),
     ],
-    model: Annotated[
-        str,
-        typer.Option("--model", "-m", help="A model made by 'train', or a shipped one's name."),
-    ] = "default",
+    model: Model = "default",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results; made if needed.")
     ] = None,
