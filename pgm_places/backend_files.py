@@ -8,16 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.backends import (
-    ENTRY_POINT_GROUP,
-    Backend,
-    backend_class,
-    backend_names,
-    build,
-    option_fields,
-)
-from pgm_places.errors import ModelFileError, OutputError
+from pgm_places.backends import METHODS, Backend
+from pgm_places.errors import ConfigError, ModelFileError
 from pgm_places.io.model_files import load_folder, save_folder
+from pgm_places.plugins import option_values
 
 __all__ = ["get_backend", "load_backend", "put_backend", "save_backend"]
 
@@ -87,38 +81,23 @@ def put_backend(arrays: Arrays, prefix: str, backend: Any) -> dict[str, Any]:
             arrays[f"{prefix}/{item.name}"] = np.asarray(value)
             kept.append(item.name)
     return {
-        "backend": _registered_name(type(backend)),
-        "options": {
-            item.name: getattr(backend, item.name) for item in option_fields(type(backend))
-        },
+        "backend": METHODS.name_of(type(backend)),
+        "options": option_values(backend),
         "learned": kept,
     }
 
 
 def get_backend(arrays: Arrays, prefix: str, record: Mapping[str, Any], *, where: str) -> Any:
     """The backend that :func:`put_backend` described; ``where`` begins the messages."""
-    from pgm_places.config import resolved_options
-
     name = record["backend"]
-    # Only registered methods: a file must not choose what gets imported.
-    if name not in backend_names():
-        raise ModelFileError(f"{where}: no method {name!r} is installed")
-    cls = backend_class(name)
-    backend = build(name, resolved_options(cls, record["options"]))
-    known = {item.name for item in dataclasses.fields(cls) if item.metadata.get("learned")}
+    try:
+        backend = METHODS.restored(name, record["options"])
+    except (ConfigError, ModelFileError) as error:
+        raise ModelFileError(f"{where}: {error}") from None
+    known = {item.name for item in dataclasses.fields(backend) if item.metadata.get("learned")}
     values = {}
     for field_name in record["learned"]:
         if field_name not in known:
             raise ModelFileError(f"{where}: {name} learns no {field_name!r}")
         values[field_name] = arrays[f"{prefix}/{field_name}"]
     return dataclasses.replace(backend, **values)
-
-
-def _registered_name(cls: type[Any]) -> str:
-    for name in backend_names():
-        if backend_class(name) is cls:
-            return name
-    raise OutputError(
-        f"{cls.__qualname__} cannot be saved: it is not registered. Add it to the entry points "
-        f"of group {ENTRY_POINT_GROUP!r} so that it can be found again"
-    )

@@ -7,24 +7,21 @@ a problem's node features says so with a class attribute ``uses_node_features = 
 """
 
 import dataclasses
-import importlib
-from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import entry_points
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError
 from pgm_places.labeling import Labeling
+from pgm_places.plugins import Registry
 from pgm_places.problem import LabelingProblem
 
 __all__ = [
     "BACKENDS",
+    "METHODS",
     "Backend",
     "Learnable",
-    "backend_class",
     "backend_names",
     "build",
     "learned",
@@ -40,7 +37,8 @@ BACKENDS: Mapping[str, str] = {
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 
-ENTRY_POINT_GROUP = "pgm_places.backends"
+METHODS = Registry("method", "pgm_places.backends", BACKENDS)
+"""Where methods are looked up; packages add theirs to the entry points of that group."""
 
 
 @runtime_checkable
@@ -79,44 +77,7 @@ def uses_node_features(backend: Any) -> bool:
 
 def backend_names() -> list[str]:
     """The names of all methods that are built in or installed as plugins."""
-    return sorted({*BACKENDS, *(point.name for point in entry_points(group=ENTRY_POINT_GROUP))})
-
-
-def backend_class(name: str) -> type[Any]:
-    """The class behind a method's name, or behind ``"module:Class"``.
-
-    Raises
-    ------
-    ConfigError
-        No such method; the message offers the nearest name.
-    """
-    target = BACKENDS.get(name)
-    if target is None:
-        for point in entry_points(group=ENTRY_POINT_GROUP):
-            if point.name == name:
-                target = point.value
-    if target is None and ":" in name:
-        target = name
-    if target is None:
-        raise ConfigError(f"unknown method {name!r}. {nearest_name(name, backend_names())}")
-    module_name, _, class_name = target.partition(":")
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"method {name!r} needs {error.name!r}, which is not installed") from None
-    found = getattr(module, class_name, None)
-    if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
-        raise ConfigError(
-            f"method {name!r}: {target} is not a dataclass with its options as fields"
-        )
-    return found
-
-
-def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:
-    """The fields of a backend that a user may set."""
-    for item in dataclasses.fields(cls):
-        if item.init and not item.metadata.get("learned"):
-            yield item
+    return METHODS.names()
 
 
 def build(name: str, options: Mapping[str, Any] | None = None) -> Any:
@@ -132,13 +93,4 @@ def build(name: str, options: Mapping[str, Any] | None = None) -> Any:
     >>> build("independent")
     Independent()
     """
-    cls = backend_class(name)
-    known = [item.name for item in option_fields(cls)]
-    options = dict(options or {})
-    for key in options:
-        if key not in known:
-            raise ConfigError(f"method {name!r} has no option {key!r}. {nearest_name(key, known)}")
-    try:
-        return cls(**options)
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"method {name!r}: {error}") from None
+    return METHODS.build(name, options)

@@ -12,13 +12,12 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
     model_validator,
 )
 
 from pgm_places._checks import nearest_name
-from pgm_places.backends import backend_class, build, option_fields
+from pgm_places.backends import METHODS
 from pgm_places.errors import ConfigError
 
 __all__ = [
@@ -276,7 +275,7 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
         raise ConfigError(f"{where}: {_first_problem(error)}") from None
     for method in config.methods:
         try:
-            _check_options(method)
+            build_method(method)
         except ConfigError as error:
             raise ConfigError(f"{where}: {error}") from None
     return config
@@ -295,44 +294,9 @@ def _split_methods(methods: Any, where: str) -> list[dict[str, Any]]:
     return split
 
 
-def _check_options(method: MethodConfig) -> None:
-    """Check names, types and values of a method's options before anything is computed."""
-    cls = backend_class(method.name)
-    hints = typing.get_type_hints(cls)
-    for item in option_fields(cls):
-        if item.name not in method.options:
-            continue
-        value = method.options[item.name]
-        try:
-            TypeAdapter(hints[item.name]).validate_json(json.dumps(value), strict=True)
-        except ValidationError as error:
-            message = error.errors()[0]["msg"]
-            raise ConfigError(
-                f"method {method.id!r}, option {item.name!r}: {message}, got {value!r}"
-            ) from None
-    build_method(method)
-
-
-def resolved_options(cls: type[Any], options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options with the types that the method's fields declare (a list becomes a tuple)."""
-    hints = typing.get_type_hints(cls)
-    known = {item.name for item in option_fields(cls)}
-    return {
-        key: TypeAdapter(hints[key]).validate_json(json.dumps(value), strict=True)
-        if key in known
-        else value
-        for key, value in options.items()
-    }
-
-
 def build_method(method: MethodConfig) -> Any:
-    """The backend that a method's table describes."""
-    return build(method.name, resolved_options(backend_class(method.name), method.options))
-
-
-def method_defaults(backend: Any) -> dict[str, Any]:
-    """All options of a backend with their values, as plain data for results and manifests."""
-    return {item.name: getattr(backend, item.name) for item in option_fields(type(backend))}
+    """The backend that a method's table describes; names, types and values are checked."""
+    return METHODS.configured(method.name, method.options)
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -22,7 +22,6 @@ from pgm_places.config import (
     MapConfig,
     MethodConfig,
     build_method,
-    method_defaults,
 )
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation import Evaluation, evaluate
@@ -35,6 +34,7 @@ from pgm_places.io.windows import window_mask
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.layout import GridLayout
 from pgm_places.places import PlaceLabeler, PlaceMethod
+from pgm_places.plugins import option_values
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 
@@ -305,7 +305,7 @@ def _run_method(
     return MethodResult(
         id=name,
         name=type(method.backend).__name__,
-        options={"unary": method.unary, **method_defaults(method.backend)},
+        options={"unary": method.unary, **option_values(method.backend)},
         labelings=tuple(labelings),
         evaluations=tuple(evaluations),
         evaluation=Evaluation.merged(evaluations),
@@ -322,7 +322,7 @@ def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str
             "id": method.id,
             "name": method.name,
             "unary": labeler.methods[method.id].unary,
-            **method_defaults(labeler.methods[method.id].backend),
+            **option_values(labeler.methods[method.id].backend),
         }
         for method in config.methods
     ]

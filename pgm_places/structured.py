@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, clone
 
 from pgm_places._checks import integer_array, nearest_name
-from pgm_places.backends import Learnable, build, option_fields
+from pgm_places.backends import Learnable, build
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
 from pgm_places.evaluation import evaluate
 from pgm_places.labeling import Labeling
 from pgm_places.models.amn_learning import contiguous_parts
+from pgm_places.plugins import option_fields
 from pgm_places.problem import LabelingProblem
 
 __all__ = ["StructuredLabeler"]

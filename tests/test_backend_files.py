@@ -16,7 +16,7 @@ from pgm_places import (
     load_backend,
     save_backend,
 )
-from pgm_places.backends import BACKENDS, ENTRY_POINT_GROUP, Learnable, backend_names
+from pgm_places.backends import BACKENDS, METHODS, Learnable, backend_names
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.io.model_files import load_folder, save_folder
 
@@ -63,8 +63,8 @@ def test_an_unregistered_backend_is_not_saved(tmp_path: Path) -> None:
 def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    point = EntryPoint("mine", f"{__name__}:Unregistered", ENTRY_POINT_GROUP)
-    monkeypatch.setattr("pgm_places.backends.entry_points", lambda group: [point])
+    point = EntryPoint("mine", f"{__name__}:Unregistered", METHODS.group)
+    monkeypatch.setattr("pgm_places.plugins.entry_points", lambda group: [point])
     assert "mine" in backend_names()
     save_backend(tmp_path / "model", build("mine"), NAMES)
     assert load_backend(tmp_path / "model") == (Unregistered(), NAMES)

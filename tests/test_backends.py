@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
-from pgm_places.backends import BACKENDS, Backend, backend_class, backend_names, build
+from pgm_places.backends import BACKENDS, METHODS, Backend, backend_names, build
 from pgm_places.errors import ConfigError, InputError
 
 
@@ -44,7 +44,7 @@ def test_unknown_option_offers_the_nearest() -> None:
 
 def test_missing_module_is_named() -> None:
     with pytest.raises(ConfigError, match="needs 'not_there'"):
-        backend_class("not_there:Thing")
+        METHODS.find("not_there:Thing")
 
 
 def test_independent_takes_the_best_label() -> None:

@@ -1,0 +1,164 @@
+"""Classes by name: those that come with the package, and those that others add by entry point.
+
+What can be named in a configuration is a frozen dataclass: its fields are its options. A model
+keeps the name and the options, and finds the class again by the name.
+"""
+
+import dataclasses
+import importlib
+import json
+import typing
+from collections.abc import Iterator, Mapping
+from importlib.metadata import entry_points
+from typing import Any
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import ConfigError, ModelFileError, OutputError
+
+__all__ = ["Registry", "option_fields", "option_values"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Registry:
+    """The classes of one kind that can be named.
+
+    Parameters
+    ----------
+    kind : str
+        What they are, for messages: ``"method"``.
+    group : str
+        The entry points by which other packages add theirs: ``name = "package.module:Class"``.
+    built_in : mapping of str to str
+        Name to ``"module:Class"``, imported only when used.
+    """
+
+    kind: str
+    group: str
+    built_in: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    def names(self) -> list[str]:
+        """All names, built in or installed."""
+        return sorted(self._targets())
+
+    def find(self, name: str) -> type[Any]:
+        """The class of that name, or behind ``"module:Class"``.
+
+        Raises
+        ------
+        ConfigError
+            There is none; the message offers the nearest name.
+        """
+        target = self._targets().get(name) or (name if ":" in name else None)
+        if target is None:
+            known = self.names()
+            hint = nearest_name(name, known) if known else f"None is installed ({self.group})"
+            raise ConfigError(f"unknown {self.kind} {name!r}. {hint}")
+        module_name, _, class_name = target.partition(":")
+        try:
+            module = importlib.import_module(module_name)
+        except ModuleNotFoundError as error:
+            raise ConfigError(
+                f"{self.kind} {name!r} needs {error.name!r}, which is not installed"
+            ) from None
+        found = getattr(module, class_name, None)
+        if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
+            raise ConfigError(
+                f"{self.kind} {name!r}: {target} is not a dataclass with its options as fields"
+            )
+        return found
+
+    def build(self, name: str, options: Mapping[str, Any] | None = None) -> Any:
+        """An object of the class of that name with those options.
+
+        Raises
+        ------
+        ConfigError
+            An unknown name or option (the nearest is offered), or a value that is refused.
+        """
+        cls = self.find(name)
+        known = [item.name for item in option_fields(cls)]
+        options = dict(options or {})
+        for key in options:
+            if key not in known:
+                hint = nearest_name(key, known) if known else "It has none"
+                raise ConfigError(f"{self.kind} {name!r} has no option {key!r}. {hint}")
+        try:
+            return cls(**options)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"{self.kind} {name!r}: {error}") from None
+
+    def configured(self, name: str, options: Mapping[str, Any]) -> Any:
+        """Like :meth:`build`, from a file's options: types are checked, a list becomes a tuple."""
+        typed = _typed(f"{self.kind} {name!r}", self.find(name), options)
+        return self.build(name, typed)
+
+    def name_of(self, cls: type[Any]) -> str:
+        """The name under which a class is found again.
+
+        Raises
+        ------
+        OutputError
+            It is not registered.
+        """
+        own = f"{cls.__module__}:{cls.__qualname__}"
+        targets = self._targets()
+        for name, target in targets.items():
+            if target == own:
+                return name
+        for name in targets:  # registered where another module offers it
+            if self.find(name) is cls:
+                return name
+        raise OutputError(
+            f"{cls.__qualname__} cannot be saved: it is not registered. Add it to the entry points "
+            f"of group {self.group!r} so that it can be found again"
+        )
+
+    def restored(self, name: str, options: Mapping[str, Any]) -> Any:
+        """What a model file names: only registered classes, a file must not choose imports.
+
+        Raises
+        ------
+        ModelFileError
+            No class of that name is installed.
+        """
+        if name not in self._targets():
+            raise ModelFileError(
+                f"no {self.kind} {name!r} is installed; install the package that adds it to the "
+                f"entry points of group {self.group!r}"
+            )
+        return self.configured(name, options)
+
+    def _targets(self) -> dict[str, str]:
+        installed = {point.name: point.value for point in entry_points(group=self.group)}
+        return {**installed, **self.built_in}
+
+
+def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:
+    """The fields of a class that a user may set: all but those that learning fills."""
+    for item in dataclasses.fields(cls):
+        if item.init and not item.metadata.get("learned"):
+            yield item
+
+
+def option_values(item: Any) -> dict[str, Any]:
+    """All options of an object with their values, as plain data for results and manifests."""
+    return {field.name: getattr(item, field.name) for field in option_fields(type(item))}
+
+
+def _typed(what: str, cls: type[Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with the types that the fields declare; others stay, for ``build`` to refuse."""
+    from pydantic import TypeAdapter, ValidationError
+
+    hints = typing.get_type_hints(cls)
+    known = {item.name for item in option_fields(cls)}
+    typed = dict(options)
+    for key in options:
+        if key not in known:
+            continue
+        try:
+            value = TypeAdapter(hints[key]).validate_json(json.dumps(options[key]), strict=True)
+        except ValidationError as error:
+            message = error.errors()[0]["msg"]
+            raise ConfigError(f"{what}, option {key!r}: {message}, got {options[key]!r}") from None
+        typed[key] = value
+    return typed
