@@ -19,10 +19,12 @@ from pydantic import (
 from pgm_places._checks import nearest_name
 from pgm_places.backends import METHODS
 from pgm_places.errors import ConfigError
+from pgm_places.features.own import FEATURES, as_features
 
 __all__ = [
     "ClassifierConfig",
     "ExperimentConfig",
+    "FeatureConfig",
     "LabelsConfig",
     "MapConfig",
     "MethodConfig",
@@ -174,6 +176,13 @@ class TopologyConfig(_Record):
     min_part_m2: Annotated[float, Field(ge=0)] = 4.0
 
 
+class FeatureConfig(_Record):
+    """A feature of one's own by name, and its options (all other keys)."""
+
+    name: str
+    options: dict[str, Any]
+
+
 class MethodConfig(_Record):
     """A method by name, what to call it, which unary it gets, and its options (all other keys).
 
@@ -201,6 +210,7 @@ class ExperimentConfig(_Record):
     topology: TopologyConfig = TopologyConfig()
     train: Annotated[list[MapConfig], Field(min_length=1)]
     test: list[MapConfig] = []
+    features: list[FeatureConfig] = []
     methods: Annotated[list[MethodConfig], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -267,36 +277,47 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
     """The checked configuration from a mapping such as ``tomllib`` returns."""
     content = dict(content)
     if "methods" in content:
-        content["methods"] = _split_methods(content["methods"], where)
+        content["methods"] = _split(content["methods"], "methods", ("id", "unary"), where)
+        for item in content["methods"]:
+            item.setdefault("id", item["name"])
+    if "features" in content:
+        content["features"] = _split(content["features"], "features", (), where)
     try:
         # JSON mode keeps strictness (no "50" for 50) but lets a list be a pair.
         config = ExperimentConfig.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
         raise ConfigError(f"{where}: {_first_problem(error)}") from None
-    for method in config.methods:
-        try:
+    try:
+        build_features(config)
+        for method in config.methods:
             build_method(method)
-        except ConfigError as error:
-            raise ConfigError(f"{where}: {error}") from None
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
     return config
 
 
-def _split_methods(methods: Any, where: str) -> list[dict[str, Any]]:
-    if not isinstance(methods, list) or not all(isinstance(item, dict) for item in methods):
-        raise ConfigError(f"{where}: methods must be tables; write [[methods]] above each")
+def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list[dict[str, Any]]:
+    """Tables as records: name, the keys that are the record's own, and all others as options."""
+    if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
+        raise ConfigError(f"{where}: {key} must be tables; write [[{key}]] above each")
     split = []
-    for index, item in enumerate(methods):
+    for index, item in enumerate(tables):
         if "name" not in item:
-            raise ConfigError(f"{where}: methods[{index}] has no name")
-        own = {key: item[key] for key in ("name", "id", "unary") if key in item}
-        options = {key: value for key, value in item.items() if key not in own}
-        split.append({"id": item["name"], **own, "options": options})
+            raise ConfigError(f"{where}: {key}[{index}] has no name")
+        own = {name: item[name] for name in ("name", *own_keys) if name in item}
+        options = {name: value for name, value in item.items() if name not in own}
+        split.append({**own, "options": options})
     return split
 
 
 def build_method(method: MethodConfig) -> Any:
     """The backend that a method's table describes; names, types and values are checked."""
     return METHODS.configured(method.name, method.options)
+
+
+def build_features(config: ExperimentConfig) -> tuple[Any, ...]:
+    """The features of one's own that the tables describe, checked in the same way."""
+    return as_features([FEATURES.configured(item.name, item.options) for item in config.features])
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -21,6 +21,7 @@ from pgm_places.config import (
     ExperimentConfig,
     MapConfig,
     MethodConfig,
+    build_features,
     build_method,
 )
 from pgm_places.errors import ConfigError, LabelError
@@ -228,6 +229,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         settings.n_folds,
         settings.node_features,
         settings.max_examples_per_map,
+        build_features(config),
     )
 
 

@@ -9,19 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.backend_files import get_backend, put_backend
-from pgm_places.errors import ModelFileError, NotFittedError
-from pgm_places.features.laser import LASER_FEATURES, feature_set_hash
+from pgm_places.backends import METHODS
+from pgm_places.errors import ConfigError, ModelFileError, NotFittedError
+from pgm_places.features.laser import feature_set_hash
+from pgm_places.features.own import FEATURES, n_columns
 from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.places import PlaceLabeler, PlaceMethod
+from pgm_places.plugins import option_values
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary import UnaryModel
 
 __all__ = [
+    "check_savable",
+    "get_features",
     "get_labeler",
     "get_list",
     "get_sensor",
     "load_labeler",
+    "put_feature",
     "put_list",
     "restored",
     "save_labeler",
@@ -45,6 +51,7 @@ def save_labeler(
         "kind": KIND,
         "label_names": list(labeler.label_names),
         "feature_set": feature_set_hash(),
+        "features": [put_feature(item) for item in unary.features],
         "resolution_m": labeler.resolution_m,
         "connectivity": labeler.connectivity,
         "sensor": dataclasses.asdict(unary.sensor),
@@ -62,6 +69,20 @@ def save_labeler(
     if labeler.movement is not None:
         manifest["movement"] = put_backend(arrays, "movement", labeler.movement)
     save_folder(folder, manifest, arrays)
+
+
+def check_savable(labeler: PlaceLabeler) -> None:
+    """Refuse a labeler that could not be saved, for before a long training.
+
+    Raises
+    ------
+    OutputError
+        A method or a feature is not registered.
+    """
+    for method in labeler.methods.values():
+        METHODS.name_of(type(method.backend))
+    for feature in labeler.features:
+        FEATURES.name_of(type(feature))
 
 
 def load_labeler(folder: Path) -> tuple[PlaceLabeler, dict[str, Any]]:
@@ -113,16 +134,17 @@ def get_labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
     sensor = get_sensor(manifest["sensor"])
     context_m = tuple(float(width) for width in manifest["context_m"])
     label_names = tuple(str(name) for name in manifest["label_names"])
-    n_laser, n_labels = len(LASER_FEATURES), len(label_names)
-    classifier = get_list(arrays, "classifier", manifest["classifier"], n_laser, n_labels)
+    features = get_features(manifest)
+    n_own, n_labels = n_columns(features), len(label_names)
+    classifier = get_list(arrays, "classifier", manifest["classifier"], n_own, n_labels)
     context = None
     if manifest["context_classifier"] is not None:
-        n_columns = n_laser + len(context_m) * n_labels
-        context = get_list(arrays, "context", manifest["context_classifier"], n_columns, n_labels)
+        n_all = n_own + len(context_m) * n_labels
+        context = get_list(arrays, "context", manifest["context_classifier"], n_all, n_labels)
     columns = arrays["unary/node_columns"].astype(np.int64)
-    if columns.ndim != 1 or (columns < 0).any() or (columns >= n_laser).any():
-        raise ModelFileError(f"unary/node_columns must be feature indices below {n_laser}")
-    unary = UnaryModel(sensor, classifier, n_labels, columns, context_m, context)
+    if columns.ndim != 1 or (columns < 0).any() or (columns >= n_own).any():
+        raise ModelFileError(f"unary/node_columns must be feature indices below {n_own}")
+    unary = UnaryModel(sensor, classifier, n_labels, columns, context_m, context, features)
     methods = {
         item["name"]: _get_method(arrays, number, item)
         for number, item in enumerate(manifest["methods"])
@@ -136,6 +158,7 @@ def get_labeler(manifest: dict[str, Any], arrays: Arrays) -> PlaceLabeler:
         sensor,
         connectivity=int(manifest["connectivity"]),
         context_m=context_m,
+        features=features,
         unary_model=unary,
         resolution_m=float(manifest["resolution_m"]),
         movement=movement,
@@ -147,6 +170,39 @@ def get_sensor(record: Mapping[str, Any]) -> Sensor:
     options = dict(record)
     noise = options.pop("noise")
     return Sensor(**options, noise=None if noise is None else SensorNoise(**noise))
+
+
+def put_feature(feature: Any) -> dict[str, Any]:
+    """A feature of one's own as plain data: its registered name, options and columns."""
+    return {
+        "name": FEATURES.name_of(type(feature)),
+        "options": option_values(feature),
+        "columns": [str(name) for name in feature.column_names],
+    }
+
+
+def get_features(manifest: Mapping[str, Any]) -> tuple[Any, ...]:
+    """The features that a manifest names; none in models of before.
+
+    Raises
+    ------
+    ModelFileError
+        One is not installed, refuses its options, or has other columns now.
+    """
+    features = []
+    for record in manifest.get("features", []):
+        try:
+            feature = FEATURES.restored(record["name"], record["options"])
+        except ConfigError as error:
+            raise ModelFileError(str(error)) from None
+        columns = [str(name) for name in feature.column_names]
+        if columns != record["columns"]:
+            raise ModelFileError(
+                f"feature {record['name']!r} has the columns {columns} now; the model was trained "
+                f"with {record['columns']}: install that version, or train again"
+            )
+        features.append(feature)
+    return tuple(features)
 
 
 def put_list(arrays: Arrays, prefix: str, classifier: BoostedList) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import nearest_name, sealed
 from pgm_places.backends import Backend, Learnable, build, uses_node_features
 from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.features.own import as_features
 from pgm_places.graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
@@ -79,6 +80,9 @@ class PlaceLabeler:
         Which scores the methods learn from.
     n_folds, n_node_features, max_examples_per_map : int
         See :func:`pgm_places.unary_learning.fit_unary`.
+    features : sequence of features or names
+        Columns of your own that the lists see beside the laser's: see
+        :mod:`pgm_places.features.own`.
     unary_model : UnaryModel or None
         Filled by :meth:`fit`.
     movement : HiddenMarkovModel or None
@@ -107,6 +111,7 @@ class PlaceLabeler:
     n_folds: int = 5
     n_node_features: int = 30
     max_examples_per_map: int | None = None
+    features: Sequence[Any] = ()
     unary_model: UnaryModel | None = field(default=None, repr=False)
     resolution_m: float | None = None
     movement: "HiddenMarkovModel | None" = field(default=None, repr=False)
@@ -123,6 +128,7 @@ class PlaceLabeler:
                 "the half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
             )
         object.__setattr__(self, "methods", checked)
+        object.__setattr__(self, "features", as_features(self.features))
 
     def fit(
         self,
@@ -156,6 +162,7 @@ class PlaceLabeler:
             context_m=self.context_m,
             learn_on=self.learn_on,
             n_folds=self.n_folds,
+            features=tuple(self.features),
             n_threads=n_threads,
             progress=progress,
         )

@@ -1,14 +1,15 @@
 """From a robot's scans to what the boosted list says of each: features of the completed circle."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.features.extraction import extract
-from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.scan import ScanGeometry
@@ -20,8 +21,6 @@ from pgm_places.trajectory import Trajectory
 from pgm_places.unary import aligned_log_proba
 
 __all__ = ["BeamOptions", "ScanModel", "circles_along"]
-
-N_LASER = len(LASER_FEATURES)
 
 
 @dataclass(frozen=True)
@@ -85,32 +84,37 @@ class BeamOptions:
 
 @dataclass(frozen=True, eq=False)
 class ScanModel:
-    """A boosted list on the laser features of a scan, and on columns from elsewhere after them.
+    """A boosted list on the features of a scan, and on columns from elsewhere after them.
 
     Parameters
     ----------
     classifier : BoostedList
-        On 321 + D columns; its classes are label indices.
+        On the 321 laser features, own features and D columns; its classes are label indices.
     n_labels : int
         K.
     sensor : Sensor
         Beams and reach that the list learned with.
     extra_names : tuple of D str
-        Columns after the laser's, such as counts of objects seen by a camera.
+        Columns after the features, such as counts of objects seen by a camera.
+    features : tuple
+        Scan features of one's own: see :mod:`pgm_places.features.own`.
     """
 
     classifier: BoostedList
     n_labels: int
     sensor: Sensor
     extra_names: tuple[str, ...] = ()
+    features: tuple[Any, ...] = ()
     _needed: NDArray[np.int64] = field(init=False, repr=False)
     _short_list: BoostedList = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.classifier.n_features != N_LASER + len(self.extra_names):
+        check_scan_features(self.features)
+        n_own = n_columns(self.features)
+        if self.classifier.n_features != n_own + len(self.extra_names):
             raise InputError(
-                f"the list wants {self.classifier.n_features} columns, but there are {N_LASER} "
-                f"laser features and {len(self.extra_names)} extra columns"
+                f"the list wants {self.classifier.n_features} columns, but there are {n_own} "
+                f"features of scans and {len(self.extra_names)} extra columns"
             )
         needed = self.classifier.used_features
         object.__setattr__(self, "_needed", needed)
@@ -124,13 +128,18 @@ class ScanModel:
         n_threads: int | None = None,
     ) -> NDArray[np.float64]:
         """(T, K) log z of scans (T, n_beams) all around and their extra columns (T, D)."""
-        laser = self._needed[self._needed < N_LASER]
-        values = extract(
-            circles_m, max_range_m=self.sensor.max_range_m, columns=laser, n_threads=n_threads
+        n_own = n_columns(self.features)
+        own = self._needed[self._needed < n_own]
+        values = feature_values(
+            np.asarray(circles_m),
+            self.features,
+            own,
+            max_range_m=self.sensor.max_range_m,
+            n_threads=n_threads,
         )
         columns = check_extra(extra, len(values), self.extra_names)
-        if len(laser) < len(self._needed):
-            chosen = columns[:, self._needed[len(laser) :] - N_LASER]
+        if len(own) < len(self._needed):
+            chosen = columns[:, self._needed[len(own) :] - n_own]
             values = np.concatenate([values, chosen], axis=1)
         return aligned_log_proba(self._short_list, values, self.n_labels, n_threads)
 
@@ -166,6 +175,16 @@ def circles_along(
         )
     circle = beams.circle(trajectory.geometry, sensor, known_map)
     return circle.complete(trajectory.poses, trajectory.ranges_m)
+
+
+def check_scan_features(features: Sequence[Any]) -> None:
+    """Refuse features that only a map's cells have."""
+    for item in features:
+        if isinstance(item, MapFeature):
+            raise InputError(
+                f"the feature {type(item).__name__} looks at a map's cells, which a trajectory's "
+                "scans have not; use features of scans to label both"
+            )
 
 
 def check_extra(

@@ -10,10 +10,19 @@ from numpy.typing import NDArray
 
 from pgm_places.backend_files import get_backend, put_backend
 from pgm_places.errors import ModelFileError, NotFittedError
-from pgm_places.features.laser import LASER_FEATURES, feature_set_hash
+from pgm_places.features.laser import feature_set_hash
+from pgm_places.features.own import n_columns
 from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.place_files import KIND as PLACES_KIND
-from pgm_places.place_files import get_labeler, get_list, get_sensor, put_list, restored
+from pgm_places.place_files import (
+    get_features,
+    get_labeler,
+    get_list,
+    get_sensor,
+    put_feature,
+    put_list,
+    restored,
+)
 from pgm_places.scan_model import BeamOptions, ScanModel
 from pgm_places.trajectory_labeler import TrajectoryLabeler
 
@@ -44,6 +53,7 @@ def save_trajectory_labeler(
         "kind": KIND,
         "label_names": list(labeler.label_names),
         "feature_set": feature_set_hash(),
+        "features": [put_feature(item) for item in model.features],
         "sensor": dataclasses.asdict(model.sensor),
         "extra_names": list(model.extra_names),
         "every_m": float(labeler.every_m),
@@ -84,9 +94,11 @@ def load_trajectory_labeler(folder: Path | str) -> tuple[TrajectoryLabeler, dict
 def _labeler(manifest: dict[str, Any], arrays: Arrays) -> TrajectoryLabeler:
     names = tuple(str(name) for name in manifest["label_names"])
     extra_names = tuple(str(name) for name in manifest["extra_names"])
-    n_columns = len(LASER_FEATURES) + len(extra_names)
-    classifier = get_list(arrays, "classifier", manifest["classifier"], n_columns, len(names))
-    model = ScanModel(classifier, len(names), get_sensor(manifest["sensor"]), extra_names)
+    features = get_features(manifest)
+    n_all = n_columns(features) + len(extra_names)
+    classifier = get_list(arrays, "classifier", manifest["classifier"], n_all, len(names))
+    sensor = get_sensor(manifest["sensor"])
+    model = ScanModel(classifier, len(names), sensor, extra_names, features)
     method = get_backend(arrays, "method", manifest["method"], where="method")
     every_m = float(manifest["every_m"])
     if not np.isfinite(every_m):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, NotFittedError
+from pgm_places.features.own import as_features
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
 from pgm_places.labelled_map import LabelledMap
@@ -108,6 +109,8 @@ class TrajectoryLabeler:
         ------
         NotFittedError
             ``places`` is not fitted, or was stored by a version that learned nothing of movement.
+        InputError
+            It has a feature of the map's cells.
         """
         unary = places.unary_model
         if unary is None:
@@ -118,7 +121,7 @@ class TrajectoryLabeler:
                 "this model was stored without the statistics of moving robots; train it again, or "
                 "give a fitted method"
             )
-        model = ScanModel(unary.classifier, unary.n_labels, unary.sensor)
+        model = ScanModel(unary.classifier, unary.n_labels, unary.sensor, features=unary.features)
         return cls(places.label_names, chosen, every_m, beams or BeamOptions(), model)
 
     def fit(
@@ -128,6 +131,7 @@ class TrajectoryLabeler:
         *,
         extra: Sequence[ArrayLike] | None = None,
         extra_names: Sequence[str] = (),
+        features: Sequence[Any] = (),
         known_map: OccupancyGrid | None = None,
         sensor: Sensor | None = None,
         classifier: "DecisionListClassifier | None" = None,
@@ -150,6 +154,9 @@ class TrajectoryLabeler:
             Columns beside the laser's for each trajectory; then there can be no maps.
         extra_names : sequence of D str
             Their names.
+        features : sequence of features or names, optional
+            Columns of your own that are computed from scans: see
+            :mod:`pgm_places.features.own`.
         known_map : OccupancyGrid, optional
             The map in which missing beams are cast, where ``beams`` asks for it.
         sensor : Sensor, optional
@@ -171,7 +178,7 @@ class TrajectoryLabeler:
         from pgm_places.trajectory_learning import learn_trajectory_labeler, trajectory_examples
 
         sensor = sensor or Sensor(max_range_m=REACH_M)
-        names = tuple(extra_names)
+        names, own = tuple(extra_names), as_features(features)
         examples = trajectory_examples(
             maps,
             trajectories,
@@ -181,6 +188,7 @@ class TrajectoryLabeler:
             known_map=known_map,
             extra=extra,
             extra_names=names,
+            features=own,
             n_folds=n_folds,
             n_threads=n_threads,
             progress=progress,
@@ -192,6 +200,7 @@ class TrajectoryLabeler:
             examples,
             sensor=sensor,
             extra_names=names,
+            own_features=own,
             classifier=classifier,
             n_runs=n_runs,
             seed=seed,

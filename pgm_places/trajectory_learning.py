@@ -2,20 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.backends import Learnable
 from pgm_places.errors import InputError, LabelError
-from pgm_places.features.extraction import extract
+from pgm_places.features.own import feature_values
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent
-from pgm_places.scan_model import BeamOptions, ScanModel, check_extra, circles_along
+from pgm_places.scan_model import (
+    BeamOptions,
+    ScanModel,
+    check_extra,
+    check_scan_features,
+    circles_along,
+)
 from pgm_places.segments import Segments
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectory import Trajectory
@@ -76,11 +82,12 @@ def trajectory_examples(
     known_map: OccupancyGrid | None = None,
     extra: Sequence[ArrayLike] | None = None,
     extra_names: tuple[str, ...] = (),
+    features: tuple[Any, ...] = (),
     n_folds: int = 5,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> Examples:
-    """All laser features of labelled cells and steps, and the extra columns of the steps.
+    """All features of labelled cells and steps, and the extra columns of the steps.
 
     Raises
     ------
@@ -92,9 +99,10 @@ def trajectory_examples(
     """
     progress = progress or Silent()
     _require_sources(maps, trajectories, extra, extra_names, label_names)
+    check_scan_features(features)
     masks = [item.labelled_cells for item in maps]
     truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]
-    parts = [training_features(maps, sensor, n_threads, progress)] if maps else []
+    parts = [training_features(maps, sensor, n_threads, progress, features)] if maps else []
     groups = [fold_groups(masks, n_folds)] if maps else []
     steps = []
     with progress.stage("scans of trajectories") as stage:
@@ -103,8 +111,10 @@ def trajectory_examples(
             known = np.flatnonzero(labels >= 0)
             circles = circles_along(item, sensor, beams, known_map=known_map, n_threads=n_threads)
             columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
-            laser = extract(circles[known], max_range_m=sensor.max_range_m, n_threads=n_threads)
-            parts.append(np.concatenate([laser, columns[known]], axis=1))
+            values = feature_values(
+                circles[known], features, max_range_m=sensor.max_range_m, n_threads=n_threads
+            )
+            parts.append(np.concatenate([values, columns[known]], axis=1))
             truths.append(labels[known])
             groups.append(np.arange(len(known)) * n_folds // max(len(known), 1))
             steps.append(known)
@@ -128,6 +138,7 @@ def learn_trajectory_labeler(
     *,
     sensor: Sensor,
     extra_names: tuple[str, ...] = (),
+    own_features: tuple[Any, ...] = (),
     classifier: "DecisionListClassifier | None" = None,
     n_runs: int = 1000,
     seed: int = 0,
@@ -146,7 +157,7 @@ def learn_trajectory_labeler(
     with progress.stage("decision list"):
         fitted = clone(unfitted).fit(features, truth, groups=groups)
     scores = held_out_scores(fitted, features, truth, groups, n_labels, progress, "held-out scores")
-    model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names)
+    model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, own_features)
     found = replace(labeler, scan_model=model)
     with progress.stage("method"):
         method = _fitted_method(found, maps, trajectories, examples, scores, n_runs, seed)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.features.context import iter_window_means
-from pgm_places.features.extraction import extract
-from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.layout import GridLayout
@@ -29,7 +29,7 @@ class CellScores:
     Parameters
     ----------
     laser : (N, K) float
-        Logarithm of the histogram z of the list on laser features (paper eq. 8).
+        Logarithm of the histogram z of the list on a cell's own features (paper eq. 8).
     context : (N, K) float or None
         The same from the list that also sees the neighbourhood's z, where there is one.
     node_features : (N, D) float32 or None
@@ -50,15 +50,17 @@ class UnaryModel:
     sensor : Sensor
         How scans are simulated; a model is only good for the sensor it learned with.
     classifier : BoostedList
-        The list on the 321 laser features.
+        The list on the 321 laser features, and own features after them.
     n_labels : int
         K; the classifier's classes are label indices below K.
     node_columns : (D,) int
-        Laser features handed on as node features.
+        Columns handed on as node features.
     context_m : tuple of float
         Half-widths in metres of the windows whose mean z the second list sees; () for none.
     context_classifier : BoostedList or None
-        The second list, on laser features followed by context features.
+        The second list, on the same columns followed by context features.
+    features : tuple
+        Features of one's own: see :mod:`pgm_places.features.own`.
     """
 
     sensor: Sensor
@@ -67,6 +69,7 @@ class UnaryModel:
     node_columns: NDArray[np.int64]
     context_m: tuple[float, ...] = ()
     context_classifier: BoostedList | None = field(default=None, repr=False)
+    features: tuple[Any, ...] = ()
 
     def scores(
         self,
@@ -86,7 +89,7 @@ class UnaryModel:
         layout = _grid_layout(graph)
         progress = progress or Silent()
         second = self.context_classifier if with_context else None
-        later = np.zeros(0, np.int64) if second is None else _laser_columns(second)
+        later = np.zeros(0, np.int64) if second is None else self._columns_of(second)
         handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
         needed = np.unique(np.concatenate([self.classifier.used_features, later, handed]))
         first_list = self.classifier.restricted(needed)
@@ -108,7 +111,7 @@ class UnaryModel:
                 context[nodes, : len(votes)] = votes.T
 
         with progress.stage("scans, features and list") as stage:
-            self._stream(grid, layout.mask(), needed, take, n_threads, stage)
+            self._stream(grid, layout, needed, take, n_threads, stage)
         if second is not None and context is not None:
             with progress.stage("spatial context"):
                 self._add_context(second, grid, layout, laser, context)
@@ -121,19 +124,22 @@ class UnaryModel:
     def _stream(
         self,
         grid: OccupancyGrid,
-        mask: NDArray[np.bool_],
+        layout: GridLayout,
         columns: NDArray[np.int64],
         take: Callable[[NDArray[np.int64], NDArray[np.float32]], None],
         n_threads: int | None,
         stage: Stage,
     ) -> None:
         """Hand the nodes and features (n, F) of block after block of scans to ``take``."""
-        done, total = 0, int(np.count_nonzero(mask))
-        for block in iter_cast(grid, self.sensor, mask=mask, n_threads=n_threads):
-            values = extract(
+        done, total = 0, len(layout.cells_rc)
+        of_cells = values_on_map(self.features, grid, layout.cells_rc, columns)
+        for block in iter_cast(grid, self.sensor, mask=layout.mask(), n_threads=n_threads):
+            values = feature_values(
                 block.ranges,
+                self.features,
+                columns,
                 max_range_m=self.sensor.max_range_m,
-                columns=columns,
+                from_map={place: rows[block.nodes] for place, rows in of_cells.items()},
                 n_threads=n_threads,
             )
             take(block.nodes, values)
@@ -149,7 +155,7 @@ class UnaryModel:
         context: NDArray[np.float64],
     ) -> None:
         """Turn ``context`` (N, K), the list's votes on laser features so far, into its log z."""
-        context_part = second.part(np.arange(len(LASER_FEATURES), second.n_features))
+        context_part = second.part(np.arange(n_columns(self.features), second.n_features))
         bands = iter_window_means(
             layout,
             lambda nodes: np.exp(laser[nodes]),
@@ -161,6 +167,11 @@ class UnaryModel:
             scores = context_part.scores(means)
             scores += context[nodes, : len(scores)].T
             context[nodes] = _aligned(second, second.log_histogram_of(scores), self.n_labels)
+
+    def _columns_of(self, second: BoostedList) -> NDArray[np.int64]:
+        """The columns besides context that the second list uses."""
+        used = second.used_features
+        return np.asarray(used[used < n_columns(self.features)], np.int64)
 
 
 def aligned_log_proba(
@@ -177,12 +188,6 @@ def _aligned(fitted: BoostedList, found: NDArray[np.float64], n_labels: int) -> 
     full = np.full((len(found), n_labels), found.min(initial=0.0))
     full[:, classes] = found
     return full
-
-
-def _laser_columns(fitted: BoostedList) -> NDArray[np.int64]:
-    """The laser features that a list on laser and context features uses."""
-    used = fitted.used_features
-    return np.asarray(used[used < len(LASER_FEATURES)], np.int64)
 
 
 def _grid_layout(graph: LabelGraph) -> GridLayout:

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.features.context import window_means
-from pgm_places.features.extraction import extract
-from pgm_places.features.laser import LASER_FEATURES
+from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.layout import GridLayout
 from pgm_places.progress import Progress, Silent
@@ -49,6 +48,7 @@ def fit_unary(
     learn_on: str = "out-of-fold",
     n_folds: int = 5,
     max_examples_per_map: int | None = None,
+    features: tuple[Any, ...] = (),
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[UnaryModel, list[CellScores]]:
@@ -73,6 +73,8 @@ def fit_unary(
         Folds for out-of-fold scores: so many blocks, or at most so many groups of buildings.
     max_examples_per_map : int, optional
         Train the lists on a random choice of so many cells of each map; all cells are scored.
+    features : tuple
+        Features of one's own, beside the laser's: see :mod:`pgm_places.features.own`.
 
     Returns
     -------
@@ -84,7 +86,7 @@ def fit_unary(
     progress = progress or Silent()
     masks = [item.labelled_cells for item in maps]
     sizes = [int(mask.sum()) for mask in masks]
-    laser_features = training_features(maps, sensor, n_threads, progress)
+    laser_features = training_features(maps, sensor, n_threads, progress, features)
     truth = np.concatenate(
         [item.labels[mask] for item, mask in zip(maps, masks, strict=True)]
     ).astype(np.int64)
@@ -124,6 +126,7 @@ def fit_unary(
         node_columns,
         context_m,
         None if second is None else second.boosted_list_,
+        features,
     )
     nodes = laser_features[:, node_columns]
     ends = np.cumsum(sizes)[:-1]
@@ -173,17 +176,28 @@ def contiguous_blocks(cells_rc: NDArray[Any], n_blocks: int) -> NDArray[np.int64
 
 
 def training_features(
-    maps: Sequence[LabelledMap], sensor: Sensor, n_threads: int | None, progress: Progress
+    maps: Sequence[LabelledMap],
+    sensor: Sensor,
+    n_threads: int | None,
+    progress: Progress,
+    own: tuple[Any, ...] = (),
 ) -> NDArray[np.float32]:
-    """All laser features of all labelled cells, map after map in node order."""
+    """All laser and own features of all labelled cells, map after map in node order."""
     total = sum(int(item.labelled_cells.sum()) for item in maps)
-    features = np.empty((total, len(LASER_FEATURES)), np.float32)
+    features = np.empty((total, n_columns(own)), np.float32)
     start = 0
     with progress.stage("scans and features") as stage:
         for item in maps:
             mask = item.labelled_cells
+            of_cells = values_on_map(own, item.grid, np.argwhere(mask))
             for block in iter_cast(item.grid, sensor, mask=mask, n_threads=n_threads):
-                values = extract(block.ranges, max_range_m=sensor.max_range_m, n_threads=n_threads)
+                values = feature_values(
+                    block.ranges,
+                    own,
+                    max_range_m=sensor.max_range_m,
+                    from_map={place: rows[block.nodes] for place, rows in of_cells.items()},
+                    n_threads=n_threads,
+                )
                 features[start + block.nodes] = values
                 stage.update((start + int(block.nodes[-1])) / max(total, 1))
             start += int(mask.sum())

@@ -71,12 +71,13 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
 
 def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places train``."""
-    from pgm_places.experiment import resolved_config, train, versions
+    from pgm_places.experiment import make_labeler, resolved_config, train, versions
     from pgm_places.io.model_files import check_target
-    from pgm_places.place_files import save_labeler
+    from pgm_places.place_files import check_savable, save_labeler
 
     experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
     check_target(out)
+    check_savable(make_labeler(experiment.config))  # not after hours of training
     stages = ["features", "boosting", *(item.name for item in experiment.config.methods)]
     with compiled_ahead(stages, n_threads=n_threads):
         labeler = train(experiment)

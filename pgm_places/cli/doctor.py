@@ -10,6 +10,7 @@ import typer
 from pgm_places._version import __version__
 from pgm_places.backends import backend_names
 from pgm_places.cli.tables import text_table
+from pgm_places.features.own import FEATURES
 
 __all__ = ["run_doctor"]
 
@@ -40,6 +41,7 @@ def run_doctor(map_yaml: Path | None) -> None:
     rows += [[f"{name} (optional)", _version(name)] for name in OPTIONAL]
     typer.echo(text_table(rows))
     typer.echo(f"\nmethods: {', '.join(backend_names())}")
+    typer.echo(f"features besides the laser's: {', '.join(FEATURES.names()) or 'none installed'}")
     _kernels()
     if map_yaml is not None:
         _map(map_yaml)

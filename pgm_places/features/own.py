@@ -1,0 +1,203 @@
+"""Features of one's own: columns beside the 321 of the laser, by name, with options.
+
+A feature is a frozen dataclass. Its fields are its options, ``column_names`` names its columns,
+and one of two methods computes them: ``of_scans`` from scans all around, simulated or real, or
+``of_cells`` from the map itself. The lists see the laser's columns first, then those of own
+features in the order in which these were given.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import ConfigError
+from pgm_places.features.extraction import extract
+from pgm_places.features.laser import LASER_FEATURES, laser_feature_names
+from pgm_places.grid import OccupancyGrid
+from pgm_places.plugins import Registry
+
+__all__ = [
+    "FEATURES",
+    "MapFeature",
+    "ScanFeature",
+    "as_features",
+    "column_names",
+    "feature_values",
+    "n_columns",
+    "values_on_map",
+]
+
+FEATURES = Registry("feature", "pgm_places.features")
+"""Where features are looked up; packages add theirs to the entry points of that group."""
+
+N_LASER = len(LASER_FEATURES)
+
+
+@runtime_checkable
+class ScanFeature(Protocol):
+    """A feature of scans: it serves maps, whose scans are simulated, and trajectories."""
+
+    @property
+    def column_names(self) -> Sequence[str]:
+        """The names of its D columns."""
+        ...
+
+    def of_scans(self, ranges_m: NDArray[np.float32], max_range_m: float) -> ArrayLike:
+        """(n, D) columns of scans (n, M): beam ``i`` in metres at the angle ``2 pi i / M``.
+
+        Each row must depend on its own scan alone, since scans come in blocks. The ranges are
+        read-only, and are overwritten after the call.
+        """
+        ...
+
+
+@runtime_checkable
+class MapFeature(Protocol):
+    """A feature of a map's cells: it is asked once for a map, and serves maps only."""
+
+    @property
+    def column_names(self) -> Sequence[str]:
+        """The names of its D columns."""
+        ...
+
+    def of_cells(self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]) -> ArrayLike:
+        """(N, D) columns of the cells (N, 2) given as row and column."""
+        ...
+
+
+def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
+    """The features, those given by name built, after a check that they can work together.
+
+    Raises
+    ------
+    ConfigError
+        One is no feature, or two columns have the same name.
+    """
+    if isinstance(features, str):
+        raise ConfigError(f"features must be a list, got the text {features!r}; write [it]")
+    built = tuple(FEATURES.build(item) if isinstance(item, str) else item for item in features)
+    for item in built:
+        if isinstance(item, ScanFeature) == isinstance(item, MapFeature):
+            raise ConfigError(
+                f"a feature must have column_names and either of_scans or of_cells, got {item!r}"
+            )
+        if isinstance(item.column_names, str) or not item.column_names:
+            raise ConfigError(
+                f"column_names of {_kind(item)} must be a list of names, got {item.column_names!r}"
+            )
+    names = column_names(built)
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"two feature columns are called {twice[0]!r}; columns need own names")
+    return built
+
+
+def n_columns(own: Sequence[Any]) -> int:
+    """How many columns the lists see: the laser's and those of own features."""
+    return N_LASER + sum(len(item.column_names) for item in own)
+
+
+def column_names(own: Sequence[Any]) -> tuple[str, ...]:
+    """The names of all columns, in order."""
+    return (*laser_feature_names(), *(str(name) for item in own for name in item.column_names))
+
+
+def values_on_map(
+    own: Sequence[Any],
+    grid: OccupancyGrid,
+    cells_rc: NDArray[np.integer[Any]],
+    columns: NDArray[np.int64] | None = None,
+) -> dict[int, NDArray[np.float32]]:
+    """(N, D) values of each map feature that has a wanted column, by its place among ``own``.
+
+    Raises
+    ------
+    InputError
+        A feature returned another shape, or a value that is not finite.
+    """
+    found = {}
+    cells = np.asarray(cells_rc, np.int64)
+    for place, (item, chosen) in enumerate(_wanted(own, columns)):
+        if len(chosen) and isinstance(item, MapFeature):
+            found[place] = _checked(item, "of_cells", item.of_cells(grid, cells), len(cells))
+    return found
+
+
+def feature_values(
+    ranges_m: NDArray[np.float32],
+    own: Sequence[Any] = (),
+    columns: NDArray[np.int64] | None = None,
+    *,
+    max_range_m: float,
+    from_map: Mapping[int, NDArray[np.float32]] | None = None,
+    n_threads: int | None = None,
+) -> NDArray[np.float32]:
+    """(n, F) columns of n scans, or of the n cells that they were simulated in.
+
+    Parameters
+    ----------
+    ranges_m : (n, M) float32
+        Scans all around.
+    own : sequence of features
+        As :func:`as_features` has them.
+    columns : (F,) int, optional
+        The wanted columns, ascending; all by default. Only what they need is computed.
+    max_range_m : float
+        The sensor's reach.
+    from_map : mapping of int to (n, D) float32, optional
+        What :func:`values_on_map` returned, for these n cells.
+
+    Raises
+    ------
+    InputError
+        A feature returned another shape, or a value that is not finite.
+    """
+    wanted = np.arange(n_columns(own)) if columns is None else columns
+    laser = extract(
+        ranges_m,
+        max_range_m=max_range_m,
+        columns=wanted[wanted < N_LASER],
+        n_threads=n_threads,
+    )
+    if laser.shape[1] == len(wanted):
+        return laser
+    scans = ranges_m.view()
+    scans.setflags(write=False)
+    parts = [laser]
+    for place, (item, chosen) in enumerate(_wanted(own, wanted)):
+        if not len(chosen):
+            continue
+        if from_map is not None and place in from_map:
+            values = from_map[place]
+        else:
+            values = _checked(item, "of_scans", item.of_scans(scans, max_range_m), len(scans))
+        parts.append(values[:, chosen])
+    return np.concatenate(parts, axis=1)
+
+
+def _wanted(
+    own: Sequence[Any], columns: NDArray[np.int64] | None
+) -> list[tuple[Any, NDArray[np.int64]]]:
+    """Each feature with its own numbers of its wanted columns."""
+    pairs, first = [], N_LASER
+    for item in own:
+        numbers = np.arange(len(item.column_names))
+        if columns is not None:
+            numbers = numbers[np.isin(numbers + first, columns)]
+        pairs.append((item, numbers))
+        first += len(item.column_names)
+    return pairs
+
+
+def _checked(item: Any, method: str, values: ArrayLike, n: int) -> NDArray[np.float32]:
+    what = f"{_kind(item)}.{method}(...)"
+    shape = (n, len(item.column_names))
+    checked: NDArray[np.float32] = finite_array(what, values, shape, dtype=np.float32)
+    return checked
+
+
+def _kind(item: Any) -> str:
+    return type(item).__name__
