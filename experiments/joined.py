@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.building79 import PLACES, Building79
 from pgm_places.coarsening import coarsen, coarsen_labels
 from pgm_places.graph import LabelGraph
 from pgm_places.layout import GridLayout
 from pgm_places.models.mrf import PottsField
 from pgm_places.problem import LabelingProblem
+from pgm_places.reproduce.building79 import PLACES, Building79
 from pgm_places.segments import Segments
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.trajectory_labeler import TrajectoryLabeler

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
 from experiments.cold import cold_table
 from experiments.joined import joined_table
 from pgm_places.evaluation import evaluate
+from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.scan_model import BeamOptions
 from pgm_places.trajectory import Trajectory
 from pgm_places.trajectory_labeler import TrajectoryLabeler

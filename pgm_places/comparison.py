@@ -1,18 +1,21 @@
 """Several methods on the same maps: what a comparison holds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation import Evaluation
+from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, square_blocks
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
 from pgm_places.layout import GridLayout
 
-__all__ = ["Comparison", "MethodResult", "TestMap"]
+__all__ = ["BLOCK_M", "Comparison", "MethodResult", "TestMap", "score_intervals"]
+
+BLOCK_M = 2.0
+"""Side of the squares that confidence intervals draw: cells nearer than that err together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,10 @@ class TestMap:
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
-    """One method's answers: a labelling and an evaluation per map, and the pooled evaluation."""
+    """One method's answers: a labelling and an evaluation per map, and the pooled evaluation.
+
+    ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``.
+    """
 
     id: str
     name: str
@@ -54,6 +60,7 @@ class MethodResult:
     evaluation: Evaluation
     seconds: Mapping[str, float]
     learned: Mapping[str, Any] = field(default_factory=dict)
+    intervals: Mapping[str, Interval] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,3 +76,24 @@ class Comparison:
     versions: Mapping[str, str]
     inputs: Mapping[str, str]
     warnings: tuple[str, ...] = ()
+
+
+def score_intervals(
+    maps: Sequence[TestMap], labelings: Sequence[Labeling], n_labels: int
+) -> dict[str, Interval]:
+    """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
+
+    Squares of ``BLOCK_M`` are drawn anew (:func:`pgm_places.evaluation.block_bootstrap`).
+    """
+    blocks, first = [], 0
+    for item in maps:
+        side = max(round(BLOCK_M / item.grid.resolution_m), 1)
+        numbers = square_blocks(item.layout.cells_rc, side) + first
+        blocks.append(numbers)
+        first = int(numbers.max(initial=first - 1)) + 1
+    return block_bootstrap(
+        np.concatenate([item.layout.from_raster(item.truth) for item in maps]),
+        np.concatenate([labeling.labels for labeling in labelings]),
+        np.concatenate(blocks),
+        n_labels=n_labels,
+    )

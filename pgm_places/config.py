@@ -75,7 +75,8 @@ class MapConfig(_Record):
     the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres whose property
     ``class`` is translated by ``classes``. ``columns`` and ``rows`` are half-open ranges of image
     columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
-    metres. Maps of one ``building`` are held out together; by default, parts of the same map are.
+    metres; ``half`` is the part of a generated building left or right of the border between its
+    wings. Maps of one ``building`` are held out together; by default, parts of the same map are.
     """
 
     map: str | None = None
@@ -85,6 +86,7 @@ class MapConfig(_Record):
     classes: dict[str, str] | None = None
     name: str | None = None
     building: str | None = None
+    half: Literal["left", "right"] | None = None
     columns: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
     rows: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
     x_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
@@ -99,6 +101,8 @@ class MapConfig(_Record):
         if self.generated is not None:
             if self.labels is not None or self.regions is not None:
                 raise ValueError("a generated building brings its own labels; drop labels, regions")
+        elif self.half is not None:
+            raise ValueError("half is for generated buildings; give columns or x_m of a map")
         elif (self.labels is None) == (self.regions is None):
             raise ValueError("give labels (an image) or regions (a GeoJSON file), one of them")
         if self.classes is not None and self.regions is None:
@@ -282,6 +286,11 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
             item.setdefault("id", item["name"])
     if "features" in content:
         content["features"] = _split(content["features"], "features", (), where)
+    return validated_config(content, where)
+
+
+def validated_config(content: Mapping[str, Any], where: str) -> ExperimentConfig:
+    """The checked configuration from a mapping in the records' own form, options apart."""
     try:
         # JSON mode keeps strictness (no "50" for 50) but lets a list be a pair.
         config = ExperimentConfig.model_validate_json(json.dumps(content, default=str))

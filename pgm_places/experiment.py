@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pgm_places._version import __version__
 from pgm_places.coarsening import coarsen, coarsen_labels
-from pgm_places.comparison import Comparison, MethodResult, TestMap
+from pgm_places.comparison import Comparison, MethodResult, TestMap, score_intervals
 from pgm_places.config import (
     ExperimentConfig,
     MapConfig,
@@ -39,7 +39,7 @@ from pgm_places.plugins import option_values
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 
-__all__ = ["Experiment", "compare", "load_maps", "make_labeler", "train"]
+__all__ = ["Experiment", "compare", "compare_fitted", "load_maps", "make_labeler", "train"]
 
 logger = logging.getLogger(__name__)
 
@@ -116,13 +116,14 @@ def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
 
 
 def _load_map(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
+    columns = source.columns
     if source.generated is None:
         grid, labels, origin = _read_map(experiment, source)
     else:
-        grid, labels, origin = _generated(experiment, source.generated)
-    window = window_mask(
-        grid, columns=source.columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m
-    )
+        grid, labels, origin, split = _generated(experiment, source.generated)
+        if source.half is not None:
+            columns = (0, split) if source.half == "left" else (split, None)
+    window = window_mask(grid, columns=columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m)
     target_m = experiment.config.resolution_m
     if target_m is not None and not np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
         coarse = coarsen(grid, target_m)
@@ -164,8 +165,10 @@ def _read_map(
     return loaded.grid, labels, yaml_path
 
 
-def _generated(experiment: Experiment, seed: int) -> tuple[OccupancyGrid, NDArray[np.int16], Path]:
-    """A generated building; its labels are those of the configuration by name."""
+def _generated(
+    experiment: Experiment, seed: int
+) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
+    """A generated building, its labels those of the configuration by name, and where to cut it."""
     from pgm_places.datasets.building import generate_building
 
     building = generate_building(seed)
@@ -173,12 +176,12 @@ def _generated(experiment: Experiment, seed: int) -> tuple[OccupancyGrid, NDArra
     numbers = [names.index(name) if name in names else -1 for name in building.label_names]
     # The entry after the last serves -1, "no label".
     labels = np.array([*numbers, -1], np.int16)[building.labels]
-    return building.grid, labels, Path(f"generated building {seed}")
+    return building.grid, labels, Path(f"generated building {seed}"), building.split_column
 
 
 def _default_name(source: MapConfig, origin: Path) -> str:
     name = origin.stem if origin.stem != "map" else origin.parent.name
-    parts = []
+    parts = [] if source.half is None else [f"{source.half} half"]
     for axis in ("columns", "rows", "x_m", "y_m"):
         limits = getattr(source, axis)
         if limits is not None:
@@ -261,7 +264,14 @@ def compare(experiment: Experiment) -> Comparison:
         raise ConfigError("a comparison needs at least one [[test]] map; there is none")
     # Test maps are read before anything is learned: what is wrong with them shows at once.
     tests = load_maps(experiment, "test")
-    labeler = train(experiment)
+    return compare_fitted(experiment, train(experiment), tests)
+
+
+def compare_fitted(
+    experiment: Experiment, labeler: PlaceLabeler, tests: Sequence[LabelledMap]
+) -> Comparison:
+    """All methods of a fitted labeler on test maps with their labels."""
+    config = experiment.config
     maps, scored = [], []
     for item in tests:
         with experiment.timed("score cells"):
@@ -275,7 +285,7 @@ def compare(experiment: Experiment) -> Comparison:
         window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
         maps.append(TestMap(item.name, item.grid, item.labels, graph.layout, window))
         scored.append((graph, scores, item.truth(graph)))
-    methods = [_run_method(experiment, labeler, name, scored) for name in labeler.methods]
+    methods = [_run_method(experiment, labeler, name, scored, maps) for name in labeler.methods]
     return Comparison(
         title=config.title or "Place labelling",
         label_names=tuple(config.labels.names),
@@ -290,7 +300,11 @@ def compare(experiment: Experiment) -> Comparison:
 
 
 def _run_method(
-    experiment: Experiment, labeler: PlaceLabeler, name: str, scored: Sequence[Any]
+    experiment: Experiment,
+    labeler: PlaceLabeler,
+    name: str,
+    scored: Sequence[Any],
+    maps: Sequence[TestMap],
 ) -> MethodResult:
     method = labeler.method(name)
     labelings, evaluations = [], []
@@ -313,6 +327,7 @@ def _run_method(
         evaluation=Evaluation.merged(evaluations),
         seconds={"learn": method.seconds, "infer": infer_seconds},
         learned=dict(getattr(method.backend, "summary", None) or {}),
+        intervals=score_intervals(maps, labelings, len(labeler.label_names)),
     )
 
 

@@ -54,6 +54,10 @@ def test_other_keys_of_a_method_are_its_options() -> None:
         (changed(sensor={"n_beams": "360"}), "sensor.n_beams: Input should be a valid integer"),
         (changed(resolution_m=-0.1), "resolution_m: Input should be greater than 0, got -0.1"),
         (changed(resolution_m=float("nan")), "resolution_m: "),
+        (
+            changed(train=[{"map": "a.yaml", "labels": "a.png", "half": "left"}]),
+            "train[0]: half is for generated buildings",
+        ),
         (changed(train=[{"labels": "a.png"}]), "train[0]: give map (a YAML file) or generated"),
         (
             changed(train=[{"map": "a.yaml", "labels": "a.png", "generated": 1}]),

@@ -345,6 +345,25 @@ def track(
 
 
 @app.command()
+def reproduce(
+    sections: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SECTION]...", help="Such as 7.1 7.5; all by default."),
+    ] = None,
+    out: Out = Path("reproduced"),
+    again: Annotated[
+        bool, typer.Option("--again", help="Also run sections that are there already.")
+    ] = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run the paper's experiments: its figures beside ours, and a page with pictures."""
+    from pgm_places.cli.reproduce import run_reproduce
+
+    run_reproduce(tuple(sections or ()), out, again=again, n_threads=threads, quiet=quiet)
+
+
+@app.command()
 def doctor(
     map_yaml: Annotated[
         Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")

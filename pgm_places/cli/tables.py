@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pgm_places.comparison import Comparison
+    from pgm_places.comparison import Comparison, MethodResult
 
 
 __all__ = ["comparison_table", "shares_line", "text_table"]
@@ -30,7 +30,7 @@ def _percent(value: float | None) -> str:
 def comparison_table(comparison: "Comparison") -> str:
     """One row per method: accuracies, recall and precision per label (percent), seconds."""
     names = comparison.label_names
-    heading = ["method", "accuracy", "balanced", "macro F1"]
+    heading = ["method", "accuracy", "95 %", "balanced", "macro F1"]
     heading += [f"{name} R|P" for name in names]
     heading += ["learn s", "infer s"]
     rows = [heading]
@@ -39,6 +39,7 @@ def comparison_table(comparison: "Comparison") -> str:
         row = [
             method.id,
             _percent(found.accuracy),
+            _interval(method),
             _percent(found.balanced_accuracy),
             _percent(found.macro_f1),
         ]
@@ -46,7 +47,13 @@ def comparison_table(comparison: "Comparison") -> str:
         row += [f"{method.seconds.get(key, 0.0):.2f}" for key in ("learn", "infer")]
         rows.append(row)
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
-    return f"\n{text_table(rows)}\n(percent; R recall, P precision; stages: {stages})"
+    note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
+    return f"\n{text_table(rows)}\n({note}; stages: {stages})"
+
+
+def _interval(method: "MethodResult") -> str:
+    found = method.intervals.get("accuracy")
+    return "-" if found is None else f"{100 * found.low:.1f}-{100 * found.high:.1f}"
 
 
 def shares_line(fractions: "tuple[float, float, float]") -> str:

@@ -31,7 +31,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     """The comparison as plain data, NaN written as null.
 
     ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
-    confusion (rows are true labels), seconds, and per map the status, score, bound and gap.
+    confusion (rows are true labels), seconds, 95 % intervals, and per map the status, score, bound
+    and gap.
     """
     return {
         "schema": SCHEMA,
@@ -61,6 +62,9 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
 def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]:
     record: dict[str, Any] = dict(_plain(method.evaluation.to_dict()))
     record["seconds"] = {**_plain(method.seconds), "total": float(sum(method.seconds.values()))}
+    record["intervals"] = {
+        key: {"low": item.low, "high": item.high} for key, item in method.intervals.items()
+    }
     record["method"] = method.name
     record["options"] = _plain(method.options)
     record["learned"] = _plain(method.learned)

@@ -77,6 +77,15 @@ td.best { font-weight: 700; }
   content: "\\00a0●"; visibility: hidden; font-size: .6rem;
 }
 .figures td.best::after { visibility: visible; color: var(--accent); }
+.figures td:has(.interval) { position: relative; padding-bottom: 1.6rem; min-width: 6.6rem; }
+.interval {
+  position: absolute; right: 1.5rem; bottom: .3rem; color: var(--muted); font-weight: 400;
+}
+.picture { margin: 1.5rem 0; }
+.picture img {
+  display: block; max-width: 100%; height: auto; border: 1px solid var(--rule);
+  border-radius: .3rem; background: #ffffff;
+}
 .facts td { text-align: left; white-space: normal; }
 .group { border-left: 1px solid var(--rule); }
 thead .group { text-align: center; }

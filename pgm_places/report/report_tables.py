@@ -54,8 +54,11 @@ def results_table(methods: Sequence[MethodResult]) -> Markup:
     rows = []
     for at, method in enumerate(methods):
         cells = [
-            _cell(percent(values[at]), best=len(methods) > 1 and values[at] == top)
-            for values, top in zip(columns, best, strict=True)
+            _cell(
+                joined([percent(values[at]), _interval(method, name)]),
+                best=len(methods) > 1 and values[at] == top,
+            )
+            for (name, _), values, top in zip(_FIGURES, columns, best, strict=True)
         ]
         cells.append(_cell(percent(method.evaluation.expected_calibration_error)))
         cells += [_cell(_seconds(method.seconds.get(key))) for key in ("learn", "infer")]
@@ -63,7 +66,8 @@ def results_table(methods: Sequence[MethodResult]) -> Markup:
         rows.append(element("tr", element("th", _method_name(method), scope="row"), *cells))
     note = (
         "Balanced is the mean recall, IoU is intersection over union, MCC is Matthews’ "
-        "correlation, ECE the expected calibration error of the beliefs. A dot marks the best."
+        "correlation, ECE the expected calibration error of the beliefs. A dot marks the best. "
+        "Small figures are 95 % confidence intervals: squares of the maps drawn anew."
     )
     head = [[element("th", name, scope="col") for name in heading]]
     table = _table("All test maps together, in percent", head, rows)
@@ -186,6 +190,15 @@ def _table(
         "table", element("caption", caption), head, element("tbody", *rows), class_=kind
     )
     return element("div", table, class_="scroll", tabindex="0", role="region", aria_label=caption)
+
+
+def _interval(method: MethodResult, figure: str) -> Markup:
+    """The confidence interval of a figure that has one."""
+    key = {"Accuracy": "accuracy", "Balanced": "balanced_accuracy"}.get(figure, "")
+    found = method.intervals.get(key)
+    if found is None:
+        return Markup("")
+    return element("small", f"{percent(found.low)}–{percent(found.high)}", class_="interval")
 
 
 def _cell(text: str, *, best: bool = False, group: bool = False) -> Markup:

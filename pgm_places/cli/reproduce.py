@@ -1,0 +1,39 @@
+"""``pgm-places reproduce``: the paper's experiments, section by section."""
+
+from pathlib import Path
+
+import typer
+
+from pgm_places.cli.ahead import compiled_ahead
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import text_table
+
+__all__ = ["run_reproduce"]
+
+
+def run_reproduce(
+    names: tuple[str, ...], out: Path, *, again: bool, n_threads: int | None, quiet: bool
+) -> None:
+    """Run the sections, say what each found as soon as it is known, and the whole table last."""
+    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.reproduce.overview import STAND_IN_WARNING, overview_table
+    from pgm_places.reproduce.run import data_for, reproduce
+    from pgm_places.reproduce.sections import SECTIONS, chosen_sections
+
+    progress = make_progress(quiet=quiet)
+    ids = chosen_sections(names)
+    check_writable_folder(out)
+    if any(data_for(key) is None for key in ids):
+        progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
+    found = []
+    with compiled_ahead(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
+        for section in reproduce(ids, out, again=again, progress=progress, n_threads=n_threads):
+            found.append(section)
+            if not quiet:
+                typer.echo(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
+    table = overview_table(found)
+    # One name in front, as the first column is the only one that is set left.
+    rows = [(" ".join(row[:2]), *row[2:]) for row in (table.heading, *table.rows)]
+    typer.echo(f"\n{text_table(rows)}\n({table.caption})")
+    for name in ("reproduce.md", "reproduce.html"):
+        typer.echo(f"wrote {out / name}")

@@ -1,0 +1,68 @@
+"""A configuration with some of its values changed: variants of one experiment."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pgm_places._checks import nearest_name
+from pgm_places.config import ExperimentConfig, validated_config
+from pgm_places.errors import ConfigError
+
+__all__ = ["changed_config"]
+
+
+def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> ExperimentConfig:
+    """The configuration with values replaced by dotted keys, checked as if it were read anew.
+
+    Parameters
+    ----------
+    config : ExperimentConfig
+    changes : mapping of str to value
+        ``"classifier.n_rounds"``, ``"resolution_m"`` or ``"train"`` as in the file; an option of a
+        method by the method's id: ``"methods.amn.C"``.
+
+    Raises
+    ------
+    ConfigError
+        A key that does not exist, or a value that does not belong there.
+
+    Examples
+    --------
+    >>> from pgm_places.config import parse_config
+    >>> config = parse_config(
+    ...     {
+    ...         "labels": {"names": ["corridor", "room"]},
+    ...         "train": [{"generated": 1}],
+    ...         "methods": [{"name": "relaxation"}],
+    ...     }
+    ... )
+    >>> changed = changed_config(config, {"methods.relaxation.iterations": 5})
+    >>> changed.methods[0].options
+    {'iterations': 5}
+    """
+    content = config.model_dump(mode="json")
+    for key, value in changes.items():
+        _replace(content, key, value)
+    return validated_config(content, "changed configuration")
+
+
+def _replace(content: dict[str, Any], key: str, value: Any) -> None:
+    part, _, rest = key.partition(".")
+    if part == "methods" and rest:
+        name, _, option = rest.rpartition(".")
+        methods = {method["id"]: method for method in content["methods"]}
+        if name not in methods:
+            raise ConfigError(
+                f"{key!r} must be methods.ID.OPTION with the id of a method. "
+                f"{nearest_name(name, list(methods))}"
+            )
+        target = methods[name] if option == "unary" else methods[name]["options"]
+        target[option] = value
+        return
+    if part not in content:
+        raise ConfigError(f"no key {key!r} to change. {nearest_name(part, list(content))}")
+    if not rest:
+        content[part] = value
+    elif isinstance(content[part], dict):
+        content[part][rest] = value
+    else:
+        raise ConfigError(f"no key {key!r} to change: {part!r} has no parts")

@@ -1,0 +1,106 @@
+"""Pictures of a comparison as in the paper: the labels of each method, and where they are wrong."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.comparison import Comparison, MethodResult, TestMap
+from pgm_places.grid import UNKNOWN, OccupancyGrid
+from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
+from pgm_places.report.palette import ERROR, RIGHT_TINT, WALL, label_colours, tinted
+from pgm_places.report.palette import UNKNOWN as UNKNOWN_COLOUR
+from pgm_places.report.plots import confusion_picture
+from pgm_places.report.sheet import Entry, Panel, sheet_png
+
+__all__ = ["confusion_of", "error_sheet", "label_sheet", "window_grid"]
+
+MARGIN_M = 0.5
+"""How much of the map around the tested part is shown."""
+
+_MOST_PIXELS = 400_000
+_LONG_SIDE = 1800
+
+
+def label_sheet(comparison: Comparison, index: int = 0, *, title: str | None = None) -> bytes:
+    """A PNG file: the ground truth and each method's labels of a test map, side by side."""
+    item, names = comparison.maps[index], comparison.label_names
+    grid, view = _shown(item)
+    truth = item.layout.to_raster(item.layout.from_raster(item.truth), fill=-1)
+    panels = [Panel(label_canvas(grid, truth, names, view), "ground truth")]
+    for method in comparison.methods:
+        canvas = label_canvas(grid, _raster(item, method, index), names, view)
+        panels.append(Panel(canvas, f"{method.id}: {_right(method, index)}"))
+    return _sheet(panels, view, title, _entries(names))
+
+
+def error_sheet(comparison: Comparison, index: int = 0, *, title: str | None = None) -> bytes:
+    """A PNG file: the wrong cells of each method on a test map, over pale right ones."""
+    item, names = comparison.maps[index], comparison.label_names
+    grid, view = _shown(item)
+    panels = []
+    for method in comparison.methods:
+        found = _raster(item, method, index)
+        canvas = difference_canvas(grid, item.truth, found, names, view)
+        evaluation = method.evaluations[index]
+        wrong = evaluation.n - int(np.trace(evaluation.confusion))
+        panels.append(Panel(canvas, f"{method.id}: {wrong:,} of {evaluation.n:,} cells wrong"))
+    entries = [Entry(ERROR, "wrong")]
+    entries += [
+        Entry(tinted(colour, RIGHT_TINT), f"{name}, right")
+        for name, colour in zip(names, label_colours(names), strict=True)
+    ]
+    return _sheet(panels, view, title, entries)
+
+
+def confusion_of(method: MethodResult) -> bytes:
+    """A PNG file with the confusion matrix of a method over all test maps."""
+    found = method.evaluation
+    return confusion_picture(found.confusion, found.label_names, title=method.id)
+
+
+def window_grid(grid: OccupancyGrid, window: NDArray[np.bool_]) -> OccupancyGrid:
+    """The map with everything but the window's rectangle and a margin unknown.
+
+    Pictures are cropped to what is known, so they show that part only.
+    """
+    used = window & (grid.cells != UNKNOWN)
+    if not used.any():
+        return grid
+    margin = round(MARGIN_M / grid.resolution_m)
+    outside = np.ones(grid.shape, np.bool_)
+    spans = []
+    for axis in (1, 0):
+        at = np.flatnonzero(used.any(axis=axis))
+        spans.append(slice(max(int(at[0]) - margin, 0), int(at[-1]) + 1 + margin))
+    outside[spans[0], spans[1]] = False
+    cells = np.where(outside, UNKNOWN, grid.cells).astype(np.int8)
+    return OccupancyGrid(cells, grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
+
+
+def _shown(item: TestMap) -> tuple[OccupancyGrid, View]:
+    grid = window_grid(item.grid, item.window)
+    return grid, view_of(grid, most_pixels=_MOST_PIXELS)
+
+
+def _raster(item: TestMap, method: MethodResult, index: int) -> NDArray[np.int16]:
+    labels = method.labelings[index].labels.astype(np.int16)
+    raster: NDArray[np.int16] = item.layout.to_raster(labels, fill=-1)
+    return raster
+
+
+def _right(method: MethodResult, index: int) -> str:
+    return f"{100 * method.evaluations[index].accuracy:.1f} % right"
+
+
+def _entries(names: Sequence[str]) -> list[Entry]:
+    return [Entry(c, name) for name, c in zip(names, label_colours(names), strict=True)]
+
+
+def _sheet(
+    panels: Sequence[Panel], view: View, title: str | None, entries: Sequence[Entry]
+) -> bytes:
+    height, width = view.shape
+    columns = 1 if width > 2.5 * height else min(2, len(panels))
+    legend = [*entries, Entry(WALL, "occupied"), Entry(UNKNOWN_COLOUR, "unknown")]
+    return sheet_png(panels, columns=columns, title=title, legend=legend, long_side=_LONG_SIDE)

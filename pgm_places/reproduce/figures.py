@@ -1,0 +1,71 @@
+"""Numbers as the tables of the paper's experiments show them."""
+
+from pgm_places.comparison import Comparison, MethodResult
+from pgm_places.evaluation import Evaluation
+from pgm_places.reproduce.section import Finding, Table
+
+__all__ = ["DOORWAY", "finding", "method_table", "percent"]
+
+DOORWAY = "doorway"
+
+
+def percent(value: float | None) -> str:
+    """A share in percent with one decimal, a dash for none."""
+    return "-" if value is None else f"{100 * value:.1f}"
+
+
+def finding(what: str, method: MethodResult, *, paper: float | None = None) -> Finding:
+    """The overview's line of a method."""
+    found = method.evaluation
+    interval = method.intervals.get("accuracy")
+    return Finding(
+        what,
+        found.accuracy,
+        found.balanced_accuracy,
+        doorway_f1(found),
+        paper,
+        None if interval is None else (interval.low, interval.high),
+    )
+
+
+def doorway_f1(found: Evaluation) -> float | None:
+    """F1 of the doorways, None where there is no such label."""
+    return found.f1.get(DOORWAY)
+
+
+def method_table(caption: str, comparisons: dict[str, Comparison]) -> Table:
+    """A row per comparison and method: accuracy, balance, doorways, seconds."""
+    heading = (
+        "",
+        "method",
+        "accuracy",
+        "95 %",
+        "balanced",
+        "doorway recall",
+        "doorway precision",
+        "doorway F1",
+        "learn s",
+        "infer s",
+    )
+    rows = [
+        (name, *_cells(method))
+        for name, comparison in comparisons.items()
+        for method in comparison.methods
+    ]
+    return Table(caption, heading, tuple(rows))
+
+
+def _cells(method: MethodResult) -> tuple[str, ...]:
+    found = method.evaluation
+    interval = method.intervals.get("accuracy")
+    return (
+        method.id,
+        percent(found.accuracy),
+        "-" if interval is None else f"{percent(interval.low)} to {percent(interval.high)}",
+        percent(found.balanced_accuracy),
+        percent(found.recall.get(DOORWAY)),
+        percent(found.precision.get(DOORWAY)),
+        percent(found.f1.get(DOORWAY)),
+        f"{method.seconds.get('learn', 0.0):.1f}",
+        f"{method.seconds.get('infer', 0.0):.2f}",
+    )

@@ -1,0 +1,48 @@
+"""Finished sections as Markdown, with or without their pictures."""
+
+from collections.abc import Sequence
+
+from pgm_places.reproduce.overview import STAND_IN_WARNING, overview_table
+from pgm_places.reproduce.section import Section, Table
+
+__all__ = ["markdown_page", "markdown_section", "markdown_table"]
+
+
+def markdown_page(sections: Sequence[Section]) -> str:
+    """The whole page; pictures are looked for in a folder per section beside it."""
+    parts = ["# The paper's experiments\n"]
+    if not all(section.real for section in sections):
+        parts.append(f"**{STAND_IN_WARNING}**\n")
+    parts.append(markdown_table(overview_table(sections)))
+    parts += [markdown_section(section, with_pictures=True) for section in sections]
+    return "\n".join(parts)
+
+
+def markdown_section(section: Section, *, with_pictures: bool) -> str:
+    """A section with its heading of the second level."""
+    name = f"{section.id} {section.title}"
+    lines = [f"## {name}\n", f"The paper: {section.paper}\n", f"{section.setting}\n"]
+    if not section.real:
+        lines.append("Generated buildings, not the paper's.\n")
+    for table in section.tables:
+        lines.append(f"{table.caption}:\n")
+        lines.append(markdown_table(table))
+    lines += [f"{text}\n" for text in section.remarks]
+    if with_pictures:
+        lines += [
+            f"![{item.caption}]({section.id}/{item.file})\n\n*{item.caption}*\n"
+            for item in section.pictures
+        ]
+    lines.append(f"It took {section.seconds:.0f} s.\n")
+    return "\n".join(lines)
+
+
+def markdown_table(table: Table) -> str:
+    """The table in pipes, with an empty line after it."""
+    lines = [_line(table.heading), "|" + "---|" * len(table.heading)]
+    lines += [_line(row) for row in table.rows]
+    return "\n".join(lines) + "\n"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -1,0 +1,35 @@
+"""The table that all pages and the command show first: the paper's figures beside ours."""
+
+from collections.abc import Sequence
+
+from pgm_places.reproduce.figures import percent
+from pgm_places.reproduce.section import Finding, Section, Table
+
+__all__ = ["STAND_IN_WARNING", "overview_table"]
+
+STAND_IN_WARNING = (
+    "The real maps are not at hand: generated buildings stand in for them. The figures of these "
+    "sections say that everything runs; they are not to be compared with the paper's."
+)
+
+
+def overview_table(sections: Sequence[Section]) -> Table:
+    """A row per finding."""
+    heading = ("section", "", "buildings", "paper", "ours", "95 %", "balanced", "doorway F1")
+    rows = [
+        (section.id, item.what, "real" if section.real else "generated", *_figures(item))
+        for section in sections
+        for item in section.findings
+    ]
+    return Table("Accuracy in percent, the paper's beside ours", heading, tuple(rows))
+
+
+def _figures(item: Finding) -> tuple[str, ...]:
+    interval = item.interval
+    return (
+        item.paper if isinstance(item.paper, str) else percent(item.paper),
+        item.counts or percent(item.accuracy),
+        "-" if interval is None else f"{percent(interval[0])} to {percent(interval[1])}",
+        percent(item.balanced_accuracy),
+        percent(item.doorway_f1),
+    )

@@ -1,0 +1,101 @@
+"""Section 7.1: single poses, with every order of the decision list."""
+
+from itertools import permutations
+
+import numpy as np
+
+from pgm_places.comparison import Comparison
+from pgm_places.experiment import compare, compare_fitted, load_maps, train
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.places import PlaceLabeler
+from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
+from pgm_places.reproduce.figures import DOORWAY, finding, percent
+from pgm_places.reproduce.section import Outcome, Picture, Table
+from pgm_places.reproduce.setting import Setting
+
+__all__ = ["run"]
+
+PAPER = 0.973
+SEARCHES = {
+    "exhaustive": "the order that held-out blocks of the training half choose",
+    "heuristic": "the paper's heuristic",
+    "rarest-first": "the default",
+}
+
+
+def run(setting: Setting) -> Outcome:
+    """All orders of the list, and which of them each way of choosing takes."""
+    chosen: dict[tuple[str, ...], list[str]] = {}
+    findings, comparisons = [], {}
+    for search, words in SEARCHES.items():
+        experiment = setting.experiment("poses", {"classifier.order": search})
+        tests = load_maps(experiment, "test")
+        labeler = train(experiment)
+        found = compare_fitted(experiment, labeler, tests)
+        comparisons[search] = found
+        chosen.setdefault(_order(labeler), []).append(search)
+        paper = PAPER if search == "exhaustive" else None
+        findings.append(finding(f"single poses, {words}", found.methods[0], paper=paper))
+    table = _all_orders(setting, chosen, comparisons)
+    shown = comparisons["exhaustive"]
+    n = shown.methods[0].evaluation.n
+    return Outcome(
+        setting=f"{shown.maps[0].grid.resolution_m:g} m cells, 360 simulated beams, decision list "
+        f"alone; learned on the left half, tested on {n:,} cells of the right half.",
+        findings=tuple(findings),
+        tables=(table,),
+        pictures=(
+            Picture("labels.png", "The test half as the decision list labels it (paper, Fig. 7)."),
+            Picture("errors.png", "Where it is wrong."),
+            Picture("confusion.png", "Which places are taken for which."),
+        ),
+        files={
+            "labels.png": label_sheet(shown),
+            "errors.png": error_sheet(shown),
+            "confusion.png": confusion_of(shown.methods[0]),
+        },
+    )
+
+
+def _order(labeler: PlaceLabeler) -> tuple[str, ...]:
+    model = labeler.unary_model
+    assert model is not None  # train fitted it
+    found: BoostedList = model.classifier
+    labels = np.asarray(found.classes)[found.order]
+    return tuple(labeler.label_names[int(label)] for label in labels)
+
+
+def _all_orders(
+    setting: Setting,
+    chosen: dict[tuple[str, ...], list[str]],
+    known: dict[str, Comparison],
+) -> Table:
+    """A row per order of the list; orders that a search took are not learned again."""
+    names = next(iter(chosen))
+    rows = []
+    for order in permutations(sorted(names)):
+        searches = chosen.get(order, [])
+        if searches:
+            comparison = known[searches[0]]
+        else:
+            changes = {"classifier.order": list(order)}
+            comparison = compare(setting.experiment("poses", changes))
+        found = comparison.methods[0].evaluation
+        rows.append(
+            (
+                " - ".join(order[:-1]),
+                percent(found.accuracy),
+                percent(found.balanced_accuracy),
+                percent(found.recall.get(DOORWAY)),
+                percent(found.precision.get(DOORWAY)),
+                percent(found.f1.get(DOORWAY)),
+                ", ".join(searches) or "-",
+            )
+        )
+    heading = (
+        "list", "accuracy", "balanced", "doorway recall", "doorway precision", "doorway F1",
+        "chosen by",
+    )  # fmt: skip
+    return Table(
+        "Every order of the decision list; the last place is what is left", heading, tuple(rows)
+    )

@@ -1,0 +1,50 @@
+"""What an experiment of the paper runs with: the real data or what stands in for it."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pgm_places.config import load_config
+from pgm_places.config_changes import changed_config
+from pgm_places.experiment import DATA_VARIABLE, Experiment
+from pgm_places.progress import Progress, Silent
+from pgm_places.reproduce.stand_ins import with_stand_ins
+
+__all__ = ["CONFIGS", "Setting", "data_folder"]
+
+CONFIGS = Path(str(files("pgm_places.reproduce"))) / "configs"
+"""The experiments' configurations, part of the package."""
+
+
+def data_folder() -> Path | None:
+    """The folder of the real maps and logs, None where the environment names none that exists."""
+    name = os.environ.get(DATA_VARIABLE)
+    return Path(name) if name and Path(name).is_dir() else None
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Real data or generated buildings, and where progress is shown.
+
+    Parameters
+    ----------
+    data : Path or None
+        The folder of the real data; None for generated buildings.
+    progress : Progress
+    n_threads : int, optional
+    """
+
+    data: Path | None = None
+    progress: Progress = field(default_factory=Silent)
+    n_threads: int | None = None
+
+    def experiment(self, name: str, changes: Mapping[str, Any] | None = None) -> Experiment:
+        """The experiment of a configuration, with values changed (see ``changed_config``)."""
+        config = load_config(CONFIGS / f"{name}.toml")
+        if self.data is None:
+            config = with_stand_ins(config)
+        config = changed_config(config, changes or {})
+        return Experiment(config, CONFIGS, self.progress, self.n_threads)

@@ -1,0 +1,58 @@
+"""Generated buildings in place of real ones, where the real maps are not at hand."""
+
+from collections.abc import Mapping
+
+from pgm_places.config import ExperimentConfig, MapConfig
+from pgm_places.config_changes import changed_config
+from pgm_places.errors import ConfigError
+
+__all__ = ["STAND_INS", "with_stand_ins"]
+
+STAND_INS: Mapping[str, int] = {
+    "freiburg079": 79,
+    "freiburg079_drawn": 80,
+    "freiburg052": 52,
+    "intel": 53,
+    "cold_freiburg_seq1": 81,
+    "cold_saarbrucken_seq1": 61,
+    "cold_saarbrucken_seq2": 62,
+    "cold_saarbrucken_seq3": 63,
+    "cold_saarbrucken_seq4": 64,
+}
+"""The seed of the generated building that stands in for each folder of the real data."""
+
+_PREFIX = "$PGM_PLACES_DATA/"
+
+
+def with_stand_ins(config: ExperimentConfig) -> ExperimentConfig:
+    """The same experiment on generated buildings, another one for each real one.
+
+    A window of columns from the left edge becomes the left half of the building, any other window
+    the right half.
+
+    Raises
+    ------
+    ConfigError
+        A map of the configuration has no stand-in.
+    """
+    changes = {
+        part: [_stand_in(item).model_dump(mode="json") for item in getattr(config, part)]
+        for part in ("train", "test")
+    }
+    return changed_config(config, changes)
+
+
+def _stand_in(item: MapConfig) -> MapConfig:
+    if item.map is None:
+        return item
+    folder = item.map.removeprefix(_PREFIX).partition("/")[0]
+    if folder not in STAND_INS:
+        raise ConfigError(
+            f"no generated building stands in for {item.map!r}; set PGM_PLACES_DATA to the folder "
+            "that holds the real maps"
+        )
+    half = None
+    window = item.columns or item.x_m
+    if window is not None:
+        half = "right" if window[0] else "left"
+    return MapConfig(generated=STAND_INS[folder], half=half, building=item.building)  # type: ignore[arg-type]

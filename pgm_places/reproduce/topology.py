@@ -1,0 +1,129 @@
+"""Section 7.3: places, doors and connections of a labelled map, counted against the truth's."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.comparison import TestMap
+from pgm_places.experiment import compare
+from pgm_places.region_scores import RegionScores, fill_labels, score_regions
+from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
+from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
+from pgm_places.reproduce.setting import Setting
+from pgm_places.topology.corrections import CorrectionRules
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["run", "topology_table"]
+
+FURTHER = CorrectionRules(widest_doorway_m=1.6, close_leaks_m=1.5, split_rooms_m=1.5)
+"""The corrections that are off by default, at the widths of the doors and openings of an office."""
+
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "none": {"correct": False},
+    "the paper's": {},
+    "further": {"rules": FURTHER},
+}
+
+TRUTH = "ground truth"
+PAPER = "one missed"
+
+HEADING = (
+    "method",
+    "corrections",
+    "rooms found / merged / missed / invented",
+    "doorways found / missed / invented",
+    "connections found / missed / invented",
+    "purity",
+)
+
+
+def run(setting: Setting) -> Outcome:
+    """The topological maps of all methods, with and without corrections."""
+    comparison = compare(setting.experiment("topology"))
+    item, names = comparison.maps[0], comparison.label_names
+    answers = {
+        method.id: item.layout.to_raster(method.labelings[0].labels.astype(np.int16), fill=-1)
+        for method in comparison.methods
+    }
+    with setting.progress.stage("topological maps"):
+        table, maps, scores = topology_table(item, answers, names)
+    files = {"labels.png": label_sheet(comparison)}
+    pictures = [Picture("labels.png", "What the topological maps are made from.")]
+    grid = window_grid(item.grid, item.window)
+    for method, found in maps.items():
+        name = f"topology_{method.replace(' ', '_')}.png"
+        files[name] = topology_picture(grid, found)
+        caption = (
+            f"Topological map from {method}, further corrections (compare the paper's Fig. 9)."
+        )
+        if method == TRUTH:
+            caption = "Topological map of the ground truth."
+        pictures.append(Picture(name, caption))
+    return Outcome(
+        setting=f"{item.grid.resolution_m:g} m cells; learned on the left half; regions, doors and "
+        "connections of the right half, counted against those of the ground truth.",
+        findings=tuple(_doorways(method, name, found) for (method, name), found in scores.items()),
+        tables=(table,),
+        pictures=tuple(pictures),
+        files=files,
+        remarks=(
+            "A doorway is found where a found doorway holds a tenth of it; a room or a corridor "
+            "where a found one holds most of it and no other. Gaps of up to 0.3 m between the "
+            "labels of the ground truth are filled first, and its specks are dropped by the "
+            "same rules.",
+        ),
+    )
+
+
+def topology_table(
+    item: TestMap, answers: Mapping[str, NDArray[np.int16]], names: tuple[str, ...]
+) -> tuple[Table, dict[str, TopologicalMap], dict[tuple[str, str], RegionScores]]:
+    """The table of one test map, the maps with further corrections, and all scores.
+
+    Parameters
+    ----------
+    item : TestMap
+    answers : mapping of str to (H, W) int16
+        Each method's labels, -1 for none.
+    names : tuple of str
+    """
+    inside = np.where(item.window, fill_labels(item.grid, item.truth, names), np.int16(-1))
+    true_map = topological_map(item.grid, inside, names)
+    maps, rows, scores = {TRUTH: true_map}, [], {}
+    for method, raster in answers.items():
+        labels = np.where(item.window, raster, np.int16(-1))
+        for name, options in VARIANTS.items():
+            found = topological_map(item.grid, labels, names, **options)
+            words = f"{name}: {len(found.corrections)}" if found.corrections else name
+            scores[method, name] = score_regions(found, true_map)
+            rows.append(_row(method, words, scores[method, name]))
+            if name == "further":
+                maps[method] = found
+    caption = f"{item.name}: places and connections, found ones against those of the truth"
+    return Table(caption, HEADING, tuple(rows)), maps, scores
+
+
+def _doorways(method: str, corrections: str, scores: RegionScores) -> Finding:
+    door = scores.classes["doorway"]
+    return Finding(
+        f"doorways found / missed / invented, {method}, corrections: {corrections}",
+        paper=PAPER if (method, corrections) == ("relaxation", "the paper's") else None,
+        counts=f"{door.hit} of {door.n_true} / {door.missed} / {door.invented}",
+    )
+
+
+def _row(method: str, corrections: str, scores: RegionScores) -> tuple[str, ...]:
+    room, door = scores.classes["room"], scores.classes["doorway"]
+    return (
+        method,
+        corrections,
+        f"{room.hit} of {room.n_true} / {room.merged} / {room.missed} / {room.invented}",
+        f"{door.hit} of {door.n_true} / {door.missed} / {door.invented}",
+        f"{scores.connections_hit} of {scores.connections_true} / {scores.connections_missed} / "
+        f"{scores.connections_invented}",
+        f"{100 * scores.purity:.1f} %",
+    )

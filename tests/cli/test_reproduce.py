@@ -1,0 +1,35 @@
+"""The paper's experiments from the command line."""
+
+from pathlib import Path
+
+import pytest
+
+from pgm_places.reproduce.section import Finding, Outcome
+from pgm_places.reproduce.setting import Setting
+from tests.cli.conftest import Run
+
+
+def test_an_unknown_section_is_refused_with_the_nearest_one(run: Run, tmp_path: Path) -> None:
+    code, _, error = run("reproduce", "7.11", "--out", tmp_path / "out")
+    assert code == 2
+    assert "no section '7.11'" in error
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_table_comes_with_a_warning_where_buildings_stand_in(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fake(setting: Setting) -> Outcome:
+        return Outcome("a setting", (Finding("single poses", 0.981, 0.9, 0.7, 0.973),))
+
+    monkeypatch.delenv("PGM_PLACES_DATA", raising=False)
+    monkeypatch.setattr("pgm_places.reproduce.poses.run", fake)
+    out = tmp_path / "out"
+    code, text, error = run("reproduce", "7.1", "--out", out, "--threads", 1)
+    assert code == 0
+    assert "generated buildings stand in" in error
+    assert "Set PGM_PLACES_DATA" in error
+    [line] = [line for line in text.splitlines() if "single poses" in line]
+    assert line.split()[-5:] == ["97.3", "98.1", "-", "90.0", "70.0"]
+    assert f"wrote {out / 'reproduce.html'}" in text
+    assert sorted(path.name for path in out.iterdir()) == ["7.1", "reproduce.html", "reproduce.md"]

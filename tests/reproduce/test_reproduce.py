@@ -1,0 +1,136 @@
+"""The paper's experiments run on whatever maps there are, keep what is finished, and say so."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pgm_places.config import load_config
+from pgm_places.errors import ConfigError
+from pgm_places.reproduce.run import RECORD, data_for, finished_section, reproduce
+from pgm_places.reproduce.section import Finding, Outcome, Picture, Section, Table
+from pgm_places.reproduce.sections import SECTIONS, PaperSection, chosen_sections
+from pgm_places.reproduce.setting import CONFIGS, Setting
+from pgm_places.reproduce.stand_ins import with_stand_ins
+
+CALLS: list[bool] = []
+
+
+def fake_run(setting: Setting) -> Outcome:
+    """An experiment that takes no time."""
+    CALLS.append(setting.data is not None)
+    return Outcome(
+        "a setting",
+        (Finding("poses", 0.981, 0.92, 0.7, 0.973, (0.97, 0.99)), Finding("a picture")),
+        (Table("Orders", ("list", "accuracy"), (("room | doorway", "98.1"),)),),
+        (Picture("map.png", "A <map>"),),
+        {"map.png": b"\x89PNG"},
+        ("A remark.",),
+    )
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Section 7.1 is replaced; whether each run had real data."""
+    CALLS.clear()
+    spec = PaperSection("Poses", "97.3 %.", "poses", ("freiburg079",))
+    monkeypatch.setattr("pgm_places.reproduce.poses.run", fake_run)
+    monkeypatch.setattr("pgm_places.reproduce.run.SECTIONS", {"7.1": spec, "7.3": SECTIONS["7.3"]})
+    monkeypatch.delenv("PGM_PLACES_DATA", raising=False)
+    return CALLS
+
+
+def test_a_finished_section_is_kept_and_not_run_again(fake: list[bool], tmp_path: Path) -> None:
+    first = list(reproduce(["7.1"], tmp_path))
+    second = list(reproduce(["7.1"], tmp_path))
+    assert first == second
+    assert len(fake) == 1
+    list(reproduce(["7.1"], tmp_path, again=True))
+    assert len(fake) == 2
+
+
+def test_real_data_replace_what_generated_buildings_gave(
+    fake: list[bool], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    list(reproduce(["7.1"], tmp_path / "out"))
+    (tmp_path / "data" / "freiburg079").mkdir(parents=True)
+    monkeypatch.setenv("PGM_PLACES_DATA", str(tmp_path / "data"))
+    [section] = reproduce(["7.1"], tmp_path / "out")
+    assert fake == [False, True]
+    assert section.real
+
+
+def test_the_pages_hold_figures_tables_pictures_and_say_what_stood_in(
+    fake: list[bool], tmp_path: Path
+) -> None:
+    list(reproduce(["7.1"], tmp_path))
+    page = (tmp_path / "reproduce.md").read_text()
+    assert "| 7.1 | poses | generated | 97.3 | 98.1 | 97.0 to 99.0 | 92.0 | 70.0 |" in page
+    assert "| 7.1 | a picture | generated | - | - | - | - | - |" in page
+    assert "generated buildings stand in" in page
+    assert "| room \\| doorway | 98.1 |" in page
+    assert "![A <map>](7.1/map.png)" in page
+    html = (tmp_path / "reproduce.html").read_text()
+    assert "generated buildings stand in" in html
+    assert "A &lt;map&gt;" in html
+    assert "data:image/png;base64,iVBORw==" in html
+
+
+def test_an_experiment_that_fails_leaves_the_finished_ones(
+    fake: list[bool], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(setting: Setting) -> Outcome:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pgm_places.reproduce.topology.run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        list(reproduce(["7.1", "7.3"], tmp_path))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "7.1",
+        "reproduce.html",
+        "reproduce.md",
+    ]
+
+
+def test_a_section_survives_its_file(fake: list[bool], tmp_path: Path) -> None:
+    [section] = reproduce(["7.1"], tmp_path)
+    assert isinstance(section, Section)
+    assert finished_section(tmp_path, "7.1") == section
+
+
+@pytest.mark.parametrize("content", ["", "{", "{}", json.dumps({"findings": 3})])
+def test_a_damaged_record_counts_as_not_there(tmp_path: Path, content: str) -> None:
+    (tmp_path / "7.1").mkdir()
+    (tmp_path / "7.1" / RECORD).write_text(content)
+    assert finished_section(tmp_path, "7.1") is None
+
+
+def test_sections_come_in_the_order_of_the_paper() -> None:
+    assert chosen_sections(("7.5", "7.1")) == ("7.1", "7.5")
+    with pytest.raises(ConfigError, match=r"no section '7\.11'.*7\.1"):
+        chosen_sections(("7.11",))
+
+
+def test_data_without_a_section_s_folder_are_no_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PGM_PLACES_DATA", str(tmp_path))
+    assert data_for("7.1") is None
+    (tmp_path / "freiburg079").mkdir()
+    assert data_for("7.1") == tmp_path
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_configuration_is_good_and_has_stand_ins(path: Path) -> None:
+    config = load_config(path)
+    replaced = with_stand_ins(config)
+    for part in ("train", "test"):
+        for before, after in zip(getattr(config, part), getattr(replaced, part), strict=True):
+            assert after.generated is not None
+            assert (after.half is None) == (before.columns is None and before.x_m is None)
+    assert [item.id for item in replaced.methods] == [item.id for item in config.methods]
+
+
+@pytest.mark.parametrize("key", SECTIONS)
+def test_every_section_has_a_function(key: str) -> None:
+    assert callable(SECTIONS[key].run)
