@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pgm_places.sensing.sensor import Sensor, SensorNoise
     from pgm_places.similarity import Similarity
     from pgm_places.structured import StructuredLabeler
+    from pgm_places.structured_files import load_structured_labeler, save_structured_labeler
     from pgm_places.trajectory import Trajectory
     from pgm_places.trajectory_labeler import TrajectoryLabeler
 
@@ -50,7 +51,9 @@ _HOMES = {
     "build": "backends",
     "evaluate": "evaluation",
     "load_backend": "backend_files",
+    "load_structured_labeler": "structured_files",
     "save_backend": "backend_files",
+    "save_structured_labeler": "structured_files",
     "score": "potentials",
 }
 
@@ -77,7 +80,9 @@ __all__ = [
     "build",
     "evaluate",
     "load_backend",
+    "load_structured_labeler",
     "save_backend",
+    "save_structured_labeler",
     "score",
 ]
 

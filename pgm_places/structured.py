@@ -143,7 +143,7 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
         LabelError
             A label without an example.
         """
-        self._check_options()
+        self.check_options()
         problems, truths = _checked(X, y)
         names = tuple(problems[0].label_names)
         known = np.unique(np.concatenate(truths))
@@ -241,7 +241,14 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
     def _unfitted_backend(self) -> Any:
         return build(self.backend) if isinstance(self.backend, str) else self.backend
 
-    def _check_options(self) -> None:
+    def check_options(self) -> None:
+        """Refuse options that are not understood; :meth:`fit` does so first.
+
+        Raises
+        ------
+        ConfigError
+            The nearest name is offered.
+        """
         for name, known in (("metric", METRICS), ("learn_on", LEARN_ON)):
             value = getattr(self, name)
             if value not in known:
