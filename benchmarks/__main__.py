@@ -40,6 +40,11 @@ Times are medians of repeated runs after a warm-up that compiles the kernels: pr
 thread, wall clock on several, unless a column says otherwise.
 
 """
+HOW_TO_RUN = """\
+All of it: `make bench` or `python -m benchmarks`. A peer that is not installed is left out of its
+table; `pip install lightgbm "opencv-python-headless<5" hmmlearn PyMaxflow gco-wrapper ortools pgmax
+"jax<0.7"` brings them all (some are GPL: yardsticks here, never dependencies).
+"""
 
 
 def processor() -> str:
@@ -108,7 +113,7 @@ def page() -> str:
     """The page of all sections that were kept."""
     known = ", ".join(f"{name} {version}" for name, version in versions().items())
     machine = f"Machine: {processor()}, {os.cpu_count()} cores. Versions: {known}."
-    parts = [HEAD + machine + "\n\nAll of it: `make bench` or `python -m benchmarks`.\n"]
+    parts = [HEAD + machine + "\n\n" + HOW_TO_RUN]
     files = (SECTIONS / f"{topic}.md" for topic in TOPICS)
     return "\n".join(
         [*parts, *(file.read_text(encoding="utf-8") for file in files if file.exists())]
