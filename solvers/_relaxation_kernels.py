@@ -294,6 +294,18 @@ def _copy_row(store: NDArray[np.float32], begin: int, end: int, out: NDArray[np.
 
 
 @njit
+def _add_lanes(lanes: NDArray[np.float32], out: NDArray[np.float64]) -> None:
+    """The sums of a task from those of its lanes."""
+    largest, moved, support = np.float32(0), 0.0, 0.0
+    for i in range(CHUNK):
+        change = lanes[i + LARGEST * CHUNK]
+        largest = change if change > largest else largest
+        moved += np.float64(lanes[i + MOVED * CHUNK])
+        support += np.float64(lanes[i + SUPPORT * CHUNK])
+    out[0], out[1], out[2] = largest, moved, support
+
+
+@njit
 def update_rows(
     store: NDArray[np.float32],
     codes: NDArray[np.uint8],
@@ -307,21 +319,20 @@ def update_rows(
     spans: NDArray[np.int64],
     halo: NDArray[np.float32],
     rows: NDArray[np.float32],
+    lanes: NDArray[np.float32],
     work: NDArray[np.float32],
     out: NDArray[np.float64],
 ) -> None:
     """Update the rows ``first..last - 1`` of the store in place (paper eq. 4 and 5).
 
-    ``tables`` is (1, K, P), c r for the cells that share a side (``ratio`` times that for a
-    corner), or (8, K, P), one per direction; column K is the wall. ``halo`` (2, K, L) holds the old
-    rows above and below. A row of ``spans`` is (cells, start in the row above, here, below).
-    Scratch: ``rows`` (3, K, L), ``work`` (SOURCES + P + K + 2, CHUNK).
+    ``tables`` is (K, P), c r for the cells that share a side (``ratio`` times that for a corner),
+    or (8, K, P), one per direction; column K is the wall. ``halo`` (2, K, L) holds the old rows
+    above and below. A row of ``spans`` is (cells, start in the row above, here, below). Scratch:
+    ``rows`` (3, K, L) and ``work`` (SOURCES + P + K + 2, CHUNK), flat for three labels and one
+    table; ``lanes`` is the part of ``work`` that keeps the sums, flat and zero at the start.
+
+    Which update is compiled depends on the numbers of axes alone, as each takes seconds.
     """
-    n_labels = store.shape[0]
-    width = tables.shape[2]
-    work[:] = np.float32(0)
-    flat = work.reshape(work.size)
-    one_table = len(tables) == 1
     above, here, below = halo[0], rows[0], rows[1]
     _copy_row(store, row_start[first], row_start[first + 1], here)
     for y in range(first, last):
@@ -334,22 +345,20 @@ def update_rows(
         for s in range(span_start[y], span_start[y + 1]):
             n = spans[s, 0]
             a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - end
-            code = codes[begin + h : begin + h + n]
-            if one_table and n_labels == 3:
-                at, table = begin + h, tables[0]
+            at = begin + h
+            code = codes[at : at + n]
+            if work.ndim == 1:
                 _update_three(
-                    above, here, below, a, h, b, code, table, ratio, damping, at, flat, store
+                    above, here, below, a, h, b, code, tables, ratio, damping, at, work, store
                 )
-                continue
-            if one_table:
-                _sum_support(above, here, below, a, h, b, code, tables[0], ratio, work)
+            elif tables.ndim == 2:
+                _sum_support(above, here, below, a, h, b, code, tables, ratio, work)
+                _settle(here, h, at, n, damping, tables.shape[-1], work, store)
             else:
                 _sum_support_by_direction(above, here, below, a, h, b, code, tables, work)
-            _settle(here, h, begin + h, n, damping, width, work, store)
+                _settle(here, h, at, n, damping, tables.shape[-1], work, store)
         above, here = here, below
-    out[0] = work[LARGEST].max()
-    out[1] = work[MOVED].astype(np.float64).sum()
-    out[2] = work[SUPPORT].astype(np.float64).sum()
+    _add_lanes(lanes, out)
 
 
 @njit

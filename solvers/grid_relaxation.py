@@ -127,19 +127,22 @@ def relax_grid(
     codes = _codes(walls, cells, shape, rows, by_direction=len(r) > 1)
     tasks = _split(rows)
     halo = np.zeros((len(tasks), 2, n_labels, rows.longest), np.float32)
-    scratch = np.zeros((len(tasks), 3, n_labels, rows.longest), np.float32)
+    ahead = np.zeros((len(tasks), 3, n_labels, rows.longest), np.float32)
     work_rows = SOURCES + tables.shape[2] + n_labels + 2
     work = np.zeros((len(tasks), work_rows, CHUNK), np.float32)
+    three = len(tables) == 1 and n_labels == 3
     results = np.zeros((len(tasks), SUMS))
     threads = useful_threads(n_threads, len(tasks))
     weight = np.float32(damping)
 
     def update(task: int) -> None:
         first, last = tasks[task]
+        scratch, lanes = work[task], work[task, :SOURCES]
+        lanes[:] = 0
         update_rows(
             store,
             codes,
-            tables,
+            tables[0] if len(tables) == 1 else tables,
             ratio,
             weight,
             first,
@@ -148,8 +151,9 @@ def relax_grid(
             rows.span_start,
             rows.spans,
             halo[task],
-            scratch[task],
-            work[task],
+            ahead[task],
+            lanes.reshape(-1),
+            scratch.reshape(-1) if three else scratch,
             results[task],
         )
 
