@@ -48,8 +48,8 @@ def label_components(
                     while parent[b] != b:
                         parent[b] = parent[parent[b]]
                         b = parent[b]
-                    own = min(a, b)
-                    parent[max(a, b)] = own
+                    own, other = (a, b) if a < b else (b, a)
+                    parent[other] = own
             if own < 0:
                 own = count
                 parent[count] = count

@@ -5,26 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places._jit import njit
 
-__all__ = ["mark_edges", "squared_distance"]
-
-
-@njit
-def mark_edges(piece: NDArray[np.int32], is_edge: NDArray[np.bool_]) -> None:
-    """Mark the cells that a side separates from another piece, from none, or from the outside."""
-    height, width = piece.shape
-    for r in range(height):
-        for c in range(width):
-            own = piece[r, c]
-            is_edge[r, c] = (
-                r == 0
-                or c == 0
-                or r == height - 1
-                or c == width - 1
-                or piece[r - 1, c] != own
-                or piece[r + 1, c] != own
-                or piece[r, c - 1] != own
-                or piece[r, c + 1] != own
-            )
+__all__ = ["squared_distance"]
 
 
 @njit
@@ -46,10 +27,12 @@ def squared_distance(
         for c in range(width):
             squared[r, c] = 0 if is_target[r, c] else squared[r - 1, c] + 1
     for c in range(width):
-        squared[height - 1, c] = min(squared[height - 1, c], 1)
+        squared[height - 1, c] = 0 if is_target[height - 1, c] else 1
     for r in range(height - 2, -1, -1):
         for c in range(width):
-            squared[r, c] = min(squared[r, c], squared[r + 1, c] + 1)
+            above = squared[r + 1, c] + 1
+            if above < squared[r, c]:
+                squared[r, c] = above
     for r in range(height):
         for c in range(width):
             row[c] = np.int64(squared[r, c]) * np.int64(squared[r, c])
@@ -68,11 +51,11 @@ def squared_distance(
             if begin < width:
                 last += 1
                 site[last] = c
-                start[last] = max(begin, 0)
+                start[last] = begin if begin > 0 else 0
         for c in range(width - 1, -1, -1):
             s = np.int64(site[last])
             lowest = (c - s) * (c - s) + row[s]
-            outside = np.int64(min(c + 1, width - c))
-            squared[r, c] = min(lowest, outside * outside)
+            outside = c + 1 if c + 1 < width - c else width - c
+            squared[r, c] = lowest if lowest < outside * outside else outside * outside
             if c == start[last]:
                 last -= 1

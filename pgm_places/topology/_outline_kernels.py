@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places._jit import inlined, njit
 
-__all__ = ["count_sides", "simplify_arcs", "trace_rings"]
+__all__ = ["simplify_arcs", "trace_rings"]
 
 EAST, NORTH, WEST, SOUTH = 0, 1, 2, 3
 VERTEX = np.uint8(1)
@@ -18,22 +18,6 @@ def _piece_at(piece: NDArray[np.int32], r: int, c: int) -> int:
     if r < 0 or c < 0 or r >= piece.shape[0] or c >= piece.shape[1]:
         return -1
     return int(piece[r, c])
-
-
-@njit
-def count_sides(piece: NDArray[np.int32]) -> int:
-    """Number of sides between a piece and something else, seen from the piece."""
-    height, width = piece.shape
-    count = 0
-    for r in range(height):
-        for c in range(width):
-            own = piece[r, c]
-            if own >= 0:
-                count += r == 0 or piece[r - 1, c] != own
-                count += r == height - 1 or piece[r + 1, c] != own
-                count += c == 0 or piece[r, c - 1] != own
-                count += c == width - 1 or piece[r, c + 1] != own
-    return count
 
 
 @njit
@@ -159,41 +143,41 @@ def _simplify_arc(
     """Simplify one arc; it keeps the vertex farthest from its chord, so that it never vanishes."""
     for k in range(1, n - 1):
         state[points[order[k], 0], points[order[k], 1]] |= DONE
-    middle = _farthest(points, order, 0, n - 1)
-    closed = (
-        points[order[0], 0] == points[order[n - 1], 0]
-        and points[order[0], 1] == points[order[n - 1], 1]
-    )
-    if closed:  # each half of a ring has to keep a vertex too
-        for first, last in ((0, middle), (middle, n - 1)):
-            if last - first > 1:
-                half = _farthest(points, order, first, last)
-                _thin_out(points, order, first, half, tolerance, state)
-                _thin_out(points, order, half, last, tolerance, state)
-    else:
-        _thin_out(points, order, 0, middle, tolerance, state)
-        _thin_out(points, order, middle, n - 1, tolerance, state)
+    begin, end = order[0], order[n - 1]
+    closed = points[begin, 0] == points[end, 0] and points[begin, 1] == points[end, 1]
+    middle = 0
+    for turn in range(3):  # the whole arc, then each half of a ring
+        first = middle if turn == 2 else 0
+        last = middle if turn == 1 else n - 1
+        farthest = _farthest(points, order, first, last)
+        if closed and turn == 0:  # each half of a ring has to keep a vertex too
+            middle = farthest
+            continue
+        for half in range(2):
+            start, stop = (farthest, last) if half else (first, farthest)
+            _thin_out(points, order, start, stop, tolerance, state)
+        if not closed:
+            break
 
 
-@njit
+@inlined
 def _farthest(points: NDArray[np.int32], order: NDArray[np.int32], first: int, last: int) -> int:
     """The vertex farthest from the chord, from the first vertex where the arc is closed."""
     ay, ax = np.int64(points[order[first], 0]), np.int64(points[order[first], 1])
-    cy, cx = np.int64(points[order[last], 0]), np.int64(points[order[last], 1])
-    closed = ay == cy and ax == cx
+    uy, ux = points[order[last], 0] - ay, points[order[last], 1] - ax
     best, most = first + 1, np.int64(-1)
     for k in range(first + 1, last):
-        by, bx = np.int64(points[order[k], 0]), np.int64(points[order[k], 1])
-        if closed:
-            distance = (by - ay) ** 2 + (bx - ax) ** 2
-        else:
-            distance = abs((cx - ax) * (by - ay) - (cy - ay) * (bx - ax))
+        vy, vx = points[order[k], 0] - ay, points[order[k], 1] - ax
+        distance = vy * vy + vx * vx
+        if uy != 0 or ux != 0:
+            distance = ux * vy - uy * vx
+            distance = distance if distance > 0 else -distance
         if distance > most:
             best, most = k, distance
     return best
 
 
-@njit
+@inlined
 def _thin_out(
     points: NDArray[np.int32],
     order: NDArray[np.int32],
@@ -205,54 +189,55 @@ def _thin_out(
     """Walk along an arc and drop vertices as long as the chord stays close to all it skips."""
     anchor, before = first, first + 1
     for k in range(first + 2, last + 1):
-        a, b, c = order[anchor], order[before], order[k]
-        close = True
-        for j in range(anchor + 1, k):
-            if not _is_close(points, a, c, order[j], tolerance):
-                close = False
-                break
-        if close and _is_empty(points, a, b, c, state):
-            state[points[b, 0], points[b, 1]] &= NO_VERTEX
+        close = _is_close(points, order, anchor, k, tolerance)
+        if close and _is_empty(points, order[anchor], order[before], order[k], state):
+            state[points[order[before], 0], points[order[before], 1]] &= NO_VERTEX
         else:
             anchor = before
         before = k
 
 
-@njit
-def _is_close(points: NDArray[np.int32], a: int, c: int, j: int, tolerance: float) -> bool:
-    """Whether vertex j lies within the tolerance of the segment from a to c."""
-    ux, uy = float(points[c, 1] - points[a, 1]), float(points[c, 0] - points[a, 0])
-    vx, vy = float(points[j, 1] - points[a, 1]), float(points[j, 0] - points[a, 0])
+@inlined
+def _is_close(
+    points: NDArray[np.int32], order: NDArray[np.int32], first: int, last: int, tolerance: float
+) -> bool:
+    """Whether the vertices between lie within the tolerance of the segment from first to last."""
+    ay, ax = points[order[first], 0], points[order[first], 1]
+    ux, uy = float(points[order[last], 1] - ax), float(points[order[last], 0] - ay)
     square = ux * ux + uy * uy
-    t = 0.0
-    if square > 0.0:
-        t = min(max((ux * vx + uy * vy) / square, 0.0), 1.0)
-    dx, dy = vx - t * ux, vy - t * uy
-    return dx * dx + dy * dy <= tolerance * tolerance
+    for k in range(first + 1, last):
+        vx, vy = float(points[order[k], 1] - ax), float(points[order[k], 0] - ay)
+        t = (ux * vx + uy * vy) / square if square > 0.0 else 0.0
+        t = t if t > 0.0 else 0.0
+        t = t if t < 1.0 else 1.0
+        dx, dy = vx - t * ux, vy - t * uy
+        if not dx * dx + dy * dy <= tolerance * tolerance:
+            return False
+    return True
 
 
 @njit
 def _is_empty(points: NDArray[np.int32], a: int, b: int, c: int, state: NDArray[np.uint8]) -> bool:
     """Whether the triangle holds no vertex but its own corners, its sides included."""
-    ys = (points[a, 0], points[b, 0], points[c, 0])
-    xs = (points[a, 1], points[b, 1], points[c, 1])
-    if xs[0] == xs[2] and ys[0] == ys[2]:
+    ay, ax = np.int64(points[a, 0]), np.int64(points[a, 1])
+    by, bx = np.int64(points[b, 0]), np.int64(points[b, 1])
+    cy, cx = np.int64(points[c, 0]), np.int64(points[c, 1])
+    if ax == cx and ay == cy:
         return False
-    for y in range(min(ys), max(ys) + 1):
+    lowest, highest = (ay, by) if ay < by else (by, ay)
+    lowest, highest = cy if cy < lowest else lowest, cy if cy > highest else highest
+    for y in range(lowest, highest + 1):
         low, high = 1e18, -1e18
-        for side in range(3):
-            y0, x0, y1, x1 = ys[side], xs[side], ys[(side + 1) % 3], xs[(side + 1) % 3]
-            if y < min(y0, y1) or y > max(y0, y1):
-                continue
-            if y0 == y1:
-                low, high = min(low, min(x0, x1)), max(high, max(x0, x1))
-            else:
-                x = x0 + (x1 - x0) * (y - y0) / (y1 - y0)
-                low, high = min(low, x), max(high, x)
+        y0, x0, y1, x1 = ay, ax, by, bx
+        for _ in range(3):
+            if (y0 <= y <= y1) or (y1 <= y <= y0):
+                # a side along the row has both its ends as ends of the others
+                x = x0 + (x1 - x0) * (y - y0) / (y1 - y0) if y0 != y1 else float(x0)
+                low, high = x if x < low else low, x if x > high else high
+            y0, x0, y1, x1 = y1, x1, ay + by + cy - y0 - y1, ax + bx + cx - x0 - x1
         for column in range(int(np.ceil(low - 1e-9)), int(np.floor(high + 1e-9)) + 1):
-            own = False
-            for corner in range(3):
-                own = own or (ys[corner] == y and xs[corner] == column)
+            own = (y == ay and column == ax) or (y == by and column == bx)
+            own = own or (y == cy and column == cx)
             if not own and state[y, column] & VERTEX:
                 return False
     return True

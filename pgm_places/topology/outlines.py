@@ -61,7 +61,6 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
     """
     from pgm_places.topology._outline_kernels import (
         VERTEX,
-        count_sides,
         simplify_arcs,
         trace_rings,
     )
@@ -69,7 +68,7 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
     if not tolerance >= 0:
         raise InputError(f"tolerance must be at least 0 cells, got {tolerance}")
     piece = np.ascontiguousarray(piece, np.int32)
-    n_sides = count_sides(piece)
+    n_sides = _count_sides(piece)
     points = np.empty((n_sides, 2), np.int32)
     is_fixed = np.empty(n_sides, np.bool_)
     ring_start, ring_piece = np.empty(n_sides + 1, np.int32), np.empty(n_sides, np.int32)
@@ -90,6 +89,25 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
             exact = points[span][part]
             loops[ring_piece[ring]].append((exact, exact[kept[span][part]]))
     return [Outline(tuple(_polygons(parts))) for parts in loops]
+
+
+def _count_sides(piece: NDArray[np.int32]) -> int:
+    """Number of sides between a piece and something else, seen from the piece."""
+    height, width = piece.shape
+    count = 0
+    below = np.full(width, -1, np.int32)
+    for r in range(height + 1):  # a row at a time needs no other raster
+        row = piece[r] if r < height else np.full(width, -1, np.int32)
+        differs = row != below
+        for side in (row, below):
+            count += int(np.count_nonzero(differs & (side >= 0)))
+        left, right = row[:-1], row[1:]
+        differs = left != right
+        for side in (left, right):
+            count += int(np.count_nonzero(differs & (side >= 0)))
+        count += int(row[0] >= 0) + int(row[-1] >= 0)
+        below = row
+    return count
 
 
 def _simple_loops(ring: Ring, stride: int) -> Iterator[NDArray[np.intp]]:
