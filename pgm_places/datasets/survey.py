@@ -1,7 +1,5 @@
 """The survey: a robot drives through a building with a laser; this is its map."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,12 +19,11 @@ _OCCUPIED_SHARE = 6
 """A cell counts as occupied where one in so many rays that reached it ended there."""
 
 
-@dataclass(frozen=True)
-class _Rays:
-    """Rays of all stations: start and direction in cells, per ray."""
+_SOLID, _GLASS, _RIM, _BEHIND = 1, 2, 4, 8
+"""What a cell is, in bits; the last is of a ray: it has gone through a pane."""
 
-    start: NDArray[np.int64]
-    direction: NDArray[np.int64]
+_CELLS_AT_ONCE = 4_000_000
+"""So many passed cells are noted before they are counted."""
 
 
 def survey(
@@ -45,21 +42,12 @@ def survey(
     err by a cell and lets some rays through the panes of ``glass``.
     """
     stations = _stations(scale, plan, solid)
-    rays = _rays(stations)
-    passed = np.zeros(solid.size, np.int32)
-    ended = np.zeros(solid.size, np.int32)
+    n_rays = len(stations) * len(_FAN)
     offsets = _pose_errors(dice, len(stations)) if noise else np.zeros((len(stations), 2), np.int64)
-    per_station = 8 * _HALF_SIDE
-    through = _budgets(dice, scale, len(rays.start)) if noise else np.zeros(len(rays.start), int)
-    errors = _range_errors(dice, len(rays.start)) if noise else np.zeros(len(rays.start), int)
-    _cast(
-        scale,
-        rays,
-        (solid, glass),
-        (np.repeat(offsets, per_station, axis=0), through, errors),
-        (passed, ended),
-    )
-    return _decide(passed.reshape(solid.shape), ended.reshape(solid.shape), noise=noise)
+    through = _budgets(dice, scale, n_rays) if noise else np.zeros(n_rays, np.int64)
+    errors = _range_errors(dice, n_rays) if noise else np.zeros(n_rays, np.int64)
+    passed, ended = _cast(scale, stations, (solid, glass), (offsets, through, errors))
+    return _decide(passed, ended, noise=noise)
 
 
 def _stations(scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -96,15 +84,16 @@ def _crowded(scale: Scale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return crowded
 
 
-def _rays(stations: NDArray[np.int64]) -> _Rays:
-    """Every station's rays, towards the cells of a square's edge: whole numbers only."""
+def _fan() -> NDArray[np.int64]:
+    """(R, 2) directions of a station's rays, to the cells of a square's edge, whole numbers."""
     t = np.arange(-_HALF_SIDE, _HALF_SIDE)
     side = np.full_like(t, _HALF_SIDE)
-    fan = np.concatenate(
+    return np.concatenate(
         [np.stack(pair, axis=1) for pair in ((t, -side), (side, t), (-t, side), (-side, -t))]
     )
-    start = np.repeat(stations, len(fan), axis=0)
-    return _Rays(start, np.tile(fan, (len(stations), 1)))
+
+
+_FAN = _fan()
 
 
 def _pose_errors(dice: Dice, n_stations: int) -> NDArray[np.int64]:
@@ -128,48 +117,86 @@ def _budgets(dice: Dice, scale: Scale, n_rays: int) -> NDArray[np.int64]:
 
 def _cast(
     scale: Scale,
-    rays: _Rays,
+    stations: NDArray[np.int64],
     building: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     errors: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
-    out: tuple[NDArray[np.int32], NDArray[np.int32]],
-) -> None:
-    """All rays, one step at a time: counts of passing and ending per cell into ``out``."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(H, W) how many rays passed each cell, and how many ended there.
+
+    All rays go one step at a time, by numbers of cells in the flat raster; a ray is station *
+    len(_FAN) + direction. No ray gets beyond the rim: a step moves by at most one row and column.
+    """
     solid, glass = building
     offset, budget, late = errors
-    passed, ended = out
-    height, width = solid.shape
-    start, direction = rays.start, rays.direction
-    budget = budget.copy()
-    outside = np.zeros(len(start), bool)
-    alive = np.arange(len(start))
+    shape, width = solid.shape, solid.shape[1]
+    kind = _kinds_of_cells(solid, glass)
+    row_and_column = np.array([1, width])
+    first, shift = stations @ row_and_column, offset @ row_and_column
+    budget, behind = budget.copy(), np.zeros(len(budget), np.uint8)
+    passed, ended = _Counts(solid.size), _Counts(solid.size)
+    alive = np.arange(len(budget))
     for step in range(1, scale.cells(1400)):
-        cell = start[alive] + (2 * step * direction[alive] + _HALF_SIDE) // (2 * _HALF_SIDE)
-        inside = (cell >= 1).all(axis=1) & (cell[:, 0] < width - 1) & (cell[:, 1] < height - 1)
-        alive, cell = alive[inside], cell[inside]
         if not len(alive):
-            return
-        blocked = solid[cell[:, 1], cell[:, 0]]
-        outside[alive] |= glass[cell[:, 1], cell[:, 0]] & (budget[alive] > 0)
-        budget[alive] -= outside[alive]
-        stops = blocked & ~(outside[alive] & (budget[alive] > 0))
-        _count(cell[~stops] + offset[alive[~stops]], (height, width), passed)
-        ends = alive[stops]
-        reported = step + late[ends]
-        last = start[ends] + (2 * reported[:, None] * direction[ends] + _HALF_SIDE) // (
-            2 * _HALF_SIDE
-        )
-        _count(last + offset[ends], (height, width), ended)
-        alive = alive[~stops]
+            break
+        station, direction = np.divmod(alive, len(_FAN))
+        cell = first[station] + (_way(step, _FAN) @ row_and_column)[direction]
+        code = kind[cell] | behind[alive]
+        special = np.flatnonzero(code)  # all others are in free space
+        rays, code = alive[special], code[special]
+        on_rim = (code & _RIM) > 0
+        through = ((code & _BEHIND) > 0) | (((code & _GLASS) > 0) & (budget[rays] > 0))
+        behind[rays] = through * np.uint8(_BEHIND)
+        budget[rays] -= through
+        stops = ((code & _SOLID) > 0) & ~(through & (budget[rays] > 0)) & ~on_rim
+        ends = rays[stops]
+        last = _way((step + late[ends])[:, None], _FAN[ends % len(_FAN)])
+        last += (stations + offset)[ends // len(_FAN)]
+        ended.add(np.clip(last, 0, (width - 1, shape[0] - 1)) @ row_and_column)
+        goes_on = np.ones(len(alive), np.bool_)
+        goes_on[special[stops | on_rim]] = False
+        alive = alive[goes_on]
+        passed.add(cell[goes_on] + shift[station[goes_on]])
+    return passed.total().reshape(shape), ended.total().reshape(shape)
 
 
-def _count(cells: NDArray[np.int64], shape: tuple[int, int], out: NDArray[np.int32]) -> None:
-    height, width = shape
-    column, row = np.clip(cells[:, 0], 0, width - 1), np.clip(cells[:, 1], 0, height - 1)
-    np.add.at(out, row * width + column, 1)
+def _way(step: int | NDArray[np.int64], direction: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(R, 2) columns and rows from the start after so many steps, rounded."""
+    return (2 * step * direction + _HALF_SIDE) // (2 * _HALF_SIDE)
+
+
+def _kinds_of_cells(solid: NDArray[np.bool_], glass: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """(H * W,) the bits of each cell."""
+    kind = solid * np.uint8(_SOLID) | glass * np.uint8(_GLASS)
+    kind[[0, -1]] = kind[:, [0, -1]] = _RIM
+    return kind.ravel()
+
+
+class _Counts:
+    """How often each cell was met; cells are counted many at a time, which is much faster."""
+
+    def __init__(self, n_cells: int) -> None:
+        self._counts = np.zeros(n_cells, np.int64)
+        self._waiting: list[NDArray[np.int64]] = []
+        self._n_waiting = 0
+
+    def add(self, cells: NDArray[np.int64]) -> None:
+        """Count these cells once more, each as often as it occurs."""
+        self._waiting.append(cells)
+        self._n_waiting += len(cells)
+        if self._n_waiting >= _CELLS_AT_ONCE:
+            self.total()
+
+    def total(self) -> NDArray[np.int64]:
+        """The counts so far."""
+        if self._waiting:
+            met = np.concatenate(self._waiting)
+            self._counts += np.bincount(met, minlength=len(self._counts))
+            self._waiting, self._n_waiting = [], 0
+        return self._counts
 
 
 def _decide(
-    passed: NDArray[np.int32], ended: NDArray[np.int32], *, noise: bool
+    passed: NDArray[np.int64], ended: NDArray[np.int64], *, noise: bool
 ) -> NDArray[np.int8]:
     """Counts to cells, and pinholes between rays filled."""
     cells = np.full(passed.shape, UNKNOWN, np.int8)

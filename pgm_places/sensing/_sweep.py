@@ -244,6 +244,7 @@ class TileSweep:
 
     def sweep(self, group: BeamGroup, work: Work, out: NDArray[np.float32]) -> None:
         """Write the ranges along a group's beams to its columns of ``out`` (rows, all beams)."""
+        assert out.flags.c_contiguous  # else what is written would go to a copy
         octant = group.octant
         around, tile = self._surroundings[octant.x_is_major], self._tiles[octant.x_is_major]
         columns, rows = (self._x, self._y) if octant.x_is_major else (self._y, self._x)
@@ -282,7 +283,8 @@ class TileSweep:
             np.empty(n_beams, np.float32),
             np.empty(n_beams, np.bool_),
             group.first,
-            out,
+            out.shape[1],
+            out.reshape(-1),
         )
 
     def _table(

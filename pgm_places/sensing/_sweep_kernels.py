@@ -54,7 +54,8 @@ def _open_column(
     wanted cells, ``spans`` the begin and end of stretches of cells that are looked up together.
     """
     n_rows = len(nodes_of_column)
-    nodes[:] = -1
+    for y in range(len(nodes)):
+        nodes[y] = -1
     n_cells = n_spans = 0
     for k in range(last - first):
         run = last - 1 - k if downward else first + k  # upside down the last run comes first
@@ -123,21 +124,21 @@ def _write_column(
     readings: NDArray[np.float32],
     n_beams: int,
     first_beam: int,
+    n_all: int,
     out: NDArray[np.float32],
 ) -> None:
-    """Turn one column's readings (beams, rows) into parts of rows of the output (cells, beams)."""
-    flat = out.reshape(-1)
+    """Turn one column's readings (beams, rows) into parts of the output's rows (cells, n_all)."""
     stride = len(readings) // n_beams
     for i in range(n_cells):
         if i + _PREFETCH_AHEAD < n_cells:
-            begin = np.int64(nodes[cells[i + _PREFETCH_AHEAD]]) * out.shape[1] + first_beam
+            begin = np.int64(nodes[cells[i + _PREFETCH_AHEAD]]) * n_all + first_beam
             for beam in range(0, n_beams, 16):
-                prefetch(flat, begin + beam)
-            prefetch(flat, begin + n_beams - 1)
+                prefetch(out, begin + beam)
+            prefetch(out, begin + n_beams - 1)
         source = np.uint64(cells[i])
-        target = np.uint64(np.int64(nodes[cells[i]]) * out.shape[1] + first_beam)
+        target = np.uint64(np.int64(nodes[cells[i]]) * n_all + first_beam)
         for _ in range(n_beams):
-            flat[target] = readings[source]
+            out[target] = readings[source]
             target += np.uint64(1)
             source += np.uint64(stride)
 
@@ -172,6 +173,7 @@ def sweep(
     fractions: NDArray[np.float32],
     mixed: NDArray[np.bool_],
     first_beam: int,
+    n_all: int,
     out: NDArray[np.float32],
 ) -> None:
     """Write the ranges of a tile's wanted cells along neighbouring beams of one octant.
@@ -205,8 +207,8 @@ def sweep(
     pairs, edges, readings, rows, nodes, cells, spans, starts, fractions, mixed
         Working memory; ``rows`` holds -1.5 - y of the tile's rows: less a lower side's number
         -1 - Y that is the way Y - y - 0.5.
-    first_beam, out : (cells, all beams)
-        The beams are ``first_beam`` and the following.
+    first_beam, n_all, out : (cells * n_all,)
+        The beams are ``first_beam`` and the following of the ``n_all`` in a row of the output.
     """
     n_beams = len(beams)
     n_columns, n_rows = len(near_starts) - 1, blocked.size // (len(near_starts) - 1)
@@ -263,7 +265,7 @@ def sweep(
                 cap,
                 readings,
             )
-            _write_column(nodes, cells, n_cells, readings, n_beams, first_beam, out)
+            _write_column(nodes, cells, n_cells, readings, n_beams, first_beam, n_all, out)
         k = n_columns - 1 - i if downward else i
         if near_starts[k] < near_starts[k + 1] or lower_starts[k] < lower_starts[k + 1]:
             paint_column(

@@ -33,6 +33,13 @@ def test_a_seed_gives_these_very_cells_on_every_platform() -> None:
     assert digest(cells, labels) == "186d1ee49a9ab713"
 
 
+def test_the_default_building_is_these_very_cells() -> None:
+    building = generate_building()
+    cells, labels = building.grid.cells, building.labels.astype("<i2")
+    assert building.grid.shape == (482, 1187)
+    assert digest(cells, labels) == "2095bb3df31c0d12"
+
+
 def test_the_same_seed_gives_the_same_building_and_another_seed_another() -> None:
     first, again, other = (generate_building(seed, size="small") for seed in (1, 1, 2))
     assert digest(first.grid.cells, first.labels) == digest(again.grid.cells, again.labels)
