@@ -6,86 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.coarsening import coarsen
 from pgm_places.evaluation import evaluate
-from pgm_places.io.map_server import load_map
-from pgm_places.io.pose_csv import read_pose_csv
-from pgm_places.io.regions import load_regions
-from pgm_places.labelled_map import LabelledMap
-from pgm_places.trajectory import Trajectory, headings_along
+from pgm_places.reproduce.cold import (
+    CLASSES,
+    NAMES,
+    PLACES,
+    denser,
+    load_cold,
+    place_classes,
+    thinned,
+)
 from pgm_places.trajectory_labeler import TrajectoryLabeler
-
-CLASSES: Mapping[str, str] = {
-    "CR": "corridor",
-    "DW": "doorway",
-    "KT": "kitchen",
-    "1PO": "office",
-    "2PO": "office",
-    "BA": "bathroom",
-    "PT": "printer area",
-    "PA": "printer area",
-}
-NAMES = tuple(dict.fromkeys(CLASSES.values()))
-PLACES = ("corridor", "room", "doorway")
-RESOLUTION_M = 0.1
-CELLS_KEPT = 0.2
-STEP_M = 0.1
-
-
-def place_of(name: str) -> str:
-    """The place that a category belongs to."""
-    return name if name in ("corridor", "doorway") else "room"
-
-
-def load_cold(
-    data: Path, building: str, classes: Mapping[str, str], names: tuple[str, ...]
-) -> tuple[list[LabelledMap], list[tuple[LabelledMap, Trajectory]]]:
-    """The labelled maps of a building, and every run with the map that it was recorded in."""
-    maps, runs = [], []
-    for folder in sorted(data.glob(f"cold_{building}_*")):
-        grid = coarsen(load_map(folder / "map.yaml").grid, RESOLUTION_M)
-        regions = folder / "regions.geojson"
-        every = {code: classes.get(code, "") for code in _codes(regions)}
-        labels = load_regions(regions, names, grid, classes=every)
-        known = LabelledMap(grid, labels, name=folder.name)
-        maps.append(known)
-        for table in sorted(folder.glob("trajectory_*.csv")):
-            run = read_pose_csv(table, label_column="label").trajectory
-            assert run.labels is not None and run.label_names is not None
-            codes = [run.label_names[k] if k >= 0 else "" for k in run.labels]
-            labels_of_run = [names.index(classes[c]) if c in classes else -1 for c in codes]
-            runs.append((known, run.with_labels(np.array(labels_of_run), names)))
-    return maps, runs
-
-
-def _codes(path: Path) -> set[str]:
-    import json
-
-    features = json.loads(path.read_text(encoding="utf-8"))["features"]
-    return {feature["properties"]["class"] for feature in features}
-
-
-def thinned(known: LabelledMap) -> LabelledMap:
-    """The map with a share of its labels, drawn at random: neighbouring cells look alike."""
-    kept = np.random.default_rng(0).random(known.labels.shape) < CELLS_KEPT
-    return replace(known, labels=np.where(kept, known.labels, -1).astype(np.int16))
-
-
-def denser(run: Trajectory) -> Trajectory:
-    """The run with positions every tenth of a metre, straight between the recorded ones.
-
-    Recorded positions are a metre apart, far more than the robot drives between two updates; what
-    lies between them has no label.
-    """
-    assert run.labels is not None and run.label_names is not None
-    way = np.concatenate([[0.0], np.cumsum(run.step_lengths_m)])
-    steps = np.union1d(np.arange(0.0, way[-1], STEP_M), way)
-    xy = np.stack([np.interp(steps, way, run.poses[:, axis]) for axis in (0, 1)], axis=1)
-    labels = np.full(len(steps), -1)
-    labels[np.searchsorted(steps, way)] = run.labels
-    times = np.interp(steps, way, run.times_s)
-    poses = np.column_stack([xy, headings_along(xy)])
-    return Trajectory(times, poses, labels=labels, label_names=run.label_names, name=run.name)
 
 
 def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> list[str]:
@@ -128,7 +59,5 @@ def cold_table(data: Path) -> str:
         "| buildings | labels | poses | scan alone | filter | smoother | recall, smoothed |\n"
         "|---|---|---|---|---|---|---|"
     )
-    as_places = {code: place_of(name) for code, name in CLASSES.items()}
-    others = dict.fromkeys(("LO", "CF", "RL", "TR"), "room")
-    rows = table(data, as_places | others, PLACES) + table(data, CLASSES, NAMES)
+    rows = table(data, place_classes(), PLACES) + table(data, CLASSES, NAMES)
     return "\n".join([head, *rows])

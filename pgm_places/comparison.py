@@ -65,7 +65,10 @@ class MethodResult:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Everything a comparison found, ready for the table, the pictures and the report."""
+    """Everything a comparison found, ready for the table, the pictures and the report.
+
+    ``selection`` says which options were tried on held-out training cells, and which were chosen.
+    """
 
     title: str
     label_names: tuple[str, ...]
@@ -76,6 +79,7 @@ class Comparison:
     versions: Mapping[str, str]
     inputs: Mapping[str, str]
     warnings: tuple[str, ...] = ()
+    selection: Mapping[str, Any] | None = None
 
 
 def score_intervals(

@@ -28,6 +28,7 @@ __all__ = [
     "LabelsConfig",
     "MapConfig",
     "MethodConfig",
+    "SelectConfig",
     "SensorConfig",
     "TopologyConfig",
     "load_config",
@@ -187,6 +188,20 @@ class FeatureConfig(_Record):
     options: dict[str, Any]
 
 
+class SelectConfig(_Record):
+    """Options to choose on the training maps, whole buildings or contiguous blocks held out.
+
+    ``options`` lists values by dotted key (``"classifier.n_rounds" = [100, 300]``,
+    ``"methods.amn.C" = [10.0, 100.0]``); every combination is tried with ``method``, by default
+    the last one.
+    """
+
+    options: Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], Field(min_length=1)]
+    method: str | None = None
+    criterion: Literal["balanced_accuracy", "accuracy", "macro_f1"] = "balanced_accuracy"
+    n_folds: Annotated[int, Field(ge=2, le=50)] = 5
+
+
 class MethodConfig(_Record):
     """A method by name, what to call it, which unary it gets, and its options (all other keys).
 
@@ -215,6 +230,7 @@ class ExperimentConfig(_Record):
     train: Annotated[list[MapConfig], Field(min_length=1)]
     test: list[MapConfig] = []
     features: list[FeatureConfig] = []
+    select: SelectConfig | None = None
     methods: Annotated[list[MethodConfig], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -228,6 +244,11 @@ class ExperimentConfig(_Record):
         if twice:
             raise ValueError(
                 f"methods: {', '.join(twice)} comes more than once; give each its own id"
+            )
+        if self.select is not None and self.select.method not in (None, *ids):
+            raise ValueError(
+                f"select.method: no method {self.select.method!r}. "
+                f"{nearest_name(str(self.select.method), ids)}"
             )
         return self
 

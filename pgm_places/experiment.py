@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from pgm_places.config import (
     build_features,
     build_method,
 )
+from pgm_places.config_changes import changed_config
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.grid import OccupancyGrid
@@ -38,6 +39,9 @@ from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.plugins import option_values
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor, SensorNoise
+
+if TYPE_CHECKING:
+    from pgm_places.selection import Selection
 
 __all__ = ["Experiment", "compare", "compare_fitted", "load_maps", "make_labeler", "train"]
 
@@ -58,6 +62,7 @@ class Experiment:
     inputs: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    selection: "Selection | None" = None
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
@@ -244,9 +249,20 @@ def resolved_unary(method: MethodConfig, has_context: bool) -> str:
 
 
 def train(experiment: Experiment) -> PlaceLabeler:
-    """The labeler of the configuration, fitted on its training maps."""
-    labeler = make_labeler(experiment.config)
+    """The labeler of the configuration, fitted on its training maps.
+
+    Where the configuration has a table ``[select]``, options are chosen first on the training maps
+    alone; ``experiment.config`` is then the chosen configuration, and ``experiment.selection`` says
+    what was tried.
+    """
     maps = load_maps(experiment, "train")
+    if experiment.config.select is not None:
+        from pgm_places.selection import select  # which learns experiments itself
+
+        with experiment.timed("select"):
+            experiment.selection = select(experiment, maps)
+        experiment.config = changed_config(experiment.config, experiment.selection.chosen.options)
+    labeler = make_labeler(experiment.config)
     with experiment.timed("learn"):
         return labeler.fit(maps, n_threads=experiment.n_threads, progress=experiment.progress)
 
@@ -259,8 +275,7 @@ def compare(experiment: Experiment) -> Comparison:
     ConfigError
         There are no test maps.
     """
-    config = experiment.config
-    if not config.test:
+    if not experiment.config.test:
         raise ConfigError("a comparison needs at least one [[test]] map; there is none")
     # Test maps are read before anything is learned: what is wrong with them shows at once.
     tests = load_maps(experiment, "test")
@@ -296,6 +311,7 @@ def compare_fitted(
         versions=versions(),
         inputs=dict(experiment.inputs),
         warnings=tuple(experiment.warnings),
+        selection=None if experiment.selection is None else experiment.selection.to_dict(),
     )
 
 

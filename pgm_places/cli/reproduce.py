@@ -32,8 +32,6 @@ def run_reproduce(
             if not quiet:
                 typer.echo(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
     table = overview_table(found)
-    # One name in front, as the first column is the only one that is set left.
-    rows = [(" ".join(row[:2]), *row[2:]) for row in (table.heading, *table.rows)]
-    typer.echo(f"\n{text_table(rows)}\n({table.caption})")
+    typer.echo(f"\n{text_table([table.heading, *table.rows])}\n({table.caption})")
     for name in ("reproduce.md", "reproduce.html"):
         typer.echo(f"wrote {out / name}")

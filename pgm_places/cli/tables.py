@@ -48,7 +48,21 @@ def comparison_table(comparison: "Comparison") -> str:
         rows.append(row)
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
-    return f"\n{text_table(rows)}\n({note}; stages: {stages})"
+    return f"\n{text_table(rows)}\n({note}; stages: {stages}){_selected(comparison)}"
+
+
+def _selected(comparison: "Comparison") -> str:
+    """What was chosen on held-out training cells, and how good it was there."""
+    found = comparison.selection
+    if found is None:
+        return ""
+    best = max(found["candidates"], key=lambda item: float(item["score"]))
+    options = ", ".join(f"{key} = {value}" for key, value in found["chosen"].items())
+    return (
+        f"\nselected on held-out training cells: {options} ({found['criterion']} of "
+        f"{found['method']} {_percent(best['score'])} ± {_percent(best['spread'])} there; "
+        f"{len(found['candidates'])} tried)"
+    )
 
 
 def _interval(method: "MethodResult") -> str:

@@ -53,6 +53,7 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         },
         "stage_seconds": _plain(comparison.stage_seconds),
         "config": _plain(comparison.config),
+        "selection": _plain(comparison.selection),
         "versions": dict(comparison.versions),
         "inputs": dict(comparison.inputs),
         "warnings": list(comparison.warnings),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pgm_places.comparison import Comparison, MethodResult, TestMap
 from pgm_places.grid import UNKNOWN, OccupancyGrid
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.report.palette import ERROR, RIGHT_TINT, WALL, label_colours, tinted
+from pgm_places.report.palette import ERROR, IGNORED, RIGHT_TINT, WALL, label_colours, tinted
 from pgm_places.report.palette import UNKNOWN as UNKNOWN_COLOUR
 from pgm_places.report.plots import confusion_picture
 from pgm_places.report.sheet import Entry, Panel, sheet_png
@@ -19,7 +19,7 @@ MARGIN_M = 0.5
 """How much of the map around the tested part is shown."""
 
 _MOST_PIXELS = 400_000
-_LONG_SIDE = 1800
+_PANEL_SIDE = 1000
 
 
 def label_sheet(comparison: Comparison, index: int = 0, *, title: str | None = None) -> bytes:
@@ -102,5 +102,12 @@ def _sheet(
 ) -> bytes:
     height, width = view.shape
     columns = 1 if width > 2.5 * height else min(2, len(panels))
-    legend = [*entries, Entry(WALL, "occupied"), Entry(UNKNOWN_COLOUR, "unknown")]
-    return sheet_png(panels, columns=columns, title=title, legend=legend, long_side=_LONG_SIDE)
+    legend = [
+        *entries,
+        Entry(WALL, "occupied"),
+        Entry(UNKNOWN_COLOUR, "unknown"),
+        Entry(IGNORED, "free, no label", hatched=True),
+    ]
+    return sheet_png(
+        panels, columns=columns, title=title, legend=legend, long_side=_PANEL_SIDE * columns
+    )

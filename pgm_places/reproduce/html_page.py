@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pgm_places._version import __version__
-from pgm_places.report.markup import Markup, data_table, element
+from pgm_places.report.markup import Markup, element
 from pgm_places.report.page_head import page_head
 from pgm_places.reproduce.overview import STAND_IN_WARNING, overview_table
 from pgm_places.reproduce.section import Picture, Section, Table
@@ -94,7 +94,40 @@ def _anchor(section: Section) -> str:
 
 
 def _table(table: Table) -> Markup:
-    return data_table(table.caption, table.heading, table.rows)
+    """Columns of words are set left, columns of figures right."""
+    left = [True, *(_is_words(column) for column in list(zip(*table.rows, strict=True))[1:])]
+    head = element(
+        "tr",
+        *(
+            _cell("th", name, words=words, scope="col")
+            for name, words in zip(table.heading, left, strict=True)
+        ),
+    )
+    rows = [
+        element(
+            "tr",
+            *(
+                _cell("td" if k else "th", text, words=left[k], scope=None if k else "row")
+                for k, text in enumerate(row)
+            ),
+        )
+        for row in table.rows
+    ]
+    body = element(
+        "table", element("caption", table.caption), element("thead", head), element("tbody", *rows)
+    )
+    return element("div", body, class_="scroll", tabindex="0", role="region")
+
+
+def _cell(tag: str, text: str, *, words: bool, scope: str | None = None) -> Markup:
+    style = "text-align:left;white-space:normal" if words else None
+    return element(tag, text, style=style, scope=scope)
+
+
+def _is_words(cells: Sequence[str]) -> bool:
+    """Whether most cells begin with a letter; dashes count for neither."""
+    filled = [cell for cell in cells if cell not in ("", "-")]
+    return 2 * sum(cell[0].isalpha() for cell in filled) > len(filled)
 
 
 def _figure(path: Path, item: Picture) -> Markup:

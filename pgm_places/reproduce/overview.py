@@ -15,9 +15,9 @@ STAND_IN_WARNING = (
 
 def overview_table(sections: Sequence[Section]) -> Table:
     """A row per finding."""
-    heading = ("section", "", "buildings", "paper", "ours", "95 %", "balanced", "doorway F1")
+    heading = ("experiment", "buildings", "paper", "ours", "95 %", "balanced", "doorway F1")
     rows = [
-        (section.id, item.what, "real" if section.real else "generated", *_figures(item))
+        (f"{section.id} {item.what}", "real" if section.real else "generated", *_figures(item))
         for section in sections
         for item in section.findings
     ]

@@ -9,9 +9,12 @@ from typing import Any
 
 from pgm_places.config import load_config
 from pgm_places.config_changes import changed_config
+from pgm_places.datasets import generate_building
 from pgm_places.experiment import DATA_VARIABLE, Experiment
+from pgm_places.grid import OccupancyGrid
+from pgm_places.io.map_server import load_map
 from pgm_places.progress import Progress, Silent
-from pgm_places.reproduce.stand_ins import with_stand_ins
+from pgm_places.reproduce.stand_ins import STAND_INS, with_stand_ins
 
 __all__ = ["CONFIGS", "Setting", "data_folder"]
 
@@ -48,3 +51,9 @@ class Setting:
             config = with_stand_ins(config)
         config = changed_config(config, changes or {})
         return Experiment(config, CONFIGS, self.progress, self.n_threads)
+
+    def unlabelled_map(self, folder: str) -> OccupancyGrid:
+        """A map of the real data, or of the building that stands in for it."""
+        if self.data is None:
+            return generate_building(STAND_INS[folder]).grid
+        return load_map(self.data / folder / "map.yaml").grid

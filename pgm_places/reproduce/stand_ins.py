@@ -13,7 +13,7 @@ STAND_INS: Mapping[str, int] = {
     "freiburg079_drawn": 80,
     "freiburg052": 52,
     "intel": 53,
-    "cold_freiburg_seq1": 81,
+    "cold_freiburg_seq2": 81,
     "cold_saarbrucken_seq1": 61,
     "cold_saarbrucken_seq2": 62,
     "cold_saarbrucken_seq3": 63,

@@ -66,7 +66,11 @@ def run(setting: Setting) -> Outcome:
     return Outcome(
         setting=f"{item.grid.resolution_m:g} m cells; learned on the left half; regions, doors and "
         "connections of the right half, counted against those of the ground truth.",
-        findings=tuple(_doorways(method, name, found) for (method, name), found in scores.items()),
+        findings=tuple(
+            _doorways(method, name, found)
+            for (method, name), found in scores.items()
+            if name != "none"
+        ),
         tables=(table,),
         pictures=tuple(pictures),
         files=files,
@@ -110,7 +114,7 @@ def topology_table(
 def _doorways(method: str, corrections: str, scores: RegionScores) -> Finding:
     door = scores.classes["doorway"]
     return Finding(
-        f"doorways found / missed / invented, {method}, corrections: {corrections}",
+        f"doorways found / missed / invented, {method}, {corrections} corrections",
         paper=PAPER if (method, corrections) == ("relaxation", "the paper's") else None,
         counts=f"{door.hit} of {door.n_true} / {door.missed} / {door.invented}",
     )

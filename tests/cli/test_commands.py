@@ -120,3 +120,19 @@ def test_train_on_a_generated_building(
     code, _, err = run("train", config, "--out", tmp_path / "model")
     assert code == 0, err
     assert (tmp_path / "model" / "manifest.json").is_file()
+
+
+def test_compare_says_what_it_selected_on_the_training_maps(building: Path, run: Run) -> None:
+    config = building / "config.toml"
+    config.write_text(
+        config.read_text().replace("n_rounds = 10", "n_rounds = 10\nn_folds = 2")
+        + '\n[select]\nmethod = "adaboost"\nn_folds = 2\n'
+        + '[select.options]\n"classifier.n_rounds" = [2, 12]\n'
+    )
+    code, text, _ = run("compare", config, "--out", building / "out", "--quiet")
+    assert code == 0
+    results = json.loads((building / "out" / "results.json").read_text())
+    chosen = results["selection"]["chosen"]["classifier.n_rounds"]
+    assert results["config"]["classifier"]["n_rounds"] == chosen
+    assert f"classifier.n_rounds = {chosen}" in text
+    assert len(results["selection"]["candidates"]) == 2

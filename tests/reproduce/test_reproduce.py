@@ -33,7 +33,7 @@ def fake_run(setting: Setting) -> Outcome:
 def fake(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Section 7.1 is replaced; whether each run had real data."""
     CALLS.clear()
-    spec = PaperSection("Poses", "97.3 %.", "poses", ("freiburg079",))
+    spec = PaperSection("Poses", "97.3 %.", "poses:run", ("freiburg079",))
     monkeypatch.setattr("pgm_places.reproduce.poses.run", fake_run)
     monkeypatch.setattr("pgm_places.reproduce.run.SECTIONS", {"7.1": spec, "7.3": SECTIONS["7.3"]})
     monkeypatch.delenv("PGM_PLACES_DATA", raising=False)
@@ -65,8 +65,8 @@ def test_the_pages_hold_figures_tables_pictures_and_say_what_stood_in(
 ) -> None:
     list(reproduce(["7.1"], tmp_path))
     page = (tmp_path / "reproduce.md").read_text()
-    assert "| 7.1 | poses | generated | 97.3 | 98.1 | 97.0 to 99.0 | 92.0 | 70.0 |" in page
-    assert "| 7.1 | a picture | generated | - | - | - | - | - |" in page
+    assert "| 7.1 poses | generated | 97.3 | 98.1 | 97.0 to 99.0 | 92.0 | 70.0 |" in page
+    assert "| 7.1 a picture | generated | - | - | - | - | - |" in page
     assert "generated buildings stand in" in page
     assert "| room \\| doorway | 98.1 |" in page
     assert "![A <map>](7.1/map.png)" in page
@@ -107,6 +107,9 @@ def test_a_damaged_record_counts_as_not_there(tmp_path: Path, content: str) -> N
 
 def test_sections_come_in_the_order_of_the_paper() -> None:
     assert chosen_sections(("7.5", "7.1")) == ("7.1", "7.5")
+    assert chosen_sections(()) == ("7.1", "7.2", "7.3", "7.4", "7.5", "7.6")
+    assert chosen_sections(("noise", "7.1")) == ("7.1", "noise")
+    assert chosen_sections(("ablations",))[:2] == ("features", "beams")
     with pytest.raises(ConfigError, match=r"no section '7\.11'.*7\.1"):
         chosen_sections(("7.11",))
 

@@ -1,0 +1,125 @@
+"""Ablations over what is in the map: furniture, and how much of the building was seen."""
+
+import numpy as np
+
+from pgm_places.coarsening import coarsen
+from pgm_places.comparison import Comparison
+from pgm_places.datasets import generate_building
+from pgm_places.experiment import compare, compare_fitted, load_maps, train
+from pgm_places.grid import OccupancyGrid
+from pgm_places.io.map_server import load_map
+from pgm_places.label_map import label_map
+from pgm_places.labelled_map import LabelledMap
+from pgm_places.report.map_pictures import label_map as label_picture
+from pgm_places.reproduce.building79 import load_building79
+from pgm_places.reproduce.comparison_pictures import label_sheet
+from pgm_places.reproduce.figures import finding, method_table
+from pgm_places.reproduce.section import Outcome, Picture
+from pgm_places.reproduce.setting import Setting
+from pgm_places.scan import ScanGeometry
+from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.tracking import map_of_scans
+from pgm_places.trajectory import Trajectory
+
+__all__ = ["furniture", "partial_maps"]
+
+SNAPSHOTS = ("map3", "map8", "map14")
+SHARES = (0.25, 0.5, 0.75, 1.0)
+FURNISHED = {
+    "furniture_real": "learned with furniture, tested with it",
+    "furniture_drawn": "learned without, tested without",
+    "furniture_real_to_drawn": "learned with, tested without",
+    "furniture_drawn_to_real": "learned without, tested with",
+}
+
+
+def furniture(setting: Setting) -> Outcome:
+    """The real map of building 79 against the one drawn by hand, without furniture."""
+    found = {words: compare(setting.experiment(name)) for name, words in FURNISHED.items()}
+    findings = tuple(
+        finding(f"{words}, {method.id}", method)
+        for words, comparison in found.items()
+        for method in comparison.methods
+    )
+    pictures, files = [], {}
+    for name, words in FURNISHED.items():
+        files[f"{name}.png"] = label_sheet(found[words])
+        pictures.append(Picture(f"{name}.png", f"{words.capitalize()}."))
+    return Outcome(
+        setting="Building 79, left half to right half, 5 cm: the real SLAM map and the same floor "
+        "drawn by hand with straight walls and empty rooms.",
+        findings=findings,
+        tables=(method_table("Furniture in learning and in testing", found),),
+        pictures=tuple(pictures),
+        files=files,
+    )
+
+
+def partial_maps(setting: Setting) -> Outcome:
+    """Maps of the first part of a drive, and snapshots of a building while it was mapped."""
+    experiment = setting.experiment("ablations", {"methods": _WITHOUT_NETWORK})
+    [whole] = load_maps(experiment, "test")
+    labeler = train(experiment)
+    drive = _drive(setting, whole)
+    found: dict[str, Comparison] = {}
+    for share in SHARES:
+        with setting.progress.stage(f"map of {100 * share:.0f} % of the drive"):
+            seen = _seen(whole, drive[: max(int(share * len(drive)), 1)])
+        if seen.labelled_cells.any():
+            found[f"{100 * share:.0f} %"] = compare_fitted(experiment, labeler, [seen])
+    pictures, files = [], {}
+    for words, comparison in found.items():
+        name = f"seen_{words.removesuffix(' %')}.png"
+        files[name] = label_sheet(comparison)
+        pictures.append(Picture(name, f"The map after {words} of the drive."))
+    for name, grid in _snapshots(setting).items():
+        labels = label_map(labeler, grid, n_threads=setting.n_threads)
+        files[f"{name}.png"] = label_picture(grid, labels.labels, labels.label_names)
+        pictures.append(Picture(f"{name}.png", f"A snapshot taken while mapping, {name}."))
+    return Outcome(
+        setting="Learned on the left half of building 79 as it is when mapped to the end; tested "
+        "on what the first part of a drive saw of the right half.",
+        findings=tuple(
+            finding(f"{words} of the drive, {method.id}", method)
+            for words, comparison in found.items()
+            for method in comparison.methods
+        ),
+        tables=(method_table("Part of the drive that the map was made from", found),),
+        pictures=tuple(pictures),
+        files=files,
+    )
+
+
+_WITHOUT_NETWORK = [
+    {"name": "independent", "id": "adaboost", "options": {}},
+    {"name": "relaxation", "id": "relaxation", "options": {}},
+]
+
+
+def _drive(setting: Setting, whole: LabelledMap) -> Trajectory:
+    """The real log in the frame of the map, or a simulated tour of it."""
+    if setting.data is not None:
+        return load_building79(setting.data).path
+    robot = SimulatedRobot(ScanGeometry.half_circle(180, range_max_m=20.0), scan_every_s=0.5)
+    return robot.explore(whole.grid, spacing_m=2.0, seed=1)
+
+
+def _seen(whole: LabelledMap, drive: Trajectory) -> LabelledMap:
+    """The map that the scans of a drive make, with the true labels and the window of the whole."""
+    grid = map_of_scans(drive, resolution_m=whole.grid.resolution_m)
+    cells = np.argwhere(grid.free)
+    at = whole.grid.cells_at_m(grid.cell_centres_m(cells))
+    inside = ((at >= 0) & (at < whole.grid.shape)).all(axis=1)
+    labels = np.full(grid.shape, -1, np.int16)
+    window = np.zeros(grid.shape, np.bool_)
+    rows, columns = cells[inside].T
+    labels[rows, columns] = whole.labels[at[inside, 0], at[inside, 1]]
+    window[rows, columns] = whole.cells[at[inside, 0], at[inside, 1]]
+    return LabelledMap(grid, labels, window, f"{len(drive):,} scans")
+
+
+def _snapshots(setting: Setting) -> dict[str, OccupancyGrid]:
+    if setting.data is None:
+        return {"generated": coarsen(generate_building(82, furniture=False).grid, 0.1)}
+    folder = setting.data / "freiburg079_partial"
+    return {name: load_map(folder / f"{name}.yaml").grid for name in SNAPSHOTS}

@@ -1,0 +1,98 @@
+"""The steps of drives, labelled one by one and by the hidden Markov model, and scored."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, evaluate
+from pgm_places.labeling import Labeling, Status
+from pgm_places.reproduce.figures import doorway_f1
+from pgm_places.reproduce.section import Finding
+from pgm_places.trajectory import Trajectory
+from pgm_places.trajectory_labeler import TrajectoryLabeler
+
+__all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes"]
+
+BLOCK_M = 5.0
+"""Way that is drawn anew together for confidence intervals: steps nearer than that err together."""
+
+ALONE = "each scan alone"
+MODES: Mapping[str, str] = {"filter": "filter", "smooth": "smoother", "viterbi": "Viterbi"}
+"""The modes of the hidden Markov model, and what tables call them."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredSteps:
+    """The labels of all drives, and how good they are.
+
+    Parameters
+    ----------
+    labelings : tuple of Labeling
+        One per drive.
+    evaluation : Evaluation
+        Of the steps of all drives whose true label is known.
+    interval : Interval
+        95 % confidence interval of its accuracy.
+    """
+
+    labelings: tuple[Labeling, ...]
+    evaluation: Evaluation
+    interval: Interval
+
+    def finding(self, what: str, *, paper: float | None = None) -> Finding:
+        """The overview's line."""
+        found = self.evaluation
+        return Finding(
+            what,
+            found.accuracy,
+            found.balanced_accuracy,
+            doorway_f1(found),
+            paper,
+            (self.interval.low, self.interval.high),
+        )
+
+
+def scored_modes(
+    labeler: TrajectoryLabeler, drives: Sequence[Trajectory], scores: Sequence[NDArray[np.float64]]
+) -> dict[str, ScoredSteps]:
+    """Each scan alone, then every mode of the model.
+
+    Parameters
+    ----------
+    labeler : TrajectoryLabeler
+        Fitted, with a hidden Markov model.
+    drives : sequence of Trajectory
+        With true labels, -1 where not known.
+    scores : sequence of (T, K) float
+        What the list says of each step.
+    """
+    names = tuple(labeler.label_names)
+    alone = [Labeling(item.argmax(axis=1), Status.CONVERGED) for item in scores]
+    found = {ALONE: _scored(drives, alone, names)}
+    for mode, words in MODES.items():
+        tool = replace(labeler, method=replace(labeler.method, mode=mode))
+        labelings = [tool.infer(*pair) for pair in zip(drives, scores, strict=True)]
+        found[words] = _scored(drives, labelings, names)
+    return found
+
+
+def _scored(
+    drives: Sequence[Trajectory], labelings: Sequence[Labeling], names: tuple[str, ...]
+) -> ScoredSteps:
+    truth = np.concatenate([_labels(drive) for drive in drives])
+    labels = np.concatenate([item.labels for item in labelings])
+    blocks, first = [], 0
+    for drive in drives:
+        way = np.concatenate([[0.0], np.cumsum(drive.step_lengths_m)])
+        numbers = (way // BLOCK_M).astype(np.int64) + first
+        blocks.append(numbers)
+        first = int(numbers[-1]) + 1
+    intervals = block_bootstrap(truth, labels, np.concatenate(blocks), n_labels=len(names))
+    return ScoredSteps(tuple(labelings), evaluate(truth, labels, names), intervals["accuracy"])
+
+
+def _labels(drive: Trajectory) -> NDArray[np.int64]:
+    assert drive.labels is not None  # drives to be scored have some
+    return drive.labels

@@ -1,0 +1,96 @@
+"""Section 7.4: classifiers in buildings that they were not learned from."""
+
+from pgm_places.comparison import Comparison
+from pgm_places.experiment import compare_fitted, load_maps, train
+from pgm_places.grid import OccupancyGrid
+from pgm_places.label_map import label_map
+from pgm_places.places import PlaceLabeler
+from pgm_places.report.map_pictures import label_map as label_picture
+from pgm_places.report.topology_pictures import topology_picture
+from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
+from pgm_places.reproduce.figures import DOORWAY, finding, method_table, percent
+from pgm_places.reproduce.section import Outcome, Picture, Table
+from pgm_places.reproduce.setting import Setting
+from pgm_places.topology.from_labels import topological_map
+
+__all__ = ["run"]
+
+UNLABELLED = "intel"
+"""A building whose true labels nobody wrote down: pictures only."""
+
+TRANSFERS = {
+    "transfer_52": "52 to 79",
+    "transfer_79_52": "79 + 52 to another town",
+    "transfer_saarbruecken_52": "another town + 52 to 79",
+}
+SHOWN = "relaxation"
+
+
+def run(setting: Setting) -> Outcome:
+    """All pairs of buildings; figures where the other building has labels."""
+    grid = setting.unlabelled_map(UNLABELLED)
+    found, files, pictures = {}, {}, []
+    for name, words in TRANSFERS.items():
+        experiment = setting.experiment(name)
+        tests = load_maps(experiment, "test")
+        labeler = train(experiment)
+        found[words] = compare_fitted(experiment, labeler, tests)
+        files[f"{name}_labels.png"] = label_sheet(found[words])
+        files[f"{name}_errors.png"] = error_sheet(found[words])
+        where = found[words].maps[0].name
+        pictures += [
+            Picture(f"{name}_labels.png", f"{words}: {where}."),
+            Picture(f"{name}_errors.png", f"{words}: where each method is wrong on {where}."),
+        ]
+        if name == "transfer_52":
+            files["unlabelled.png"] = _labels(labeler, grid, "adaboost")
+            pictures.append(
+                Picture(
+                    "unlabelled.png", "Learned on building 52, the list alone (paper, Fig. 10)."
+                )
+            )
+        if name == "transfer_79_52":
+            files["unlabelled_topology.png"] = _topology(labeler, grid)
+            files["confusion.png"] = confusion_of(found[words].methods[-1])
+            pictures += [
+                Picture(
+                    "unlabelled_topology.png",
+                    f"Learned on buildings 79 and 52, with {SHOWN}: the topological map (compare "
+                    "the paper's Fig. 11, of another building).",
+                ),
+                Picture("confusion.png", f"{words}: which places are taken for which."),
+            ]
+    return Outcome(
+        setting="Every method learned on whole buildings and tested on another one; the Intel "
+        "Research Lab has no true labels here, so it is shown only.",
+        findings=tuple(
+            finding(f"{words}, {method.id}", method)
+            for words, comparison in found.items()
+            for method in comparison.methods
+        ),
+        tables=(method_table("From some buildings to another", found), _by_map(found)),
+        pictures=tuple(pictures),
+        files=files,
+    )
+
+
+def _labels(labeler: PlaceLabeler, grid: OccupancyGrid, method: str) -> bytes:
+    found = label_map(labeler, grid, method=method)
+    return label_picture(grid, found.labels, found.label_names)
+
+
+def _topology(labeler: PlaceLabeler, grid: OccupancyGrid) -> bytes:
+    found = label_map(labeler, grid, method=SHOWN)
+    return topology_picture(grid, topological_map(grid, found.labels, found.label_names))
+
+
+def _by_map(found: dict[str, Comparison]) -> Table:
+    rows = []
+    for words, comparison in found.items():
+        for k, item in enumerate(comparison.maps):
+            for method in comparison.methods:
+                scored = method.evaluations[k]
+                figures = (scored.accuracy, scored.balanced_accuracy, scored.f1.get(DOORWAY))
+                rows.append((words, item.name, method.id, *map(percent, figures)))
+    heading = ("", "map", "method", "accuracy", "balanced", "doorway F1")
+    return Table("Each map by itself", heading, tuple(rows))
