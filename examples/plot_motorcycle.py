@@ -50,8 +50,8 @@ def problem(part):
     return LabelingProblem(LabelGraph.from_points(cloud), names, node_features=looks)
 
 
-left = columns < 370
-train, test = problem(left), problem(~left)
+left, right = columns < 370, columns >= 370
+train, test = problem(left), problem(right)
 
 # %%
 # The classifier alone, its log-probabilities averaged over the neighbours, and the learned network.
@@ -68,7 +68,7 @@ labeling = model.infer([test])[0]
 found = {"point by point": unary.argmax(axis=1), "mean of neighbours": mean.argmax(axis=1)}
 found["learned AMN"] = labeling.labels
 for name, labels in found.items():
-    result = evaluate(truth[~left], labels, names)
+    result = evaluate(truth[right], labels, names)
     overlap = 100 * result.iou["motorcycle"]
     print(f"{name:20} {100 * result.accuracy:5.1f} %, overlap of the motorcycle {overlap:.0f} %")
 print(f"status {labeling.status}, gap to the best possible score {labeling.gap:.1e}")
@@ -76,8 +76,8 @@ print(f"status {labeling.status}, gap to the best possible score {labeling.gap:.
 # %%
 palette = np.array(["#f4c150", "#2b4bb8", "#a1de96"])
 figure, panels = plt.subplots(1, 4, figsize=(13, 5), layout="constrained")
-for panel, (name, labels) in zip(panels, {"truth": truth[~left], **found}.items(), strict=True):
-    panel.scatter(columns[~left], -rows[~left], c=palette[labels], s=7, marker="s")
+for panel, (name, labels) in zip(panels, {"truth": truth[right], **found}.items(), strict=True):
+    panel.scatter(columns[right], -rows[right], c=palette[labels], s=7, marker="s")
     panel.set(title=name, aspect="equal")
     panel.set_axis_off()
 for name, colour in zip(names, palette, strict=True):

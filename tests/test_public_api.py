@@ -28,3 +28,12 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     code = f"import sys, pgm_places; print([n for n in '{heavy}'.split(', ') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_importing_the_package_takes_little_beside_numpy() -> None:
+    code = (
+        "import numpy, time; start = time.process_time(); import pgm_places; "
+        "print(time.process_time() - start)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 0.15
