@@ -46,10 +46,7 @@ def joined_table(data: Building79, labeler: TrajectoryLabeler) -> str:
     segments = Segments(data.path.poses, CELL_M)
     chain = segments.graph()
     assert chain.positions_m is not None
-    at = coarse.cells_at_m(chain.positions_m)
-    inside = ((at >= 0) & (at < coarse.shape)).all(axis=1)
-    crossed = np.full(len(at), -1, np.int64)
-    crossed[inside] = layout.node_of_cell[at[inside, 0], at[inside, 1]]
+    crossed = layout.nodes_at(coarse.cells_at_m(chain.positions_m))
     steps = np.flatnonzero(crossed >= 0)
     left = segments.means(data.left[:, None].astype(float))[:, 0] > 0.5
 

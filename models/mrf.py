@@ -1,9 +1,10 @@
 """A Markov random field with one weight, the simplest structured baseline."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.labeling import Labeling
@@ -16,10 +17,10 @@ __all__ = ["PottsField"]
 
 @dataclass(frozen=True)
 class PottsField:
-    """Smooths the unaries: every pair of neighbours that agrees earns the same weight.
+    """Smooths the unaries: every pair of neighbours that agrees earns a weight.
 
-    A labelling scores ``sum_i unary[i, y_i] + weight * sum_ij [y_i = y_j]`` (the Potts model);
-    nothing is learned.
+    A labelling scores ``sum_i unary[i, y_i] + weight * sum_ij w_ij [y_i = y_j]`` (the Potts
+    model); nothing is learned.
 
     Parameters
     ----------
@@ -27,6 +28,9 @@ class PottsField:
         What a pair of neighbours earns by agreeing, in units of the unary log-probabilities. Eight
         neighbours earn eight times as much, and a map of half the cell size has twice as many
         along every border: a good weight is one for a resolution.
+    edge_weights : {"equal", "given"}
+        Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
+        strength of a tie, likeness of two ends.
     inference : str
         A decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``trw-s``, ...
     certify : bool
@@ -46,11 +50,14 @@ class PottsField:
     weight: float = 1.0
     inference: str = "graph-cut"
     certify: bool = False
+    edge_weights: Literal["equal", "given"] = "equal"
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.weight):
             raise ConfigError(f"weight must be a finite number, got {self.weight}")
         require_decoder(self.inference)
+        if self.edge_weights not in ("equal", "given"):
+            raise ConfigError(f"edge_weights must be 'equal' or 'given', got {self.edge_weights!r}")
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labelling that the decoder finds, with its score and status.
@@ -58,10 +65,26 @@ class PottsField:
         Raises
         ------
         InputError
-            The problem has no unary, forbids every label at some node, or the decoder cannot take
-            the weight (a graph cut wants it to be at least 0).
+            The problem has no unary, forbids every label at some node, lacks the edge weights that
+            are wanted, or the decoder cannot take the weight (a graph cut wants it to be at least
+            0).
         """
         if problem.unary is None:
             raise InputError("'potts' needs unary log-probabilities; the problem has none")
         potentials = Potentials.potts(problem.unary, self.weight)
+        if self.edge_weights == "given":
+            earned = np.repeat(self.weight * _given(problem), problem.n_labels, axis=1)
+            potentials = Potentials(problem.unary, agreement=earned)
         return decode(problem.graph, potentials, self.inference, certify=self.certify)
+
+
+def _given(problem: LabelingProblem) -> NDArray[np.float64]:
+    """(E, 1) the weights that come with the problem."""
+    weights = problem.edge_features
+    if weights is None or weights.shape[1] != 1:
+        came = "none" if weights is None else f"shape {weights.shape}"
+        raise InputError(
+            f"edge_weights='given' needs edge_features of shape ({problem.graph.n_edges}, 1), one "
+            f"weight per edge, got {came}"
+        )
+    return weights

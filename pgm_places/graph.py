@@ -19,6 +19,7 @@ from pgm_places._edges import (
 )
 from pgm_places.errors import InputError
 from pgm_places.layout import GridLayout, StepLayout
+from pgm_places.neighbours import Neighbours, neighbours_of
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from pgm_places.grid import OccupancyGrid
     from pgm_places.grid_graph import GridGraph
 
-__all__ = ["EdgeKind", "LabelGraph", "Neighbours"]
+__all__ = ["EdgeKind", "LabelGraph"]
 
 
 class EdgeKind(IntEnum):
@@ -40,18 +41,6 @@ class EdgeKind(IntEnum):
     """Two steps that follow each other."""
     LINK = 3
     """Nodes of two graphs that were joined."""
-
-
-@dataclass(frozen=True, eq=False)
-class Neighbours:
-    """Adjacency in compressed rows: the neighbours of ``i`` are ``node[start[i]:start[i + 1]]``.
-
-    ``edge`` names the edge of each entry, so that edge values can be looked up from a node.
-    """
-
-    start: NDArray[np.int64]
-    node: NDArray[np.int32]
-    edge: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,12 +399,7 @@ class LabelGraph:
     @cached_property
     def neighbours(self) -> Neighbours:
         """Adjacency in compressed rows, neighbours of a node in increasing order."""
-        tails = np.concatenate([self.edges[:, 0], self.edges[:, 1]])
-        heads = np.concatenate([self.edges[:, 1], self.edges[:, 0]])
-        edge = np.tile(np.arange(self.n_edges, dtype=np.int32), 2)
-        order = np.lexsort((heads, tails))
-        start = np.concatenate([[0], np.cumsum(np.bincount(tails, minlength=self.n_nodes))])
-        return Neighbours(frozen(start.astype(np.int64)), frozen(heads[order]), frozen(edge[order]))
+        return neighbours_of(self.n_nodes, self.edges)
 
 
 def _kind_or(graph: LabelGraph, default: EdgeKind) -> NDArray[np.int8]:

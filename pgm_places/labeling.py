@@ -47,6 +47,11 @@ class Labeling:
         An upper bound of the best score, where the method has one.
     info : mapping
         What else the method has to say: iterations, residuals, history, seconds.
+
+    Examples
+    --------
+    >>> Labeling(np.array([0, 1, 1]), Status.EXACT, score=-0.5, bound=-0.5)
+    Labeling(3 nodes, exact, score -0.5, gap 0)
     """
 
     labels: NDArray[np.int64]
@@ -66,6 +71,16 @@ class Labeling:
                 raise InputError("beliefs must sum to one in every row")
             object.__setattr__(self, "beliefs", frozen(beliefs))
         object.__setattr__(self, "info", MappingProxyType(dict(self.info)))
+
+    def __repr__(self) -> str:
+        parts = [f"{len(self.labels)} nodes", str(self.status)]
+        if self.score is not None:
+            parts.append(f"score {self.score:.6g}")
+        if self.gap is not None:
+            parts.append(f"gap {self.gap:.2g}")
+        if self.beliefs is not None:
+            parts.append("with beliefs")
+        return f"Labeling({', '.join(parts)})"
 
     @property
     def gap(self) -> float | None:

@@ -77,6 +77,28 @@ class GridLayout:
         raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = np.arange(len(self.cells_rc))
         return sealed(raster)
 
+    def nodes_at(self, cells_rc: ArrayLike) -> NDArray[np.int64]:
+        """(M,) node of each cell (M, 2), -1 where it is no node or outside the raster.
+
+        With :meth:`~pgm_places.grid.OccupancyGrid.cells_at_m` the node under a position.
+
+        Examples
+        --------
+        >>> layout = GridLayout.of_mask(np.array([[True, False], [True, True]]))
+        >>> layout.nodes_at([[1, 0], [0, 1], [5, 0]]).tolist()
+        [1, -1, -1]
+        """
+        cells = np.asarray(cells_rc)
+        if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
+            raise InputError(
+                f"cells_rc must be integers of shape (M, 2), row and column, got {cells.dtype} of "
+                f"shape {cells.shape}"
+            )
+        inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
+        found = np.full(len(cells), -1, np.int64)
+        found[inside] = self.node_of_cell[cells[inside, 0], cells[inside, 1]]
+        return found
+
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""
         array = np.asarray(values)

@@ -38,9 +38,8 @@ class LabelingProblem:
     >>> import numpy as np
     >>> graph = LabelGraph.from_edges(2, [(0, 1)])
     >>> unary = np.log([[0.9, 0.1], [0.5, 0.5]])
-    >>> problem = LabelingProblem(graph, ["room", "corridor"], unary=unary)
-    >>> problem.n_labels
-    2
+    >>> LabelingProblem(graph, ["room", "corridor"], unary=unary)
+    LabelingProblem(LabelGraph(2 nodes, 1 edges), labels room, corridor; unary (2, 2))
     """
 
     graph: LabelGraph
@@ -68,6 +67,15 @@ class LabelingProblem:
             if (edges < 0).any():
                 raise InputError("edge_features must be at least 0; shift or split signed features")
             object.__setattr__(self, "edge_features", frozen(edges))
+
+    def __repr__(self) -> str:
+        given = [
+            f"{name} {values.shape}"
+            for name in ("unary", "node_features", "edge_features")
+            if (values := getattr(self, name)) is not None
+        ]
+        names = ", ".join(self.label_names)
+        return f"LabelingProblem({self.graph!r}, labels {names}; {', '.join(given)})"
 
     @classmethod
     def from_probabilities(

@@ -1,6 +1,9 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 from pgm_places.backends import build
 from pgm_places.errors import ConfigError, InputError
@@ -47,6 +50,32 @@ def test_specks_go_and_regions_stay() -> None:
     assert wrong.sum() <= 4
     assert not wrong[:, :8].any()
     assert not wrong[:, 12:].any()
+
+
+@given(models(("associative",)), st.integers(0, 5))
+def test_given_weights_weigh_each_edge(model: Model, seed: int) -> None:
+    weights = np.random.default_rng(seed).uniform(0, 2, (len(model.edges), 1))
+    problem = dataclasses.replace(problem_of(model), edge_features=weights)
+    found = PottsField(0.7, edge_weights="given", certify=True).infer(problem)
+    earned = np.repeat(0.7 * weights, problem.n_labels, axis=1)
+    best = best_score(Model(model.unary, model.edges, earned))
+    assert found.score is not None
+    assert found.bound is not None
+    assert found.score - 1e-6 <= best <= found.bound + 1e-6
+    ones = dataclasses.replace(problem, edge_features=np.ones_like(weights))
+    equal, given = (PottsField(0.7, edge_weights=w).infer(ones) for w in ("equal", "given"))
+    assert equal.score == pytest.approx(given.score, rel=0, abs=1e-9)
+
+
+def test_given_weights_must_be_there() -> None:
+    problem = LabelingProblem(LabelGraph.from_lattice((3,)), ["a", "b"], unary=np.zeros((3, 2)))
+    with pytest.raises(InputError, match=r"edge_features of shape \(2, 1\).* got none"):
+        PottsField(edge_weights="given").infer(problem)
+    two = dataclasses.replace(problem, edge_features=np.ones((2, 2)))
+    with pytest.raises(InputError, match=r"got shape \(2, 2\)"):
+        PottsField(edge_weights="given").infer(two)
+    with pytest.raises(ConfigError, match="edge_weights must be 'equal' or 'given'"):
+        build("potts", {"edge_weights": "some"})
 
 
 def test_decoders_are_options() -> None:
