@@ -1,24 +1,30 @@
-"""Run the experiments on real buildings and write docs/results.md: python -m experiments."""
+"""Run the experiments on real buildings and write docs/results.md: python -m experiments.
+
+The paper's sections are those of ``pgm-places reproduce``; the others are the configurations here.
+What each found last is kept in ``experiments/sections``, so that one can be run anew by itself.
+"""
 
 import argparse
 import os
 import sys
 from pathlib import Path
 
+from pgm_places.cli.progress import LineProgress
 from pgm_places.comparison import Comparison
 from pgm_places.config import load_config
-from pgm_places.evaluation import border_tolerant_mask
 from pgm_places.experiment import Experiment, compare
+from pgm_places.reproduce.figures import BORDER_M, away_from_borders, percent
+from pgm_places.reproduce.markdown import markdown_section, markdown_table
+from pgm_places.reproduce.overview import overview_table
+from pgm_places.reproduce.run import RECORD, finished_section, reproduce
+from pgm_places.reproduce.section import Section
+from pgm_places.reproduce.sections import SECTIONS as PAPER_SECTIONS
 
 FOLDER = Path(__file__).resolve().parent
 DOCS = FOLDER.parent / "docs"
 SECTIONS = FOLDER / "sections"  # what each experiment wrote last
+REPRODUCED = FOLDER / "reproduced"  # the paper's sections with their pictures: not committed
 MAPS = {
-    "building79_5cm": "The paper's section 7.1, and 7.5 at the map's own resolution. "
-    "The paper reports 97.3 % for its decision list.",
-    "building79_20cm": "The paper's section 7.5. "
-    "The paper reports 92.1 % with relaxation and 98.8 % with an AMN.",
-    "building52_to_79": "A building never seen in training. The paper shows pictures only.",
     "default_models/without_79": "The default model's way of learning, with everything of building "
     "79 left out. The paper's section 7.4 has no figures.",
     "default_models/without_52": "The same with building 52 left out.",
@@ -26,12 +32,6 @@ MAPS = {
     "labels are polygons, and its wide lobby is called a corridor.",
     "default_models/generated_to_real": "Learned on generated buildings alone.",
 }
-BORDER_M = 0.3
-
-
-def percent(value: float | None) -> str:
-    """A share as percent with one decimal, a dash for none."""
-    return "-" if value is None else f"{100 * value:.1f}"
 
 
 def table(comparison: Comparison) -> str:
@@ -52,7 +52,7 @@ def table(comparison: Comparison) -> str:
             percent(found.recall["doorway"]),
             percent(found.precision["doorway"]),
             percent(found.f1["doorway"]),
-            percent(away_from_borders(comparison, method.labelings)),
+            percent(away_from_borders(comparison, method)),
             f"{method.seconds['learn']:.1f}",
             f"{method.seconds['infer']:.2f}",
         ]
@@ -80,18 +80,6 @@ def by_map(comparison: Comparison) -> str:
     return "\nAccuracy / balanced accuracy of each map:\n\n" + "\n".join(lines) + "\n"
 
 
-def away_from_borders(comparison: Comparison, labelings: tuple) -> float:  # type: ignore[type-arg]
-    """The accuracy on cells that are not close to a border between two true labels."""
-    right = total = 0
-    for item, labeling in zip(comparison.maps, labelings, strict=True):
-        inside = border_tolerant_mask(item.truth, item.grid.resolution_m, tolerance_m=BORDER_M)
-        truth = item.layout.from_raster(item.truth)
-        chosen = item.layout.from_raster(inside) & (truth >= 0)
-        right += int((labeling.labels[chosen] == truth[chosen]).sum())
-        total += int(chosen.sum())
-    return right / max(total, 1)
-
-
 def section(name: str) -> str:
     """Run one experiment; its section of the page."""
     config = load_config(FOLDER / f"{name}.toml")
@@ -108,27 +96,62 @@ def section(name: str) -> str:
     )
 
 
-def main() -> None:
-    """Run all, or those that are named."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", help=f"some of {', '.join(MAPS)}; all by default")
-    arguments = parser.parse_args()
-    if not os.environ.get("PGM_PLACES_DATA"):
-        sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
-    SECTIONS.mkdir(exist_ok=True)
-    for name in arguments.names or MAPS:
-        print(f"== {name}", flush=True)
-        text = section(name)
-        _section_file(name).write_text(text, encoding="utf-8")
-        print(text, flush=True)
+def run_paper_section(key: str) -> None:
+    """Run a section of the paper anew; its record without pictures goes to the kept ones."""
+    [section] = reproduce([key], REPRODUCED, again=True, progress=LineProgress())
+    if not section.real:
+        sys.exit(f"section {key} did not find all of its real maps; the kept one stays")
+    record = (REPRODUCED / key / RECORD).read_text(encoding="utf-8")
+    (SECTIONS / key).mkdir(exist_ok=True)
+    (SECTIONS / key / RECORD).write_text(record, encoding="utf-8")
+    print(markdown_section(section, with_pictures=False), flush=True)
+
+
+def kept_paper_sections() -> list[Section]:
+    """The sections of the paper that were run at some time, in its order."""
+    found = [finished_section(SECTIONS, key) for key in PAPER_SECTIONS]
+    return [section for section in found if section is not None]
+
+
+def page() -> str:
+    """The whole of docs/results.md from what is kept."""
+    paper = kept_paper_sections()
     files = [
-        FOLDER / "introduction.md",
         *(_section_file(name) for name in MAPS),
         FOLDER / "trajectories.md",
         FOLDER / "discussion.md",
     ]
-    parts = [path.read_text(encoding="utf-8") for path in files if path.exists()]
-    (DOCS / "results.md").write_text("\n".join(parts), encoding="utf-8")
+    parts = [
+        (FOLDER / "introduction.md").read_text(encoding="utf-8"),
+        markdown_table(overview_table(paper)),
+        *(markdown_section(section, with_pictures=False) for section in paper),
+        *(path.read_text(encoding="utf-8") for path in files if path.exists()),
+    ]
+    return "\n".join(parts)
+
+
+def main() -> None:
+    """Run all, or those that are named, and compose the page."""
+    known = [*PAPER_SECTIONS, *MAPS]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help=f"some of {', '.join(known)}; all by default")
+    parser.add_argument("--compose", action="store_true", help="run nothing, only write the page")
+    arguments = parser.parse_args()
+    if not os.environ.get("PGM_PLACES_DATA") and not arguments.compose:
+        sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
+    unknown = [name for name in arguments.names if name not in known]
+    if unknown:
+        sys.exit(f"no experiment {unknown[0]}; there are {', '.join(known)}")
+    SECTIONS.mkdir(exist_ok=True)
+    for name in () if arguments.compose else arguments.names or known:
+        print(f"== {name}", flush=True)
+        if name in PAPER_SECTIONS:
+            run_paper_section(name)
+        else:
+            text = section(name)
+            _section_file(name).write_text(text, encoding="utf-8")
+            print(text, flush=True)
+    (DOCS / "results.md").write_text(page(), encoding="utf-8")
     print(f"wrote {DOCS / 'results.md'}")
 
 

@@ -25,7 +25,7 @@ def html_page(sections: Sequence[Section], folder: Path) -> str:
         Holds a folder with the pictures of each section.
     """
     links = [("overview", "Paper and ours")]
-    links += [(_anchor(section), f"{section.id} {section.title}") for section in sections]
+    links += [(_anchor(section), _title(section)) for section in sections]
     items = [element("li", element("a", words, href=f"#{key}")) for key, words in links]
     body = element(
         "body",
@@ -78,8 +78,8 @@ def _section(section: Section, folder: Path) -> Markup:
     ]
     return element(
         "section",
-        element("h2", f"{section.id} {section.title}"),
-        element("p", element("strong", "The paper: "), section.paper),
+        element("h2", _title(section)),
+        element("p", element("strong", "The paper: "), section.paper) if section.paper else "",
         element("p", element("strong", "Here: "), section.setting),
         *([] if section.real else [element("p", "Generated buildings, not the paper’s.")]),
         *(_table(table) for table in section.tables),
@@ -87,6 +87,10 @@ def _section(section: Section, folder: Path) -> Markup:
         *pictures,
         id=_anchor(section),
     )
+
+
+def _title(section: Section) -> str:
+    return f"{section.id} {section.title}" if section.paper else section.title
 
 
 def _anchor(section: Section) -> str:

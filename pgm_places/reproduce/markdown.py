@@ -20,8 +20,10 @@ def markdown_page(sections: Sequence[Section]) -> str:
 
 def markdown_section(section: Section, *, with_pictures: bool) -> str:
     """A section with its heading of the second level."""
-    name = f"{section.id} {section.title}"
-    lines = [f"## {name}\n", f"The paper: {section.paper}\n", f"{section.setting}\n"]
+    name = f"{section.id} {section.title}" if section.paper else section.title
+    lines = [f"## {name}\n", f"{section.setting}\n"]
+    if section.paper:
+        lines.insert(1, f"The paper: {section.paper}\n")
     if not section.real:
         lines.append("Generated buildings, not the paper's.\n")
     for table in section.tables:

@@ -81,7 +81,7 @@ class Section:
     Parameters
     ----------
     id, title, paper : str
-        Its number, its name, and what the paper says.
+        Its number, its name, and what the paper says; nothing for ablations.
     real : bool
         Whether the buildings were real; else generated ones stood in for them.
     seconds : float

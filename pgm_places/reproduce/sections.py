@@ -19,6 +19,7 @@ class PaperSection:
     Parameters
     ----------
     title, paper : str
+        Its name, and what the paper says; nothing for ablations, which are not the paper's.
     function : str
         ``"module:function"`` in ``pgm_places.reproduce``; imported when it is run.
     folders : tuple of str
@@ -41,7 +42,6 @@ class PaperSection:
 
 
 ALL_ABLATIONS = "ablations"
-_NO_ABLATION = "no such figures."
 _ABLATIONS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("features", "Ablation: features", "ablations:features", ()),
     ("beams", "Ablation: beams", "ablations:beams", ()),
@@ -102,7 +102,7 @@ SECTIONS: Mapping[str, PaperSection] = {
         tuple(f"cold_saarbrucken_seq{number}" for number in range(1, 5)),
     ),
     **{
-        key: PaperSection(title, _NO_ABLATION, function, ("freiburg079", *folders))
+        key: PaperSection(title, "", function, ("freiburg079", *folders))
         for key, title, function, folders in _ABLATIONS
     },
 }
