@@ -328,6 +328,14 @@ def track(
         Path | None,
         typer.Option(help="Table of the true places, a row per step, to compare with."),
     ] = None,
+    counts: Annotated[
+        Path | None,
+        typer.Option(help="CSV or JSON of the objects seen, for a model that learned with them."),
+    ] = None,
+    counts_within: Annotated[
+        float,
+        typer.Option(min=0, help="Seconds between a scan and the objects that belong to it."),
+    ] = 5.0,
     follow: Annotated[
         bool,
         typer.Option("--follow", "-f", help="Read a growing CARMEN log, or -: a line per update."),
@@ -337,7 +345,9 @@ def track(
     """Label the places along a robot's trajectory, from a log or while it is being written."""
     from pgm_places.cli.track import TrackOptions, run_follow, run_track
 
-    options = TrackOptions(model, map_yaml, mode, beams, every, max_range, truth)
+    options = TrackOptions(
+        model, map_yaml, mode, beams, every, max_range, truth, counts, counts_within
+    )
     if follow:
         run_follow(log, out, options, quiet=quiet)
     else:

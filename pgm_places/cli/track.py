@@ -14,11 +14,16 @@ from pgm_places.cli.tables import text_table
 from pgm_places.errors import ConfigError, LogError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
     from pgm_places.grid import OccupancyGrid
+    from pgm_places.progress import Progress
     from pgm_places.scan import Scan
     from pgm_places.tracking import Track
     from pgm_places.trajectory import Trajectory
     from pgm_places.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.vision.object_counts import ObjectCounts
 
 __all__ = ["TrackOptions", "run_follow", "run_track"]
 
@@ -34,6 +39,8 @@ class TrackOptions:
     every_m: float | None = None
     max_range_m: float | None = None
     truth: Path | None = None
+    counts: Path | None = None
+    counts_within_s: float = 5.0
 
 
 def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
@@ -49,15 +56,22 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
     progress = make_progress(quiet=quiet)
     labeler = _labeler(options)
     grid = _map(options)
+    counts = _counts(options, labeler, progress)
     check_writable_folder(out)
     with progress.stage("log"):
         read = read_trajectory(log, range_max_m=options.max_range_m)
     for message in read.warnings:
         progress.warn(message)
     trajectory = _with_truth(read.trajectory, options, tuple(labeler.label_names))
-    with progress.stage("labelling"):
-        labeling = labeler.label(trajectory, known_map=grid)
     warnings = list(read.warnings)
+    extra = None
+    if counts is not None:
+        extra = counts.columns(trajectory.times_s)
+        warnings += counts.complaints(trajectory.times_s)
+    for message in warnings[len(read.warnings) :]:
+        progress.warn(message)
+    with progress.stage("labelling"):
+        labeling = labeler.label(trajectory, known_map=grid, extra=extra)
     impossible = labeling.info.get("impossible", [])
     if impossible:
         warnings.append(
@@ -81,13 +95,14 @@ def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: boo
     progress = make_progress(quiet=quiet)
     labeler = _labeler(options)
     grid = _map(options)
+    counts = _counts(options, labeler, progress)
     if out is not None:
         check_writable_folder(out)
     scans: list[Scan] = []
     beliefs: list[object] = []
     with _log_bytes(log) as (stream, poll_s):
         try:
-            _follow(stream, poll_s, labeler, grid, options, scans, beliefs)
+            _follow(stream, poll_s, labeler, grid, counts, options, scans, beliefs)
         except KeyboardInterrupt:
             if not quiet:
                 typer.echo(f"stopped after {len(beliefs)} scans", err=True)
@@ -103,6 +118,7 @@ def _follow(
     poll_s: float | None,
     labeler: "TrajectoryLabeler",
     grid: "OccupancyGrid | None",
+    counts: "_Seen | None",
     options: TrackOptions,
     scans: "list[Scan]",
     beliefs: list[object],
@@ -117,13 +133,63 @@ def _follow(
     for scan in iter_carmen_scans(lines, reader=CarmenReader("front", options.max_range_m)):
         if online is None:
             online = labeler.online(scan.geometry, known_map=grid)
-        belief = online.step(scan)
+        extra = None if counts is None else counts.columns([scan.time_s])[0]
+        belief = online.step(scan, extra=extra)
         scans.append(scan)
         beliefs.append(belief)
         best = int(belief.argmax())
         x, y = scan.pose[:2]
         typer.echo(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {names[best]} {belief[best]:.3f}")
         sys.stdout.flush()  # whoever reads the pipe wants each line now
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The objects that a camera saw, as the columns that the model wants."""
+
+    counts: "ObjectCounts"
+    names: tuple[str, ...]
+    within_s: float
+
+    def columns(self, times_s: "ArrayLike") -> "NDArray[np.float32]":
+        """(T, D) counts at the times of T scans."""
+        return self.counts.at(times_s, within_s=self.within_s, object_names=self.names)
+
+    def complaints(self, times_s: "ArrayLike") -> list[str]:
+        """What looks wrong about them."""
+        if (self.counts.seconds_from(times_s) <= self.within_s).any():
+            return []
+        return [
+            f"no objects were looked for within {self.within_s:g} s of any scan: are the log and "
+            "the counts on one clock? (--counts-within)"
+        ]
+
+
+def _counts(
+    options: TrackOptions, labeler: "TrajectoryLabeler", progress: "Progress"
+) -> _Seen | None:
+    """The counts of objects, if the model learned with any."""
+    names = () if labeler.scan_model is None else labeler.scan_model.extra_names
+    if options.counts is None:
+        if names:
+            raise ConfigError(
+                f"this model also looks at {', '.join(names)}; give a file of counts: --counts FILE"
+            )
+        return None
+    if not names:
+        raise ConfigError("this model looks at the laser only; leave --counts out")
+    from pgm_places.io.object_counts import read_object_counts
+
+    counts = read_object_counts(options.counts)
+    missing = [name for name in names if name not in counts.object_names]
+    if len(missing) == len(names):
+        raise ConfigError(
+            f"{options.counts} has none of the objects that the model looks at "
+            f"({', '.join(names)}); it has {', '.join(counts.object_names)}"
+        )
+    if missing:
+        progress.warn(f"{options.counts} has no {', '.join(missing)}: taken as never seen")
+    return _Seen(counts, names, options.counts_within_s)
 
 
 @contextmanager

@@ -93,13 +93,24 @@ class ObjectCounts:
         columns = np.zeros((len(wanted), len(names)), np.float32)
         if not len(self):
             return columns
-        after = np.searchsorted(self.times_s, wanted).clip(0, len(self) - 1)
-        before = (after - 1).clip(0)
-        is_before = wanted - self.times_s[before] <= self.times_s[after] - wanted
-        nearest = np.where(is_before, before, after)
+        nearest = self._nearest(wanted)
         seen = np.abs(self.times_s[nearest] - wanted) <= within_s
         for column, name in enumerate(names):
             if name in self.object_names:
                 of_name = self.counts[nearest, self.object_names.index(name)]
                 columns[:, column] = np.where(seen, of_name, 0)
         return columns
+
+    def seconds_from(self, times_s: ArrayLike) -> NDArray[np.float64]:
+        """(S,) seconds from each time (S,) to the nearest observation; inf where there is none."""
+        wanted = finite_array("times_s", times_s, ("S",))
+        if not len(self):
+            return np.full(len(wanted), np.inf)
+        return np.asarray(np.abs(self.times_s[self._nearest(wanted)] - wanted))
+
+    def _nearest(self, wanted: NDArray[np.float64]) -> NDArray[np.int64]:
+        """(S,) number of the observation nearest to each time; of two, the earlier."""
+        after = np.searchsorted(self.times_s, wanted).clip(0, len(self) - 1)
+        before = (after - 1).clip(0)
+        is_before = wanted - self.times_s[before] <= self.times_s[after] - wanted
+        return np.where(is_before, before, after)

@@ -8,14 +8,21 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pgm_places.io.map_server import save_map
-from pgm_places.io.trajectories import write_trajectory
+from pgm_places.io.object_counts import write_object_counts
+from pgm_places.io.trajectories import read_trajectory, write_trajectory
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.place_files import save_labeler
 from pgm_places.places import PlaceLabeler
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.trajectory import Trajectory
+from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
+from pgm_places.trajectory_labeler import TrajectoryLabeler
+from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run
 from tests.drives import building as made_building
 from tests.drives import drive
@@ -110,6 +117,72 @@ def test_labels_are_compared_with_a_table_of_true_places(folder: Path, run: Run)
     code, _, error = run("track", log, "-m", model, "-o", out, "--truth", truth, "-q")
     assert code == 2
     assert "59 rows" in error
+
+
+def objects_along(path: Trajectory) -> NDArray[np.int64]:
+    """Counts of monitors and persons that tell the places."""
+    assert path.labels is not None
+    found: NDArray[np.int64] = np.array([[0, 2], [1, 0], [0, 0]])[path.labels]
+    return found
+
+
+@pytest.fixture
+def seeing(folder: Path) -> Path:
+    """Besides those, a model that learned with counts of objects, and the counts of the log."""
+    learned, names = [drive(1), drive(2)], ("monitor", "person")
+    labeler = TrajectoryLabeler(made_building()[1]).fit(
+        trajectories=learned,
+        extra=[objects_along(path) for path in learned],
+        extra_names=names,
+        classifier=DecisionListClassifier(n_rounds=5, order="rarest-first"),
+        n_folds=2,
+    )
+    save_trajectory_labeler(folder / "seeing", labeler)
+    path = drive(1)[:60]
+    counts = ObjectCounts(path.times_s, objects_along(path), names)
+    write_object_counts(folder / "counts.csv", counts)
+    return folder
+
+
+def test_counts_of_objects_go_into_a_model_that_learned_with_them(
+    seeing: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, counts = seeing / "drive.log", seeing / "counts.csv"
+    code, _, error = run(
+        "track", log, "-m", seeing / "seeing", "-o", seeing / "out", "--counts", counts, "-q"
+    )
+    assert (code, error) == (0, "")
+    rows = rows_of(seeing / "out" / "beliefs.csv")
+    labeler, _ = load_trajectory_labeler(seeing / "seeing")
+    read = read_trajectory(log).trajectory
+    expected = labeler.label(read, extra=objects_along(drive(1)[:60]))
+    assert [row["label"] for row in rows] == [labeler.label_names[k] for k in expected.labels]
+
+    class Pipe:
+        buffer = io.BytesIO(log.read_bytes())
+
+    monkeypatch.setattr(sys, "stdin", Pipe())
+    code, text, _ = run("track", "-", "-f", "-m", seeing / "seeing", "--counts", counts, "-q")
+    assert code == 0
+    assert [line.split()[3] for line in text.splitlines()] == [row["label"] for row in rows]
+
+
+def test_counts_that_do_not_fit_are_named(seeing: Path, run: Run) -> None:
+    def track(*arguments: object) -> tuple[int, str]:
+        code, _, error = run("track", seeing / "drive.log", "-o", seeing / "out", *arguments)
+        return code, error
+
+    model, plain, counts = seeing / "seeing", seeing / "model", seeing / "counts.csv"
+    code, error = track("-m", model)
+    assert (code, "also looks at monitor, person" in error, "--counts" in error) == (2, True, True)
+    code, error = track("-m", plain, "--counts", counts)
+    assert (code, "looks at the laser only" in error) == (2, True)
+    (seeing / "other.csv").write_text("t_s,lamp\n0.0,1\n")
+    code, error = track("-m", model, "--counts", seeing / "other.csv")
+    assert (code, "none of the objects" in error, "lamp" in error) == (2, True, True)
+    (seeing / "late.csv").write_text("t_s,person\n90000.0,1\n")
+    code, error = track("-m", model, "--counts", seeing / "late.csv")
+    assert (code, "has no monitor" in error, "on one clock?" in error) == (0, True, True)
 
 
 @pytest.mark.parametrize(
