@@ -77,7 +77,9 @@ class MapConfig(_Record):
     ``class`` is translated by ``classes``. ``columns`` and ``rows`` are half-open ranges of image
     columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
     metres; ``half`` is the part of a generated building left or right of the border between its
-    wings. Maps of one ``building`` are held out together; by default, parts of the same map are.
+    wings, ``style``, ``furniture`` and ``slam_noise`` say how it is drawn
+    (:func:`pgm_places.datasets.generate_building`). Maps of one ``building`` are held out together;
+    by default, parts of the same map are.
     """
 
     map: str | None = None
@@ -88,6 +90,9 @@ class MapConfig(_Record):
     name: str | None = None
     building: str | None = None
     half: Literal["left", "right"] | None = None
+    style: Literal["office", "varied"] | None = None
+    furniture: bool | None = None
+    slam_noise: bool | None = None
     columns: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
     rows: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
     x_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
@@ -104,11 +109,23 @@ class MapConfig(_Record):
                 raise ValueError("a generated building brings its own labels; drop labels, regions")
         elif self.half is not None:
             raise ValueError("half is for generated buildings; give columns or x_m of a map")
+        elif self.drawn:
+            raise ValueError(f"{', '.join(self.drawn)}: for generated buildings only")
         elif (self.labels is None) == (self.regions is None):
             raise ValueError("give labels (an image) or regions (a GeoJSON file), one of them")
         if self.classes is not None and self.regions is None:
             raise ValueError("classes translates the classes of regions; there are no regions")
         return self
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """How to draw a generated building, where it is not the default."""
+        named = {
+            "style": self.style,
+            "furniture": self.furniture,
+            "slam_noise": self.slam_noise,
+        }
+        return {key: value for key, value in named.items() if value is not None}
 
 
 class NoiseConfig(_Record):

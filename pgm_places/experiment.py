@@ -125,7 +125,7 @@ def _load_map(experiment: Experiment, source: MapConfig, where: str) -> Labelled
     if source.generated is None:
         grid, labels, origin = _read_map(experiment, source)
     else:
-        grid, labels, origin, split = _generated(experiment, source.generated)
+        grid, labels, origin, split = _generated(experiment, source.generated, source.drawn)
         if source.half is not None:
             columns = (0, split) if source.half == "left" else (split, None)
     window = window_mask(grid, columns=columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m)
@@ -170,18 +170,23 @@ def _read_map(
     return loaded.grid, labels, yaml_path
 
 
+def _title(seed: int, drawn: dict[str, Any]) -> str:
+    how = ", ".join(f"{key} {value}" for key, value in drawn.items())
+    return f"generated building {seed}" + (f" ({how})" if how else "")
+
+
 def _generated(
-    experiment: Experiment, seed: int
+    experiment: Experiment, seed: int, drawn: dict[str, Any]
 ) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
     """A generated building, its labels those of the configuration by name, and where to cut it."""
     from pgm_places.datasets.building import generate_building
 
-    building = generate_building(seed)
+    building = generate_building(seed, **drawn)
     names = experiment.config.labels.names
     numbers = [names.index(name) if name in names else -1 for name in building.label_names]
     # The entry after the last serves -1, "no label".
     labels = np.array([*numbers, -1], np.int16)[building.labels]
-    return building.grid, labels, Path(f"generated building {seed}"), building.split_column
+    return building.grid, labels, Path(_title(seed, drawn)), building.split_column
 
 
 def _default_name(source: MapConfig, origin: Path) -> str:

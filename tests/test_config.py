@@ -58,6 +58,10 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             changed(train=[{"map": "a.yaml", "labels": "a.png", "half": "left"}]),
             "train[0]: half is for generated buildings",
         ),
+        (
+            changed(train=[{"map": "a.yaml", "labels": "a.png", "furniture": False}]),
+            "train[0]: furniture: for generated buildings only",
+        ),
         (changed(train=[{"labels": "a.png"}]), "train[0]: give map (a YAML file) or generated"),
         (
             changed(train=[{"map": "a.yaml", "labels": "a.png", "generated": 1}]),

@@ -11,6 +11,7 @@ from pgm_places._checks import frozen
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.datasets.furniture import furnish, hang_doors
+from pgm_places.datasets.style import OFFICE, Style, draw_style
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
@@ -28,6 +29,8 @@ _DOORWAY_MARGIN_CM = 30
 
 _MARGIN_CM = 150
 """Unknown space that is left around a building."""
+
+_STYLES = ("office", "varied")
 
 _FINEST_M, _COARSEST_M = 0.02, 0.2
 
@@ -82,6 +85,7 @@ def generate_building(
     resolution_m: float | None = None,
     wings: int = 2,
     size: Literal["floor", "small"] = "floor",
+    style: Literal["office", "varied"] = "office",
     furniture: bool = True,
     slam_noise: bool = True,
 ) -> LabelledBuilding:
@@ -101,6 +105,9 @@ def generate_building(
         How many wings; at least one.
     size : str
         ``"floor"`` (wings of about 28 x 24 m) or ``"small"`` (8 x 8 m: for quick tests).
+    style : str
+        ``"office"``, or ``"varied"``: corridors of 1.2 to 3.8 m, rooms from cells to halls, doors
+        of 0.7 to 1.8 m, drawn for each building; for floors only.
     furniture : bool
         Whether anybody has moved in.
     slam_noise : bool
@@ -119,9 +126,10 @@ def generate_building(
     >>> building.grid.shape == building.labels.shape
     True
     """
-    _check(seed, wings, size)
+    _check(seed, wings, size, style)
     scale = Scale(_millimetres(resolution_m, size))
-    shape, plan, split = _draw_plan(Dice(seed, 0), scale, _SIZES[size], wings)
+    looks = OFFICE if style == "office" else draw_style(Dice(seed, 5))
+    shape, plan, split = _draw_plan(Dice(seed, 0), scale, looks, _SIZES[size], wings)
     labels = _truth(scale, plan, shape)
     solid = _walls(plan, shape)
     glass = ~_open(plan.windows, shape) & solid
@@ -138,13 +146,17 @@ def generate_building(
     return LabelledBuilding(grid, labels, LABEL_NAMES, split, f"generated building {seed}")
 
 
-def _check(seed: int, wings: int, size: str) -> None:
+def _check(seed: int, wings: int, size: str, style: str) -> None:
     if seed < 0:
         raise InputError(f"seed must not be negative, got {seed}")
     if wings < 1:
         raise InputError(f"wings must be at least 1, got {wings}")
     if size not in _SIZES:
         raise InputError(f"size must be one of {', '.join(_SIZES)}, got {size!r}")
+    if style not in _STYLES:
+        raise InputError(f"style must be one of {', '.join(_STYLES)}, got {style!r}")
+    if style == "varied" and size != "floor":
+        raise InputError(f"style 'varied' needs size 'floor', got size {size!r}")
 
 
 def _millimetres(resolution_m: float | None, size: str) -> int:
@@ -158,20 +170,20 @@ def _millimetres(resolution_m: float | None, size: str) -> int:
 
 
 def _draw_plan(
-    dice: Dice, scale: Scale, size: _Size, wings: int
+    dice: Dice, scale: Scale, style: Style, size: _Size, wings: int
 ) -> tuple[tuple[int, int], FloorPlan, int]:
     """Shape of the raster, the plan in its cells, and the split column."""
-    margin, height = scale.cells(_MARGIN_CM), scale.cells(size.height_cm)
+    margin, height = scale.cells(_MARGIN_CM), scale.cells(style.height_cm or size.height_cm)
     y = height // 2 - scale.cells(110)
     x, plan, edges = 0, FloorPlan(), []
     for index, kind in enumerate(_kinds(dice, size.kinds, wings)):
         edges.append(x)
         length, width = (
             scale.cells(dice.integer(*size.wing_cm)),
-            scale.cells(dice.integer(165, 250)),
+            scale.cells(dice.integer(*style.corridor_cm)),
         )
         wing = Wing(x, x + length, height, min(y, height - width), width, scale.cells(20))
-        drawn, y = draw_wing(dice, scale, wing, kind)
+        drawn, y = draw_wing(dice, scale, style, wing, kind)
         plan.add(drawn)
         if index and dice.chance(2, 3):
             plan.add(partition(dice, scale, wing))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Self
 
 from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.style import Style
 
 __all__ = ["Door", "FloorPlan", "Frontage", "Rect", "Scale", "row_of_rooms"]
 
@@ -161,35 +162,37 @@ class Frontage:
         return (1, 0) if self.along == "x" else (0, 1)
 
 
-def row_of_rooms(dice: Dice, scale: Scale, frontage: Frontage) -> FloorPlan:
+def row_of_rooms(dice: Dice, scale: Scale, style: Style, frontage: Frontage) -> FloorPlan:
     """Rooms of varying size side by side along a corridor, each with a door to it."""
     plan = FloorPlan()
     front = scale.cells(dice.choice((10, 15, 15, 20, 20, 35)))
     if frontage.depth < front + scale.cells(250):
         return plan
     previous: Rect | None = None
-    for start, end in _slots(dice, scale, frontage.length):
+    for start, end in _slots(dice, scale, style, frontage.length):
         if dice.chance(1, 12) and previous is not None:
             previous = None  # a shaft, a staircase, a room that stayed locked
             continue
         wall = scale.cells(dice.choice((10, 15, 15, 20)))
-        depth = min(frontage.depth - front - wall, _depth(dice, scale, end - start))
+        depth = min(frontage.depth - front - wall, _depth(dice, scale, style, end - start))
         room = frontage.rect(start, end - wall, front, front + depth)
         plan.rooms.append(room)
-        plan.doors.extend(_front_doors(dice, scale, frontage, front, start, end - wall))
+        plan.doors.extend(_front_doors(dice, scale, style, frontage, front, (start, end - wall)))
         plan.windows.extend(_windows(dice, scale, frontage, (start, end - wall), front + depth))
         if previous is not None and dice.chance(1, 4):
             shallower = min(previous.size[1 - "xy".index(frontage.along)], depth)
-            plan.doors.append(_side_door(dice, scale, frontage, front, start, shallower, previous))
+            plan.doors.append(
+                _side_door(dice, scale, style, frontage, front, start, shallower, previous)
+            )
         previous = room
     return plan
 
 
-def _slots(dice: Dice, scale: Scale, length: int) -> Iterator[tuple[int, int]]:
+def _slots(dice: Dice, scale: Scale, style: Style, length: int) -> Iterator[tuple[int, int]]:
     """Start and end of each room along the corridor, its dividing wall included."""
-    start, narrowest = 0, scale.cells(270)
+    start, narrowest = 0, scale.cells(style.narrowest_cm)
     while length - start >= narrowest:
-        low, high = dice.choice(((280, 360), (300, 420), (320, 420), (450, 640), (650, 900)))
+        low, high = dice.choice(style.fronts_cm)
         end = min(length, start + scale.cells(dice.integer(low, high)))
         if length - end < narrowest:
             end = length if length - start < scale.cells(900) else start + (length - start) // 2
@@ -197,18 +200,24 @@ def _slots(dice: Dice, scale: Scale, length: int) -> Iterator[tuple[int, int]]:
         start = end
 
 
-def _depth(dice: Dice, scale: Scale, width: int) -> int:
+def _depth(dice: Dice, scale: Scale, style: Style, width: int) -> int:
     """How far a room of this width reaches away from its corridor."""
     wide = width > scale.cells(500)
-    return scale.cells(dice.integer(520, 700) if wide else dice.integer(380, 600))
+    return scale.cells(dice.integer(*(style.large_depth_cm if wide else style.small_depth_cm)))
 
 
 def _front_doors(
-    dice: Dice, scale: Scale, frontage: Frontage, front: int, start: int, end: int
+    dice: Dice,
+    scale: Scale,
+    style: Style,
+    frontage: Frontage,
+    front: int,
+    slot: tuple[int, int],
 ) -> list[Door]:
     """One door from the corridor, or two where the room is large."""
-    width, post = scale.cells(dice.integer(80, 110)), scale.cells(25)
-    spans = [(start, end)]
+    width, post = scale.cells(dice.integer(*style.door_cm)), scale.cells(25)
+    start, end = slot
+    spans = [slot]
     if end - start > scale.cells(620) and dice.chance(2, 3):
         third = (end - start) // 3
         spans = [(start, start + third), (end - third, end)]
@@ -222,6 +231,7 @@ def _front_doors(
 def _side_door(
     dice: Dice,
     scale: Scale,
+    style: Style,
     frontage: Frontage,
     front: int,
     start: int,
@@ -229,7 +239,7 @@ def _side_door(
     previous: Rect,
 ) -> Door:
     """A door in the wall between a room that begins at ``start`` and the one before it."""
-    width = scale.cells(dice.integer(80, 100))
+    width = scale.cells(dice.integer(*style.side_door_cm))
     low, high = front + scale.cells(60), front + depth - scale.cells(30) - width
     at = dice.integer(low, max(low, high))
     x, y = frontage.corner

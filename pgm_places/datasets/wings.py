@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
+from pgm_places.datasets.style import Style
 
 __all__ = ["Wing", "draw_wing", "partition"]
 
@@ -40,14 +41,16 @@ class Wing:
         return self.height - self.corridor_y - self.corridor_width
 
 
-def draw_wing(dice: Dice, scale: Scale, wing: Wing, kind: str) -> tuple[FloorPlan, int]:
+def draw_wing(
+    dice: Dice, scale: Scale, style: Style, wing: Wing, kind: str
+) -> tuple[FloorPlan, int]:
     """The wing's plan, and the row of its corridor's lower edge where it leaves at the right.
 
     The kinds: ``spine`` (one straight corridor), ``tee`` (a second corridor branches off),
     ``bend`` (the corridor turns twice), ``loop`` (two corridors joined at both ends).
     """
     turn = wing.above < wing.corridor_y
-    plan, leaves = _KINDS[kind](dice, scale, wing.flipped() if turn else wing)
+    plan, leaves = _KINDS[kind](dice, scale, style, wing.flipped() if turn else wing)
     if not turn:
         return plan, leaves
     return plan.flipped(wing.height), wing.height - leaves - wing.corridor_width
@@ -61,17 +64,19 @@ def _across(wing: Wing, span: tuple[int, int], y: int, side: int, depth: int) ->
     return Frontage("x", (x0, edge), 1 if side > 0 else -1, x1 - x0, min(depth, room))
 
 
-def _spine(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
-    y, deep = wing.corridor_y, scale.cells(720)
+def _spine(dice: Dice, scale: Scale, style: Style, wing: Wing) -> tuple[FloorPlan, int]:
+    y, deep = wing.corridor_y, scale.cells(style.deepest_cm)
     plan = FloorPlan(corridors=[Rect(wing.x0, y, wing.x1, y + wing.corridor_width)])
     for side in (1, -1):
-        plan.add(row_of_rooms(dice, scale, _across(wing, (wing.rooms_x0, wing.x1), y, side, deep)))
+        plan.add(
+            row_of_rooms(dice, scale, style, _across(wing, (wing.rooms_x0, wing.x1), y, side, deep))
+        )
     return plan, y
 
 
-def _tee(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+def _tee(dice: Dice, scale: Scale, style: Style, wing: Wing) -> tuple[FloorPlan, int]:
     y, top = wing.corridor_y, wing.corridor_y + wing.corridor_width
-    width = scale.cells(dice.integer(160, 220))
+    width = scale.cells(dice.integer(*style.branch_cm))
     third = (wing.x1 - wing.x0) // 3
     branch = wing.x0 + dice.integer(third, 2 * third)
     end = min(wing.height, top + scale.cells(dice.integer(1150, 1500)))
@@ -83,23 +88,31 @@ def _tee(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
         ]
     )
     sides = [
-        _across(wing, (wing.rooms_x0, wing.x1), y, -1, scale.cells(720)),
+        _across(wing, (wing.rooms_x0, wing.x1), y, -1, scale.cells(style.deepest_cm)),
         _across(wing, (wing.rooms_x0, branch - scale.cells(15)), y, 1, first),
         _across(wing, (branch + width + scale.cells(15), wing.x1), y, 1, first),
-        Frontage("y", (branch, top + first), -1, end - top - first, scale.cells(700)),
-        Frontage("y", (branch + width, top + first), 1, end - top - first, scale.cells(700)),
+        Frontage(
+            "y", (branch, top + first), -1, end - top - first, scale.cells(style.deepest_cm - 20)
+        ),
+        Frontage(
+            "y",
+            (branch + width, top + first),
+            1,
+            end - top - first,
+            scale.cells(style.deepest_cm - 20),
+        ),
     ]
     for side in sides:
-        plan.add(row_of_rooms(dice, scale, side))
+        plan.add(row_of_rooms(dice, scale, style, side))
     return plan, y
 
 
-def _bend(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+def _bend(dice: Dice, scale: Scale, style: Style, wing: Wing) -> tuple[FloorPlan, int]:
     y, width = wing.corridor_y, wing.corridor_width
     third = (wing.x1 - wing.x0) // 3
     turn = wing.x0 + dice.integer(third, 2 * third)
     leaves = y + scale.cells(dice.integer(640, 820))
-    past, deep = turn + width, scale.cells(680)
+    past, deep = turn + width, scale.cells(style.deepest_cm - 40)
     plan = FloorPlan(
         corridors=[
             Rect(wing.x0, y, past, y + width),
@@ -115,13 +128,13 @@ def _bend(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
         _across(wing, (past + wall, wing.x1), leaves, -1, deep),
     ]
     for side in sides:
-        plan.add(row_of_rooms(dice, scale, side))
+        plan.add(row_of_rooms(dice, scale, style, side))
     return plan, leaves
 
 
-def _loop(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
+def _loop(dice: Dice, scale: Scale, style: Style, wing: Wing) -> tuple[FloorPlan, int]:
     y, width, wall = wing.corridor_y, wing.corridor_width, scale.cells(20)
-    link = scale.cells(dice.integer(160, 200))
+    link = scale.cells(dice.integer(*style.link_cm))
     inner = scale.cells(dice.integer(480, 600))
     upper = y + width + inner
     left, right = wing.x0 + scale.cells(dice.integer(80, 300)), wing.x1 - scale.cells(400)
@@ -134,12 +147,12 @@ def _loop(dice: Dice, scale: Scale, wing: Wing) -> tuple[FloorPlan, int]:
         ]
     )
     sides = [
-        _across(wing, (wing.rooms_x0, wing.x1), y, -1, scale.cells(700)),
+        _across(wing, (wing.rooms_x0, wing.x1), y, -1, scale.cells(style.deepest_cm - 20)),
         _across(wing, (left + link + wall, right - link), y, 1, inner - wall),
-        _across(wing, (left, right), upper, 1, scale.cells(600)),
+        _across(wing, (left, right), upper, 1, scale.cells(style.deepest_cm - 120)),
     ]
     for side in sides:
-        plan.add(row_of_rooms(dice, scale, side))
+        plan.add(row_of_rooms(dice, scale, style, side))
     return plan, y
 
 
@@ -153,7 +166,7 @@ def partition(dice: Dice, scale: Scale, wing: Wing) -> FloorPlan:
     return FloorPlan(walls=[wall], doors=[door])
 
 
-_KINDS: dict[str, Callable[[Dice, Scale, Wing], tuple[FloorPlan, int]]] = {
+_KINDS: dict[str, Callable[[Dice, Scale, Style, Wing], tuple[FloorPlan, int]]] = {
     "bend": _bend,
     "loop": _loop,
     "spine": _spine,

@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pgm_places.datasets import LABEL_NAMES, LabelledBuilding, building_tiled, generate_building
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.style import draw_style
 from pgm_places.errors import InputError
 
 
@@ -105,6 +107,23 @@ def test_furniture_and_noise_leave_the_layout_alone() -> None:
     assert full.grid.free.sum() < empty.grid.free.sum()
 
 
+@pytest.mark.parametrize("seed", range(20, 24))
+def test_a_varied_building_keeps_the_rules_of_an_office(seed: int) -> None:
+    building = generate_building(seed, style="varied", resolution_m=0.2, slam_noise=False)
+    corridor, room, doorway = (building.labels == label for label in range(3))
+    assert min(corridor.sum(), room.sum(), doorway.sum()) > 20
+    assert not (ndimage.binary_dilation(corridor) & room).any()
+    pieces, _ = ndimage.label(building.grid.free)
+    assert len(np.unique(pieces[building.labels >= 0])) == 1
+
+
+def test_varied_buildings_differ_in_the_width_of_their_corridors() -> None:
+    styles = [draw_style(Dice(seed, 5)) for seed in range(30)]
+    assert min(style.corridor_cm[0] for style in styles) == 120
+    assert max(style.corridor_cm[1] for style in styles) == 380
+    assert len({(style.corridor_cm, style.door_cm) for style in styles}) > 10
+
+
 @pytest.mark.parametrize("wings", [1, 3])
 def test_any_number_of_wings(wings: int) -> None:
     building = generate_building(2, size="small", wings=wings)
@@ -131,6 +150,8 @@ def test_lengths_do_not_depend_on_the_resolution(resolution_m: float, metres_hig
         ({"seed": -1}, "seed must not be negative, got -1"),
         ({"wings": 0}, "wings must be at least 1, got 0"),
         ({"size": "big"}, "size must be one of floor, small, got 'big'"),
+        ({"style": "baroque"}, "style must be one of office, varied, got 'baroque'"),
+        ({"style": "varied", "size": "small"}, "style 'varied' needs size 'floor'"),
         ({"resolution_m": 0.5}, "resolution_m must be 0.02 to 0.2 m, got 0.5"),
         ({"resolution_m": float("nan")}, "resolution_m must be 0.02 to 0.2 m, got nan"),
     ],

@@ -1,0 +1,87 @@
+"""The style of a building: how wide its corridors are, how large its rooms and its doors."""
+
+from dataclasses import dataclass
+
+from pgm_places.datasets.dice import Dice
+
+__all__ = ["OFFICE", "Style", "draw_style"]
+
+Span = tuple[int, int]
+"""Smallest and largest length in centimetres."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """Lengths in centimetres from which a building's parts are drawn.
+
+    Parameters
+    ----------
+    corridor_cm, branch_cm, link_cm : (int, int)
+        Width of a wing's main corridor, of one that branches off, of one that joins two.
+    fronts_cm : tuple of (int, int)
+        Kinds of room by their length along the corridor; one is chosen for each room.
+    narrowest_cm : int
+        The least length along the corridor that a room needs.
+    small_depth_cm, large_depth_cm : (int, int)
+        How far rooms of less and of more than 5 m along the corridor reach away from it.
+    deepest_cm : int
+        Space for rooms beside a corridor.
+    door_cm, side_door_cm : (int, int)
+        Width of the doors to the corridor, and of those between rooms.
+    height_cm : int or None
+        Extent of the building across its wings; None for that of its size.
+    """
+
+    corridor_cm: Span = (165, 250)
+    branch_cm: Span = (160, 220)
+    link_cm: Span = (160, 200)
+    fronts_cm: tuple[Span, ...] = ((280, 360), (300, 420), (320, 420), (450, 640), (650, 900))
+    narrowest_cm: int = 270
+    small_depth_cm: Span = (380, 600)
+    large_depth_cm: Span = (520, 700)
+    deepest_cm: int = 720
+    door_cm: Span = (80, 110)
+    side_door_cm: Span = (80, 100)
+    height_cm: int | None = None
+
+
+OFFICE = Style()
+"""The floor of an office building, as the real ones in the literature are."""
+
+_CORRIDORS = ((120, 160), (150, 200), (165, 250), (220, 300), (280, 380))
+_FRONTS = (
+    ((220, 300), (250, 340), (280, 400)),  # cells, single bedrooms
+    OFFICE.fronts_cm,
+    ((300, 420), (450, 640), (650, 900), (800, 1300)),
+    ((600, 900), (800, 1200), (1000, 1600)),  # laboratories, classrooms
+)
+_DEPTHS = (
+    ((300, 450), (420, 600)),
+    (OFFICE.small_depth_cm, OFFICE.large_depth_cm),
+    ((450, 700), (600, 1050)),
+)
+_DOORS = ((70, 85), (80, 110), (90, 130), (110, 180))
+
+
+def draw_style(dice: Dice) -> Style:
+    """A building's style, drawn: narrow or wide corridors, cells or halls, single or double doors.
+
+    Each length is drawn on its own, since nothing ties the width of a corridor to that of a door.
+    """
+    corridor, other = dice.choice(_CORRIDORS), dice.choice(_CORRIDORS)
+    small, large = dice.choice(_DEPTHS)
+    fronts, doors = dice.choice(_FRONTS), dice.choice(_DOORS)
+    deepest = large[1] + 80
+    return Style(
+        corridor_cm=corridor,
+        branch_cm=other,
+        link_cm=other,
+        fronts_cm=fronts,
+        narrowest_cm=fronts[0][0] - 10,
+        small_depth_cm=small,
+        large_depth_cm=large,
+        deepest_cm=deepest,
+        door_cm=doors,
+        side_door_cm=dice.choice(_DOORS[:3]),
+        height_cm=2400 + 2 * max(0, deepest - OFFICE.deepest_cm) + corridor[1] - 250,
+    )
