@@ -27,7 +27,6 @@ TAUGHT = (
 N_SELECTED = 30
 N_BEAMS = (90, 180, 360, 720)
 CELLS_M = (0.05, 0.1, 0.2, 0.4)
-FINE_CELLS_M = (0.02, 0.05, 0.1, 0.2, 0.4)
 SEEDS = (0, 1, 2)
 PAPER_NOISE = {"sigma_m": 0.05, "p_random": 0.01, "p_max": 0.01}
 NOISES: Mapping[str, Mapping[str, float]] = {

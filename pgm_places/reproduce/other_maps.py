@@ -21,7 +21,7 @@ from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.tracking import map_of_scans
 from pgm_places.trajectory import Trajectory
 
-__all__ = ["furniture", "partial_maps"]
+__all__ = ["furniture", "partial_maps", "seen_part"]
 
 SNAPSHOTS = ("map3", "map8", "map14")
 SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -64,7 +64,7 @@ def partial_maps(setting: Setting) -> Outcome:
     found: dict[str, Comparison] = {}
     for share in SHARES:
         with setting.progress.stage(f"map of {100 * share:.0f} % of the drive"):
-            seen = _seen(whole, drive[: max(int(share * len(drive)), 1)])
+            seen = seen_part(whole, drive[: max(int(share * len(drive)), 1)])
         if seen.labelled_cells.any():
             found[f"{100 * share:.0f} %"] = compare_fitted(experiment, labeler, [seen])
     pictures, files = [], {}
@@ -104,7 +104,7 @@ def _drive(setting: Setting, whole: LabelledMap) -> Trajectory:
     return robot.explore(whole.grid, spacing_m=2.0, seed=1)
 
 
-def _seen(whole: LabelledMap, drive: Trajectory) -> LabelledMap:
+def seen_part(whole: LabelledMap, drive: Trajectory) -> LabelledMap:
     """The map that the scans of a drive make, with the true labels and the window of the whole."""
     grid = map_of_scans(drive, resolution_m=whole.grid.resolution_m)
     cells = np.argwhere(grid.free)

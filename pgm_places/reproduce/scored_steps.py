@@ -13,7 +13,7 @@ from pgm_places.reproduce.section import Finding
 from pgm_places.trajectory import Trajectory
 from pgm_places.trajectory_labeler import TrajectoryLabeler
 
-__all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes"]
+__all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]
 
 BLOCK_M = 5.0
 """Way that is drawn anew together for confidence intervals: steps nearer than that err together."""
@@ -70,17 +70,18 @@ def scored_modes(
     """
     names = tuple(labeler.label_names)
     alone = [Labeling(item.argmax(axis=1), Status.CONVERGED) for item in scores]
-    found = {ALONE: _scored(drives, alone, names)}
+    found = {ALONE: scored_steps(drives, alone, names)}
     for mode, words in MODES.items():
         tool = replace(labeler, method=replace(labeler.method, mode=mode))
         labelings = [tool.infer(*pair) for pair in zip(drives, scores, strict=True)]
-        found[words] = _scored(drives, labelings, names)
+        found[words] = scored_steps(drives, labelings, names)
     return found
 
 
-def _scored(
+def scored_steps(
     drives: Sequence[Trajectory], labelings: Sequence[Labeling], names: tuple[str, ...]
 ) -> ScoredSteps:
+    """The labels of drives with true labels, scored; stretches of ``BLOCK_M`` are drawn anew."""
     truth = np.concatenate([_labels(drive) for drive in drives])
     labels = np.concatenate([item.labels for item in labelings])
     blocks, first = [], 0

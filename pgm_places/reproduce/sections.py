@@ -94,6 +94,12 @@ SECTIONS: Mapping[str, PaperSection] = {
         "resolutions:run",
         ("freiburg079",),
     ),
+    "7.5-fine": PaperSection(
+        "The same down to 2 cm",
+        "nothing finer than 20 cm, for want of memory.",
+        "resolutions:fine",
+        ("cold_freiburg_seq2",),
+    ),
     "7.6": PaperSection(
         "Restricted field of view",
         "A front laser, rear beams from a local map, the 6th floor to the 7th of a building at "
