@@ -6,7 +6,6 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_expit
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, ModelFileError
@@ -111,7 +110,7 @@ class BoostedList:
         remaining = np.zeros(scores.shape[1])
         for k, (score, (slope, offset)) in enumerate(zip(scores, self.calibration, strict=True)):
             logit = slope * score + offset
-            log_yes = log_expit(logit)
+            log_yes = -np.logaddexp(0.0, -logit)  # log of the logistic function
             log_z[:, self.order[k]] = remaining + log_yes
             remaining += log_yes - logit  # log(1 - C+)
         log_z[:, self.order[-1]] = remaining

@@ -4,11 +4,12 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from typing import TYPE_CHECKING
 
 from pgm_places.progress import Silent, Stage
+
+if TYPE_CHECKING:  # rich takes a while to import, and logs do without it
+    from rich.progress import Progress
 
 __all__ = ["BarProgress", "LineProgress", "make_progress"]
 
@@ -49,7 +50,7 @@ class LineProgress:
 
 
 class _Bar:
-    def __init__(self, progress: Progress, task: int) -> None:
+    def __init__(self, progress: "Progress", task: int) -> None:
         self._progress, self._task = progress, task
 
     def update(self, fraction: float, note: str = "") -> None:
@@ -61,11 +62,15 @@ class BarProgress:
     """One bar per stage; finished stages stay as a line with their time."""
 
     def __init__(self) -> None:
+        from rich.console import Console
+
         self._console = Console(stderr=True)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Stage]:
         """Show a bar until the stage ends."""
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
         columns = (
             TextColumn("{task.description:<28}"),
             BarColumn(bar_width=30),

@@ -148,7 +148,7 @@ def _draw_diagram(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
 def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
     """Corridors lead past many places: a disc in their middle would hide which comes first."""
     return region.label != topology.doorway_label and (
-        region.label == "corridor" or len(topology.graph[region.id]) > 6
+        region.label == "corridor" or len(topology.neighbours(region.id)) > 6
     )
 
 

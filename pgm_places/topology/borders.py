@@ -1,10 +1,13 @@
 """Where pieces touch: the length of the border between every pair of them."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 __all__ = ["Contacts", "contacts"]
 
@@ -27,8 +30,10 @@ class Contacts:
     sides: NDArray[np.int64]
     corners: NDArray[np.int64]
 
-    def matrix(self, count: int) -> sparse.csr_array:
+    def matrix(self, count: int) -> "sparse.csr_array":
         """(R, R) symmetric border lengths; a corner counts as a thousandth of a side."""
+        from scipy import sparse
+
         length = self.sides + 1e-3 * self.corners
         i, j = self.pairs.T
         values = np.concatenate([length, length])

@@ -96,6 +96,14 @@ class TopologicalMap:
     def _by_name(self) -> dict[str, Region]:
         return {region.name: region for region in self.regions}
 
+    @cached_property
+    def _neighbour_ids(self) -> dict[int, list[int]]:
+        found: dict[int, list[int]] = {region.id: [] for region in self.regions}
+        for item in self.connections:
+            found[item.first].append(item.second)
+            found[item.second].append(item.first)
+        return {number: sorted(others) for number, others in found.items()}
+
     def place(self, key: int | str) -> Region:
         """The region of an id or a name.
 
@@ -120,7 +128,7 @@ class TopologicalMap:
 
     def neighbours(self, key: int | str) -> list[Region]:
         """The regions that touch a region, by id."""
-        return [self._by_id[other] for other in sorted(self.graph[self.place(key).id])]
+        return [self._by_id[other] for other in self._neighbour_ids[self.place(key).id]]
 
     @cached_property
     def _windows(self) -> list[tuple[slice, ...]]:
