@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places._jit import cache_folder
+from pgm_places._kernel_cache import cache_folder
 
 
 def test_named_folder_is_used_and_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,7 +31,8 @@ def test_a_folder_that_others_may_write_is_refused(
 def test_no_folder_at_all_still_works(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     code = (
-        "from pgm_places._jit import cache_folder, njit\n"
+        "from pgm_places._jit import njit\n"
+        "from pgm_places._kernel_cache import cache_folder\n"
         "assert cache_folder() is None\n"
         "@njit\n"
         "def twice(x):\n"

@@ -5,6 +5,7 @@ the later stages on a tiny map, and leaves their machine code in the cache that 
 that comes to a kernel before the other is done with it compiles it itself.
 """
 
+import json
 import os
 import platform
 import subprocess
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["REHEARSALS", "compiled_ahead", "main", "stage_of"]
+__all__ = ["REHEARSALS", "compiled_ahead", "main", "stage_of_model"]
 
 
 @contextmanager
@@ -46,12 +47,17 @@ def compiled_ahead(stages: Sequence[str], *, n_threads: int | None = None) -> It
         helper.wait()
 
 
-def stage_of(backend: object) -> str:
-    """The stage of a method: the name that its class is registered under, if it comes with us."""
-    from pgm_places.backends import BACKENDS
+def stage_of_model(folder: Path, method: str | None) -> str:
+    """The backend of a stored model's method, its last one for None; "" where that is not clear.
 
-    target = f"{type(backend).__module__}:{type(backend).__qualname__}"
-    return next((name for name, known in BACKENDS.items() if known == target), "")
+    The model is not loaded, which takes longer than it takes the second process to start.
+    """
+    try:
+        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        backends = {item["name"]: item["backend"] for item in manifest["content"]["methods"]}
+        return str(backends[method or list(backends)[-1]])
+    except (OSError, ValueError, LookupError, TypeError):
+        return ""  # what is wrong with the model shows when it is loaded
 
 
 def main(stages: Sequence[str]) -> None:
@@ -80,7 +86,7 @@ def _mark(name: str) -> Path | None:
         return None
     from importlib.metadata import version
 
-    from pgm_places._jit import cache_folder
+    from pgm_places._kernel_cache import cache_folder
 
     folder = cache_folder()
     if folder is None:

@@ -1,11 +1,13 @@
 """What the commands do: each reads its inputs, calls the library, writes and prints results."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pgm_places.cli.ahead import compiled_ahead, stage_of
+from pgm_places.cli.ahead import compiled_ahead, stage_of_model
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
 
@@ -20,34 +22,38 @@ if TYPE_CHECKING:
 __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
 
 
-def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "Experiment":
+@contextmanager
+def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "Iterator[Experiment]":
+    """The experiment of a configuration; what it will need is compiled meanwhile."""
     from pgm_places.config import load_config
-    from pgm_places.experiment import Experiment
 
     config = load_config(config_path)
-    experiment = Experiment(
-        config,
-        config_path.resolve().parent,
-        progress=make_progress(quiet=quiet),
-        n_threads=n_threads,
-    )
-    experiment.record_input(config_path.resolve())
-    return experiment
+    stages = ["features", "boosting", *(item.name for item in config.methods)]
+    with compiled_ahead(stages, n_threads=n_threads):
+        from pgm_places.experiment import Experiment
+
+        experiment = Experiment(
+            config,
+            config_path.resolve().parent,
+            progress=make_progress(quiet=quiet),
+            n_threads=n_threads,
+        )
+        experiment.record_input(config_path.resolve())
+        yield experiment
 
 
 def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places compare``."""
-    from pgm_places.experiment import compare
     from pgm_places.io.atomic import check_writable_folder
-    from pgm_places.report.comparison_files import write_comparison
 
-    experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
-    check_writable_folder(out)  # an unwritable folder shows before the work, not after
-    stages = ["features", "boosting", *(item.name for item in experiment.config.methods)]
-    with compiled_ahead(stages, n_threads=n_threads):
+    with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
+        from pgm_places.experiment import compare
+        from pgm_places.report.comparison_files import write_comparison
+
+        check_writable_folder(out)  # an unwritable folder shows before the work, not after
         comparison = compare(experiment)
-    with experiment.progress.stage("report"):
-        written = write_comparison(comparison, out)
+        with experiment.progress.stage("report"):
+            written = write_comparison(comparison, out)
     typer.echo(comparison_table(comparison))
     for path in written:
         typer.echo(f"wrote {path}")
@@ -71,15 +77,13 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
 
 def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places train``."""
-    from pgm_places.experiment import make_labeler, resolved_config, train, versions
-    from pgm_places.io.model_files import check_target
-    from pgm_places.place_files import check_savable, save_labeler
+    with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
+        from pgm_places.experiment import make_labeler, resolved_config, train, versions
+        from pgm_places.io.model_files import check_target
+        from pgm_places.place_files import check_savable, save_labeler
 
-    experiment = _experiment(config_path, n_threads=n_threads, quiet=quiet)
-    check_target(out)
-    check_savable(make_labeler(experiment.config))  # not after hours of training
-    stages = ["features", "boosting", *(item.name for item in experiment.config.methods)]
-    with compiled_ahead(stages, n_threads=n_threads):
+        check_target(out)
+        check_savable(make_labeler(experiment.config))  # not after hours of training
         labeler = train(experiment)
     record: dict[str, Any] = {
         "config": resolved_config(experiment.config, labeler),
@@ -103,21 +107,24 @@ def run_label(
     quiet: bool,
 ) -> None:
     """``pgm-places label``."""
-    from pgm_places.io.atomic import check_writable_folder
-    from pgm_places.io.map_server import load_map
-    from pgm_places.place_files import load_labeler
     from pgm_places.trained import model_folder
 
     progress = make_progress(quiet=quiet)
-    labeler, record = load_labeler(model_folder(model))
-    backend = labeler.method(method).backend  # an unknown method shows before the work
-    with progress.stage("map"):
-        loaded = load_map(map_yaml, unknown_value=unknown_value)
-    for message in loaded.warnings:
-        progress.warn(message)
-    check_writable_folder(out)
-    typer.echo(shares_line(loaded.fractions))
-    with compiled_ahead(["features", stage_of(backend), "topology"], n_threads=n_threads):
+    folder = model_folder(model)
+    stages = ["features", stage_of_model(folder, method), "topology"]
+    with compiled_ahead(stages, n_threads=n_threads):  # before the imports, which take seconds
+        from pgm_places.io.atomic import check_writable_folder
+        from pgm_places.io.map_server import load_map
+        from pgm_places.place_files import load_labeler
+
+        labeler, record = load_labeler(folder)
+        labeler.method(method)  # an unknown method shows before the work
+        with progress.stage("map"):
+            loaded = load_map(map_yaml, unknown_value=unknown_value)
+        for message in loaded.warnings:
+            progress.warn(message)
+        check_writable_folder(out)
+        typer.echo(shares_line(loaded.fractions))
         _label(labeler, record, loaded, method, out, n_threads, progress)
 
 

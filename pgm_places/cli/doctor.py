@@ -55,7 +55,7 @@ def _version(name: str) -> str:
 
 
 def _kernels() -> None:
-    from pgm_places._jit import cache_folder
+    from pgm_places._kernel_cache import cache_folder
     from pgm_places._threads import resolve_threads
 
     folder = cache_folder()

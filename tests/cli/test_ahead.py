@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from pgm_places.backends import build
 from pgm_places.cli import ahead
+from pgm_places.trained import model_folder
 
 
 class Helper:
@@ -70,6 +70,11 @@ def test_a_rehearsal_goes_through(name: str) -> None:
     ahead.REHEARSALS[name]()
 
 
-def test_methods_are_known_by_their_class() -> None:
-    assert ahead.stage_of(build("relaxation")) == "relaxation"
-    assert ahead.stage_of(object()) == ""
+def test_a_stored_model_tells_its_methods_without_being_loaded(tmp_path: Path) -> None:
+    folder = model_folder("default")
+    assert ahead.stage_of_model(folder, None) == "relaxation"
+    assert ahead.stage_of_model(folder, "adaboost") == "independent"
+    assert ahead.stage_of_model(folder, "no such method") == ""
+    assert ahead.stage_of_model(tmp_path, None) == ""
+    (tmp_path / "manifest.json").write_text('{"content": {"methods": []}}')
+    assert ahead.stage_of_model(tmp_path, None) == ""

@@ -1,0 +1,48 @@
+"""Where compiled kernels are kept: a folder of the user's own."""
+
+import os
+import stat
+import sys
+from pathlib import Path
+
+from pgm_places._version import __version__
+
+__all__ = ["cache_folder"]
+
+
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept, or None where no private folder can be written.
+
+    ``PGM_PLACES_CACHE_DIR`` wins, then numba's own ``NUMBA_CACHE_DIR``, then the platform's cache
+    folder of the user. A folder that others may write is refused: cached machine code is executed.
+    """
+    for variable in ("PGM_PLACES_CACHE_DIR", "NUMBA_CACHE_DIR"):
+        named = os.environ.get(variable)
+        if named:
+            return _private_folder(Path(named))
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA")
+    elif sys.platform == "darwin":
+        base = "~/Library/Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    if base is None:
+        return None
+    try:
+        # Numba looks only at a kernel's own file for changes: another version starts afresh.
+        return _private_folder(Path(base).expanduser() / "pgm_places" / f"kernels-{__version__}")
+    except RuntimeError:  # no home folder is known for this user
+        return None
+
+
+def _private_folder(folder: Path) -> Path | None:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError:
+        return None
+    others_may_write = bool(status.st_mode & stat.S_IWOTH)
+    foreign = hasattr(os, "getuid") and status.st_uid != os.getuid()
+    if others_may_write or foreign or not os.access(folder, os.W_OK):
+        return None
+    return folder
