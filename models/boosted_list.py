@@ -1,6 +1,7 @@
 """A trained decision list of strong classifiers (paper, section 3, eq. 7 and 8), as plain data."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self
 
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, ModelFileError
-from pgm_places.models.strong_classifier import StrongClassifier, distinct_in_order, score_all
+from pgm_places.models.strong_classifier import StrongClassifier, VoteTable, distinct_in_order
 
 __all__ = ["BoostedList"]
 
@@ -86,7 +87,11 @@ class BoostedList:
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:
         """(K - 1, N) F of every classifier of the list."""
-        return score_all(self.classifiers, X, n_threads=n_threads)
+        return self._votes.scores(X, n_threads=n_threads)
+
+    @cached_property
+    def _votes(self) -> VoteTable:
+        return VoteTable.of(self.classifiers)
 
     def log_histogram(
         self, X: NDArray[np.float32], *, n_threads: int | None = None

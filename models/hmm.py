@@ -17,7 +17,7 @@ from pgm_places.graph import LabelGraph
 from pgm_places.labeling import Labeling, Status
 from pgm_places.potentials import Potentials, score
 from pgm_places.problem import LabelingProblem
-from pgm_places.solvers.forward import best_path, filter_step, filtered_beliefs, smoothed_beliefs
+from pgm_places.solvers.forward import ForwardFilter, best_path, filtered_beliefs, smoothed_beliefs
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["HiddenMarkovModel"]
@@ -271,18 +271,15 @@ class HiddenMarkovModel:
         if row.ndim != 1:
             raise InputError(f"unary must have shape (K,), got {row.shape}")
         observed = self._log_likelihood(row[None])
-        if belief is None:
-            found = filtered_beliefs(self._start(), self._transitions[0], observed)
-            return found.beliefs[0], not len(found.impossible)
         stays = moved_m is not None and moved_m < self.stay_below_m
-        return filter_step(belief, self._transitions[STAY if stays else MOVE], observed[0])
+        return self._forward.step(observed[0], belief, STAY if stays else MOVE)
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where no label is allowed."""
         if self.confusion is None or self.prior is None:
             raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
         n_labels = unary.shape[1]
-        confusion = finite_array("confusion", self.confusion, ("K", "K"))
+        confusion = self._confusion
         if confusion.shape != (n_labels, n_labels):
             raise InputError(
                 f"the hidden Markov model learned {len(confusion)} labels, but there are {n_labels}"
@@ -304,6 +301,17 @@ class HiddenMarkovModel:
         if self.start == "learned":
             return self.initial
         return np.full(len(self.initial), 1.0 / len(self.initial))
+
+    @cached_property
+    def _confusion(self) -> NDArray[np.float64]:
+        """(K, K) checked."""
+        assert self.confusion is not None  # the likelihood has checked
+        confusion: NDArray[np.float64] = finite_array("confusion", self.confusion, ("K", "K"))
+        return confusion
+
+    @cached_property
+    def _forward(self) -> ForwardFilter:
+        return ForwardFilter(self._start(), self._transitions)
 
     @cached_property
     def _transitions(self) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
 
-__all__ = ["StrongClassifier", "distinct_in_order", "interleaved", "score_all"]
+__all__ = ["StrongClassifier", "VoteTable", "distinct_in_order", "interleaved", "score_all"]
 
 _SAMPLES_PER_TASK = 8192
 
@@ -113,26 +113,67 @@ def score_all(
     Only columns that some stump uses are read. The bits depend neither on the number of threads
     nor on which other classifiers are evaluated with one.
     """
-    from pgm_places.models._stump_kernels import BLOCK, sum_votes
+    return VoteTable.of(classifiers).scores(X, n_threads=n_threads)
 
-    first = np.cumsum([0, *(item.n_rounds for item in classifiers)])
-    feature = _joined([item.feature for item in classifiers], np.int64)
-    cut = _joined([item.cut for item in classifiers], np.float32)
-    vote = _joined([item.vote for item in classifiers], np.float64)
-    columns, plane = np.unique(feature, return_inverse=True)
-    if not X.flags.c_contiguous:
-        X = np.ascontiguousarray(X[:, columns])
-        columns = np.arange(len(columns))
-    n = len(X)
-    out = np.empty((len(classifiers), n))
-    size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
 
-    def work(task: int) -> None:
-        start = task * size
-        sum_votes(X, start, min(start + size, n), columns, plane, cut, vote, first, out)
+@dataclass(frozen=True, eq=False)
+class VoteTable:
+    """The stumps of several classifiers side by side, made ready for the kernel once.
 
-    run_tasks(work, -(-n // size), n_threads=n_threads)
-    return out
+    Attributes
+    ----------
+    columns : (C,) int64
+        The distinct columns that the stumps look at.
+    plane : (S,) int64
+        For each stump the place of its column among those.
+    cut : (S,) float32
+    vote : (S,) float64
+    first : (n + 1,) int64
+        Where the stumps of each classifier begin.
+    """
+
+    columns: NDArray[np.int64]
+    plane: NDArray[np.int64]
+    cut: NDArray[np.float32]
+    vote: NDArray[np.float64]
+    first: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, classifiers: Sequence[StrongClassifier]) -> Self:
+        """The table of these classifiers, in this order."""
+        feature = _joined([item.feature for item in classifiers], np.int64)
+        columns, plane = np.unique(feature, return_inverse=True)
+        return cls(
+            columns,
+            plane,
+            _joined([item.cut for item in classifiers], np.float32),
+            _joined([item.vote for item in classifiers], np.float64),
+            np.cumsum([0, *(item.n_rounds for item in classifiers)]),
+        )
+
+    def scores(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(n, N) F of every classifier for every row: see :func:`score_all`."""
+        from pgm_places.models._stump_kernels import BLOCK, sum_votes
+
+        columns = self.columns
+        if not X.flags.c_contiguous:
+            X = np.ascontiguousarray(X[:, columns])
+            columns = np.arange(len(columns))
+        n = len(X)
+        out = np.empty((len(self.first) - 1, n))
+        size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
+
+        def work(task: int) -> None:
+            part = slice(task * size, min((task + 1) * size, n))
+            sum_votes(
+                X, part.start, part.stop, columns,
+                self.plane, self.cut, self.vote, self.first, out,
+            )  # fmt: skip
+
+        run_tasks(work, -(-n // size), n_threads=n_threads)
+        return out
 
 
 def _joined(parts: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:

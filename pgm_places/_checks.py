@@ -82,10 +82,11 @@ def finite_array(
 
 def _all_allowed(array: NDArray[Any], allow_minus_inf: bool) -> bool:
     """Whether no value is refused; piece by piece, since a mask of a huge array is huge too."""
-    rows = np.atleast_1d(array)
+    if array.ndim == 0 or len(array) <= ROWS_AT_ONCE:
+        return bool((array < np.inf if allow_minus_inf else np.isfinite(array)).all())
     return all(
-        bool((part < np.inf if allow_minus_inf else np.isfinite(part)).all())
-        for part in (rows[i : i + ROWS_AT_ONCE] for i in range(0, len(rows), ROWS_AT_ONCE))
+        _all_allowed(array[i : i + ROWS_AT_ONCE], allow_minus_inf)
+        for i in range(0, len(array), ROWS_AT_ONCE)
     )
 
 

@@ -7,7 +7,7 @@ from pgm_places.errors import InputError
 from pgm_places.labeling import Labeling, Status
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.scan import Scan
-from pgm_places.scan_model import ScanModel
+from pgm_places.scan_model import ScanModel, ScanScorer
 from pgm_places.segments import DistanceGate
 from pgm_places.sensing.full_circle import FullCircle
 
@@ -88,7 +88,7 @@ class OnlineLabeler:
         belief_filter: BeliefFilter,
         label_names: tuple[str, ...],
     ) -> None:
-        self._model, self._circle, self._filter = model, circle, belief_filter
+        self._scorer, self._circle, self._filter = ScanScorer(model), circle, belief_filter
         self.label_names = label_names
         self.n_steps = 0
 
@@ -120,7 +120,6 @@ class OnlineLabeler:
             )
         where = scan.pose if pose is None else np.asarray(pose, np.float64)
         circle = self._circle.add(where, scan.ranges_m)
-        row = None if extra is None else np.asarray(extra, np.float32)[None]
-        log_z = self._model.log_proba(circle[None], row, n_threads=1)[0]
+        log_z = self._scorer.log_proba(circle, extra)
         self.n_steps += 1
         return self._filter.step(float(where[0]), float(where[1]), log_z)

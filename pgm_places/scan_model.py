@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.features.extraction import ScanExtractor
 from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
@@ -20,7 +21,7 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectory import Trajectory
 from pgm_places.unary import aligned_log_proba
 
-__all__ = ["BeamOptions", "ScanModel", "circles_along"]
+__all__ = ["BeamOptions", "ScanModel", "ScanScorer", "circles_along"]
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,10 @@ class ScanModel:
     sensor: Sensor
     extra_names: tuple[str, ...] = ()
     features: tuple[Any, ...] = ()
-    _needed: NDArray[np.int64] = field(init=False, repr=False)
-    _short_list: BoostedList = field(init=False, repr=False)
+    needed: NDArray[np.int64] = field(init=False, repr=False)
+    """The columns that the list looks at, ascending."""
+    short_list: BoostedList = field(init=False, repr=False)
+    """The list for matrices of those columns alone."""
 
     def __post_init__(self) -> None:
         check_scan_features(self.features)
@@ -117,8 +120,8 @@ class ScanModel:
                 f"features of scans and {len(self.extra_names)} extra columns"
             )
         needed = self.classifier.used_features
-        object.__setattr__(self, "_needed", needed)
-        object.__setattr__(self, "_short_list", self.classifier.restricted(needed))
+        object.__setattr__(self, "needed", needed)
+        object.__setattr__(self, "short_list", self.classifier.restricted(needed))
 
     def log_proba(
         self,
@@ -129,7 +132,7 @@ class ScanModel:
     ) -> NDArray[np.float64]:
         """(T, K) log z of scans (T, n_beams) all around and their extra columns (T, D)."""
         n_own = n_columns(self.features)
-        own = self._needed[self._needed < n_own]
+        own = self.needed[self.needed < n_own]
         values = feature_values(
             np.asarray(circles_m),
             self.features,
@@ -138,10 +141,40 @@ class ScanModel:
             n_threads=n_threads,
         )
         columns = check_extra(extra, len(values), self.extra_names)
-        if len(own) < len(self._needed):
-            chosen = columns[:, self._needed[len(own) :] - n_own]
+        if len(own) < len(self.needed):
+            chosen = columns[:, self.needed[len(own) :] - n_own]
             values = np.concatenate([values, chosen], axis=1)
-        return aligned_log_proba(self._short_list, values, self.n_labels, n_threads)
+        return aligned_log_proba(self.short_list, values, self.n_labels, n_threads)
+
+
+class ScanScorer:
+    """What a model says of one scan after the other: the bits of :meth:`ScanModel.log_proba`.
+
+    It works in room of its own, which saves time: two threads must not share one.
+    """
+
+    def __init__(self, model: ScanModel) -> None:
+        self._model = model
+        n_own = n_columns(model.features)
+        self._own = model.needed[model.needed < n_own]
+        self._extra = model.needed[len(self._own) :] - n_own
+        self._laser: ScanExtractor | None = None
+        if not model.features:
+            self._laser = ScanExtractor(self._own, max_range_m=model.sensor.max_range_m)
+
+    def log_proba(
+        self, circle_m: NDArray[np.float32], extra: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """(K,) log z of a scan (n_beams,) all around and its extra columns (D,)."""
+        model = self._model
+        row = None if extra is None else np.asarray(extra, np.float32)[None]
+        if self._laser is None:
+            return model.log_proba(circle_m[None], row, n_threads=1)[0]
+        values = self._laser.features(circle_m)[None]
+        columns = check_extra(row, 1, model.extra_names)
+        if len(self._extra):
+            values = np.concatenate([values, columns[:, self._extra]], axis=1)
+        return aligned_log_proba(model.short_list, values, model.n_labels, 1)[0]
 
 
 def circles_along(

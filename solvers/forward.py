@@ -16,6 +16,7 @@ from pgm_places.errors import InputError
 __all__ = [
     "ChainBeliefs",
     "ChainPath",
+    "ForwardFilter",
     "best_path",
     "filter_step",
     "filtered_beliefs",
@@ -177,12 +178,62 @@ def filter_step(
     >>> belief.round(3).tolist(), possible
     ([0.74, 0.26], True)
     """
-    row = np.asarray(log_likelihood, np.float64)
-    if row.ndim != 1:
-        raise InputError(f"log_likelihood must have shape (K,), got {row.shape}")
-    start, arrival, observed, led = _check_chain(belief, transition, row[None], None)
-    found = _filter(arrival[0] @ start, arrival, observed, led)
-    return found.beliefs[0], not len(found.impossible)
+    n_labels = len(np.asarray(log_likelihood, np.float64))
+    return ForwardFilter(np.full(n_labels, 1.0 / n_labels), transition).step(log_likelihood, belief)
+
+
+class ForwardFilter:
+    """A chain filtered step by step, its tables checked once for all steps.
+
+    Parameters
+    ----------
+    initial, transition
+        As in :func:`filtered_beliefs`.
+    """
+
+    def __init__(self, initial: ArrayLike, transition: ArrayLike) -> None:
+        n_labels = len(np.asarray(initial))
+        self._start, self._arrival = _check_tables(initial, transition, n_labels)
+
+    def step(
+        self, log_likelihood: ArrayLike, belief: ArrayLike | None = None, action: int = 0
+    ) -> tuple[NDArray[np.float64], bool]:
+        """The belief (K,) one step on, and whether the observation was possible at all.
+
+        Parameters
+        ----------
+        log_likelihood : (K,) float
+            ``log P(z | l)`` of the new observation.
+        belief : (K,) float, optional
+            Belief at the step before; None at the first.
+        action : int
+            Which of the transition's tables led here.
+
+        Raises
+        ------
+        InputError
+            An array has another shape, the likelihood NaN or +inf, or the belief does not sum to 1.
+        """
+        from pgm_places.solvers._forward_kernels import filter_steps, subtract_best
+
+        rows = np.asarray(log_likelihood, np.float64)[None]
+        before = self._start if belief is None else np.asarray(belief, np.float64)
+        for name, values in (("log_likelihood", rows[0]), ("belief", before)):
+            if values.shape != self._start.shape:
+                raise InputError(f"{name} must have shape {self._start.shape}, got {values.shape}")
+        if not rows.max() < np.inf:  # also true of NaN
+            finite_array("log_likelihood", rows[0], ("K",), allow_minus_inf=True)
+        if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):
+            raise InputError(f"belief must hold probabilities that sum to one, got {before}")
+        scaled, found = np.empty(rows.shape), np.empty(rows.shape)
+        total, scale = np.empty(1), np.empty(1)
+        subtract_best(rows, scaled, scale)
+        np.exp(scaled, out=scaled)
+        led = np.array([action])
+        filter_steps(
+            before.copy(), belief is not None, self._arrival, led, rows, scaled, found, total, scale
+        )
+        return found[0], bool(total[0] > 0.0)
 
 
 Chain = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
@@ -194,19 +245,27 @@ def _check_chain(initial: ArrayLike, transition: ArrayLike, observed: Any, actio
     if rows.ndim != 2 or not rows.max(initial=-np.inf) < np.inf:  # also true of NaN; a fast look
         finite_array("log_likelihood", rows, ("T", "K"), allow_minus_inf=True)
     n_steps, n_labels = rows.shape
+    start, arrival = _check_tables(initial, transition, n_labels)
+    led = np.zeros(n_steps, np.int64)
+    if actions is not None:
+        high = len(arrival)
+        led[1:] = integer_array("actions", actions, (max(n_steps - 1, 0),), low=0, high=high)
+    elif len(arrival) != 1:
+        raise InputError(f"transition has {len(arrival)} tables, so actions are needed")
+    return start, arrival, np.ascontiguousarray(rows), led
+
+
+def _check_tables(
+    initial: ArrayLike, transition: ArrayLike, n_labels: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Start (K,) and arrival (A, K, K), by label and label before."""
     start = finite_array("initial", initial, (n_labels,))
     tables = np.asarray(transition, np.float64)
     tables = tables[None] if tables.ndim == 2 else tables
     tables = finite_array("transition", tables, ("A", n_labels, n_labels))
     _require_distributions("initial", start)
     _require_distributions("transition", tables)
-    led = np.zeros(n_steps, np.int64)
-    if actions is not None:
-        led[1:] = integer_array("actions", actions, (max(n_steps - 1, 0),), low=0, high=len(tables))
-    elif len(tables) != 1:
-        raise InputError(f"transition has {len(tables)} tables, so actions are needed")
-    arrival = np.ascontiguousarray(tables.transpose(0, 2, 1))
-    return np.array(start), arrival, np.ascontiguousarray(rows), led
+    return np.array(start), np.ascontiguousarray(tables.transpose(0, 2, 1))
 
 
 def _require_distributions(name: str, values: NDArray[np.float64]) -> None:

@@ -38,7 +38,7 @@ from pgm_places.features.plan import FeaturePlan, plan_features
 
 Columns = Sequence[int] | NDArray[np.integer[Any]]
 
-__all__ = ["extract", "extract_one", "resample_beams"]
+__all__ = ["ScanExtractor", "extract", "extract_one", "resample_beams"]
 
 TILES_PER_GROUP = 8
 """Tiles that one kernel call handles: their planes, about a megabyte, stay in a near cache."""
@@ -163,6 +163,36 @@ def extract_one(
         scan[np.newaxis], max_range_m=max_range_m, columns=columns, n_threads=1, invalid=invalid
     )
     return rows[0]
+
+
+class ScanExtractor:
+    """The features of one scan after the other: what every call would make ready is ready.
+
+    It works in planes of its own, so two threads must not share one.
+
+    Parameters
+    ----------
+    columns : sequence of F int
+        As in :func:`extract`.
+    max_range_m : float
+        The sensor's maximum range.
+    """
+
+    def __init__(self, columns: Columns, *, max_range_m: float) -> None:
+        self._plan = plan_features(_check_columns(columns))
+        self._max_range_m = check_max_range(max_range_m)
+        self._limit = float(np.float32(self._max_range_m))
+        self._space = Workspace(1)
+
+    def features(self, scan: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(F,) features of a scan (M,), the same bits as its row of :func:`extract`."""
+        if scan.shape != (N_BEAMS,) or scan.dtype != np.float32:
+            columns = self._plan.columns
+            return extract_one(scan, max_range_m=self._max_range_m, columns=columns)
+        rows = np.empty((1, len(self._plan.columns)), np.float32)
+        ready = np.ascontiguousarray(scan)[np.newaxis]
+        _extract_part(ready, self._limit, self._plan, self._space, rows)
+        return rows[0]
 
 
 def _extract_part(

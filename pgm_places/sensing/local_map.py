@@ -224,7 +224,7 @@ class LocalMap:
             column, row = wanted - self._corner
             if max(abs(column), abs(row)) >= n:
                 self._evidence.fill(0)
-            else:
+            elif column or row:
                 self._evidence[_entered(self._corner[1], row, n)] = 0
                 self._evidence[:, _entered(self._corner[0], column, n)] = 0
         self._corner = wanted

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.solvers import forward
 from pgm_places.solvers.forward import (
+    ForwardFilter,
     best_path,
     filter_step,
     filtered_beliefs,
@@ -205,3 +206,37 @@ def test_bad_input(change: dict[str, object], message: str) -> None:
     for function in (filtered_beliefs, smoothed_beliefs, best_path):
         with pytest.raises(InputError, match=message):
             function(**{**arguments, **change})  # type: ignore[arg-type]
+
+
+def test_stepping_gives_the_bits_of_the_whole_chain() -> None:
+    rng = np.random.default_rng(0)
+    start, tables = rng.dirichlet(np.ones(4)), rng.dirichlet(np.ones(4), (2, 4))
+    observed = 3.0 * rng.normal(size=(30, 4))
+    observed[7] = [-np.inf, 0.0, -900.0, -np.inf]
+    observed[11] = -np.inf
+    actions = rng.integers(0, 2, 29)
+    whole = filtered_beliefs(start, tables, observed, actions=actions)
+    forward = ForwardFilter(start, tables)
+    belief, possible = forward.step(observed[0])
+    for t in range(30):
+        if t > 0:
+            belief, possible = forward.step(observed[t], belief, int(actions[t - 1]))
+        np.testing.assert_array_equal(belief, whole.beliefs[t])
+        assert possible == (t not in whole.impossible)
+
+
+@pytest.mark.parametrize(
+    ("observed", "belief", "text"),
+    [
+        ([0.0, 0.0, 0.0], None, r"log_likelihood must have shape \(2,\), got \(3,\)"),
+        ([0.0, np.nan], None, "log_likelihood must hold finite numbers or -inf, got nan"),
+        ([0.0, 0.0], [0.5, 0.4], "belief must hold probabilities that sum to one"),
+        ([0.0, 0.0], [np.nan, 0.4], "belief must hold probabilities that sum to one"),
+        ([0.0, 0.0], [1.0], r"belief must have shape \(2,\), got \(1,\)"),
+    ],
+)
+def test_a_step_that_does_not_fit_is_refused(
+    observed: list[float], belief: list[float] | None, text: str
+) -> None:
+    with pytest.raises(InputError, match=text):
+        ForwardFilter([0.5, 0.5], np.eye(2)).step(observed, belief)
