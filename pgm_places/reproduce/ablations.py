@@ -46,7 +46,11 @@ def beams(setting: Setting) -> Outcome:
         f"{number} beams": _compare(setting, {"sensor.n_beams": number}, ("adaboost", "relaxation"))
         for number in N_BEAMS
     }
-    return _outcome(TAUGHT, "Beams over the full circle", found)
+    return _outcome(
+        f"{TAUGHT} Features are always computed on 360 beams: others are resampled to these.",
+        "Beams over the full circle",
+        found,
+    )
 
 
 def resolution(setting: Setting) -> Outcome:
@@ -128,7 +132,7 @@ def features(setting: Setting) -> Outcome:
         scored = evaluate(truths[1], log_z.argmax(axis=1), names)
         rows.append((name, f"{len(kept)}", *_figures(scored)))
         figures = (scored.accuracy, scored.balanced_accuracy, scored.f1[DOORWAY])
-        findings.append(Finding(f"features: {name}", *figures))
+        findings.append(Finding(name, *figures))
     heading = ("features", "columns", "accuracy", "balanced", "doorway recall", "doorway F1")
     table = Table("The decision list alone on parts of the features", heading, tuple(rows))
     return Outcome(TAUGHT, tuple(findings), (table,))

@@ -20,7 +20,7 @@ from pgm_places.reproduce.building79 import (
 )
 from pgm_places.reproduce.figures import percent
 from pgm_places.reproduce.furnished_floors import DETECTORS, Floor, make_floor
-from pgm_places.reproduce.scored_steps import ALONE, ScoredSteps, scored_modes
+from pgm_places.reproduce.scored_steps import ALONE, MODES, ScoredSteps, scored_modes
 from pgm_places.reproduce.section import Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
 from pgm_places.tracking import Track
@@ -33,7 +33,7 @@ PAPER = {ALONE: 0.754, "filter": 0.912}
 SHOWN = "laser, fair detector"
 """The detector whose figures stand beside the paper's, which has one of its own."""
 
-SMOOTHED = "smoother"
+SMOOTHED = MODES["smooth"]
 FURNISHING_79: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "office": {
         "monitor on": (0, 2),
@@ -71,7 +71,7 @@ def run(setting: Setting) -> Outcome:
         )
         for name, modes in found.items()
         for mode, steps in modes.items()
-        if name in ("laser alone", SHOWN)
+        if name in ("laser alone", SHOWN) and mode != MODES["viterbi"]
     ]
     names = label[0].names
     shown = found[SHOWN]

@@ -19,7 +19,7 @@ MARGIN_M = 0.5
 """How much of the map around the tested part is shown."""
 
 _MOST_PIXELS = 400_000
-_PANEL_SIDE = 1000
+_PANEL_SIDE = 900
 
 
 def label_sheet(comparison: Comparison, index: int = 0, *, title: str | None = None) -> bytes:
@@ -101,7 +101,8 @@ def _sheet(
     panels: Sequence[Panel], view: View, title: str | None, entries: Sequence[Entry]
 ) -> bytes:
     height, width = view.shape
-    columns = 1 if width > 2.5 * height else min(2, len(panels))
+    most = 3 if len(panels) == 3 else 2  # no gap at the end of a second row
+    columns = 1 if width > 2.5 * height else min(most, len(panels))
     legend = [
         *entries,
         Entry(WALL, "occupied"),

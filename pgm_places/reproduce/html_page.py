@@ -124,7 +124,9 @@ def _table(table: Table) -> Markup:
 
 
 def _cell(tag: str, text: str, *, words: bool, scope: str | None = None) -> Markup:
-    style = "text-align:left;white-space:normal" if words else None
+    style = "text-align:left" if words else None
+    if words and scope != "col":  # long words of a heading would be broken anywhere
+        style = "text-align:left;white-space:normal;min-width:8rem"
     return element(tag, text, style=style, scope=scope)
 
 

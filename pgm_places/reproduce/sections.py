@@ -47,6 +47,7 @@ _ABLATIONS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("beams", "Ablation: beams", "ablations:beams", ()),
     ("resolution", "Ablation: resolution", "ablations:resolution", ()),
     ("noise", "Ablation: noisy beams", "ablations:noise", ()),
+    ("choices", "Choices on held-out cells", "choices:run", ()),
     ("training-size", "Ablation: training size", "ablations:training_size", ()),
     ("furniture", "Ablation: furniture", "other_maps:furniture", ("freiburg079_drawn",)),
     ("partial-maps", "Ablation: partial maps", "other_maps:partial_maps", ("freiburg079_partial",)),

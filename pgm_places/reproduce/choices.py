@@ -1,0 +1,62 @@
+"""Options chosen on held-out training cells: what the chosen ones and the others do in a test."""
+
+from pgm_places.comparison import Comparison
+from pgm_places.config_changes import changed_config
+from pgm_places.experiment import compare, load_maps
+from pgm_places.reproduce.figures import DOORWAY, finding, percent
+from pgm_places.reproduce.section import Finding, Outcome, Table
+from pgm_places.reproduce.setting import Setting
+from pgm_places.selection import Selection, select
+
+__all__ = ["run"]
+
+CHOICES = {"choices_list": "decision list, 5 cm", "choices_network": "associative network, 20 cm"}
+
+
+def run(setting: Setting) -> Outcome:
+    """Every combination, held out and in the test: how far the first tells of the second."""
+    findings: list[Finding] = []
+    tables = []
+    for name, words in CHOICES.items():
+        experiment = setting.experiment(name)
+        found = select(experiment, load_maps(experiment, "train"))
+        rows = []
+        for item in found.candidates:
+            tested = setting.experiment(name)
+            tested.config = changed_config(tested.config, item.options | {"select": None})
+            comparison = compare(tested)
+            chosen = item is found.chosen
+            rows.append(
+                (
+                    ", ".join(f"{_option(key)} {value}" for key, value in item.options.items()),
+                    f"{percent(item.score)} ± {percent(item.spread)}",
+                    *_tested(comparison),
+                    "chosen" if chosen else "-",
+                )
+            )
+            if chosen:
+                findings.append(finding(f"{words}, chosen", comparison.methods[0]))
+        tables.append(_table(words, found, tuple(rows)))
+    return Outcome(
+        setting="Building 79: contiguous blocks of the left half are held out to choose, the right "
+        "half is tested. Held-out figures are balanced accuracy over all blocks together, with the "
+        "standard deviation of single blocks.",
+        findings=tuple(findings),
+        tables=tuple(tables),
+    )
+
+
+def _option(key: str) -> str:
+    return key.rpartition(".")[2].replace("_", " ")
+
+
+def _tested(comparison: Comparison) -> tuple[str, ...]:
+    found = comparison.methods[0].evaluation
+    figures = (found.balanced_accuracy, found.accuracy, found.f1.get(DOORWAY))
+    return tuple(percent(value) for value in figures)
+
+
+def _table(words: str, found: Selection, rows: tuple[tuple[str, ...], ...]) -> Table:
+    heading = ("options", "held out", "tested, balanced", "accuracy", "doorway F1", "")
+    caption = f"{words}: {len(found.candidates)} combinations"
+    return Table(caption[0].upper() + caption[1:], heading, rows)
