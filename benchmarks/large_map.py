@@ -8,7 +8,6 @@ whole process, Python and its libraries included.
 """
 
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -34,16 +33,6 @@ METHODS = {
 }
 CONTEXT_M = (0.3, 0.75, 1.5, 3.0)
 MEASURE = "--measure"
-
-
-def peak_bytes() -> int:
-    """The most memory that this process has held at a time."""
-    status = Path("/proc/self/status")
-    if status.exists():  # getrusage would include what the starting process held
-        for line in status.read_text().splitlines():
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def measure(map_yaml: Path, model: Path, method: str, out: Path) -> dict[str, Any]:
@@ -100,7 +89,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Print the table, or measure one map for it."""
-    from benchmarks.__main__ import markdown_table
+    from benchmarks.memory import peak_bytes
+from benchmarks.__main__ import markdown_table
 
     if MEASURE in sys.argv:
         map_yaml, model, method, out = sys.argv[sys.argv.index(MEASURE) + 1 :]

@@ -150,7 +150,8 @@ def learn(
     problem = joined(problems)
     return cutting_plane(
         problem,
-        graph_cut_oracle(problem.n_nodes, problem.edges),
+        graph_cut_oracle(problem.n_nodes, problem.edges, from_last=True),
+        thorough=graph_cut_oracle(problem.n_nodes, problem.edges),
         tolerance=options.tolerance,
         max_iterations=options.max_cuts,
         time_limit_s=options.time_limit_s,

@@ -36,13 +36,37 @@ class Certificate:
 
 
 def certify_weights(
-    problem: MaxMarginProblem, weights: NDArray[np.float64], *, max_iterations: int = 100
+    problem: MaxMarginProblem,
+    weights: NDArray[np.float64],
+    *,
+    accuracy: float = 1e-3,
+    max_iterations: int = 1_000,
 ) -> Certificate:
-    """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound."""
+    """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
+
+    Parameters
+    ----------
+    problem : MaxMarginProblem
+    weights : (n_weights,) float
+    accuracy : float
+        Passes end when the bound cannot raise the objective by more than this share of it.
+    max_iterations : int
+        They end after so many in any case.
+    """
     unary, agreement = augmented_potentials(problem, weights)
-    found = trws(unary, problem.edges, agreement=agreement, max_iterations=max_iterations)
+    graph = ExpansionGraph(problem.n_nodes, problem.edges)
+    quick = graph.expand(unary, agreement)
+    known = objective(problem, weights, hinge(problem, weights, quick.score))
+    slack = accuracy * known * problem.n_nodes / problem.penalty
+    found = trws(
+        unary,
+        problem.edges,
+        agreement=agreement,
+        initial=quick.labels,
+        max_iterations=max_iterations,
+        tolerance=slack / max(1.0, abs(quick.score)),
+    )
     bounded = hinge(problem, weights, found.bound)
     # moves from there reach further than from the best unaries, where the quick oracle starts
-    around = ExpansionGraph(problem.n_nodes, problem.edges)
-    labels = around.expand(unary, agreement, found.labels).labels
+    labels = graph.expand(unary, agreement, found.labels).labels
     return Certificate(objective(problem, weights, bounded), labels)

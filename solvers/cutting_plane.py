@@ -47,6 +47,7 @@ def cutting_plane(
     max_iterations: int = 1_000,
     time_limit_s: float | None = None,
     cuts: Sequence[Cut] = (),
+    thorough: Oracle | None = None,
     verifier: Verifier | None = None,
     verified_tolerance: float = 5e-3,
     step: float = 0.4,
@@ -69,6 +70,8 @@ def cutting_plane(
         Wall-clock seconds; the best weights so far are returned.
     cuts : sequence of Cut
         Planes known from an earlier run on the same nodes and losses (any penalty).
+    thorough : callable, optional
+        A slower oracle that misses less: it takes over when the gap has closed with ``oracle``.
     verifier : callable, optional
         Asked when the oracle's gap has closed, :func:`pgm_places.solvers.certificate.\
 certify_weights` for one. Learning goes on with the labelling it found until the gap between its
@@ -103,7 +106,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     if not 0 < step <= 1:
         raise InputError(f"step must be in (0, 1], got {step}")
     start = time.perf_counter()
-    search = _Search(problem, oracle, verifier, step, master)
+    search = _Search(problem, oracle, thorough, verifier, step, master)
     for cut in cuts:
         search.master.add(cut)
     history: list[LearningStep] = []
@@ -115,7 +118,8 @@ certify_weights` for one. Learning goes on with the labelling it found until the
         history.append(record)
         stop = on_iteration(record) if on_iteration is not None else False
         closed = record.gap <= tolerance
-        if (closed or exhausted) and not search.verify(verified_tolerance):
+        ended = closed or exhausted
+        if ended and not (search.take_over() or search.verify(verified_tolerance)):
             status = "optimal" if closed else "stalled"
         elif stop:
             status = "stopped"
@@ -124,6 +128,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
         else:
             continue
         break
+    search.take_over()  # the objective that is told is the thorough oracle's in any case
     return MaxMarginSolution(
         search.weights,
         search.objective,
@@ -143,11 +148,13 @@ class _Search:
         self,
         problem: MaxMarginProblem,
         oracle: Oracle,
+        thorough: Oracle | None,
         verifier: Verifier | None,
         step: float,
         master: str,
     ) -> None:
-        self.problem, self.oracle, self.verifier, self.step = problem, oracle, verifier, step
+        self.problem, self.verifier, self.step = problem, verifier, step
+        self.oracle, self.thorough = oracle, thorough
         self.master = CutMaster(
             problem.n_weights, problem.n_node_weights, problem.penalty, method=master
         )
@@ -175,6 +182,15 @@ class _Search:
         self.at_master = not found  # a step that found nothing is repeated at the master's point
         return found or not at_master
 
+    def take_over(self) -> bool:
+        """Ask the thorough oracle from now on, the best weights first; False when it does."""
+        if self.thorough is None:
+            return False
+        self.oracle, self.thorough = self.thorough, None
+        labels = self.oracle(*augmented_potentials(self.problem, self.weights))
+        self._look_again(cut_of(self.problem, labels))
+        return True
+
     def verify(self, tolerance: float) -> bool:
         """Look closer at the best weights; True when that gave a cut to go on with."""
         if self.verifier is None:
@@ -183,7 +199,11 @@ class _Search:
         self.certified = certificate.objective
         if relative_gap(self.certified, self.lower_bound) <= tolerance:
             return False
-        found = self._add(cut_of(self.problem, certificate.labels), self.weights)
+        return self._look_again(cut_of(self.problem, certificate.labels))
+
+    def _look_again(self, cut: Cut) -> bool:
+        """Take in a cut at the best weights, and what it says of their objective."""
+        found = self._add(cut, self.weights)
         self.objective = objective(self.problem, self.weights, self.master.height(self.weights))
         self.at_master = True
         return found

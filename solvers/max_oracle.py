@@ -9,14 +9,28 @@ from pgm_places.solvers.max_margin import Oracle
 __all__ = ["graph_cut_oracle"]
 
 
-def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32]) -> Oracle:
+def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool = False) -> Oracle:
     """Alpha-expansion on one graph: exact for two labels, near the best for more.
 
     The returned function is not for two threads at a time.
+
+    Parameters
+    ----------
+    n_nodes : int
+    edges : (E, 2) int
+        Node pairs.
+    from_last : bool
+        Start from the last call's answer instead of the best unaries: fewer moves while the
+        weights change little, but what one call missed the next ones are likely to miss too.
     """
     graph = ExpansionGraph(n_nodes, edges)
+    last: NDArray[np.int64] | None = None
 
     def best(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
-        return graph.expand(unary, agreement).labels
+        nonlocal last
+        labels = graph.expand(unary, agreement, last).labels
+        if from_last:
+            last = labels
+        return labels
 
     return best

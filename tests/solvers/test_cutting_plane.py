@@ -224,6 +224,39 @@ def test_a_poor_oracle_is_said_to_stall() -> None:
     assert found.iterations < 10
 
 
+def test_the_thorough_oracle_takes_over_from_one_that_misses_cuts() -> None:
+    problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
+    exact, _ = reference.optimum(problem)
+
+    def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
+        return unary.argmax(axis=1)
+
+    strong = reference.exact_oracle(problem)
+    found = cutting_plane(problem, lazy, thorough=strong, tolerance=1e-6)
+    assert found.status == "optimal"
+    assert found.objective == pytest.approx(exact, rel=2e-6)
+
+
+def test_a_stopped_learner_tells_the_objective_that_the_thorough_oracle_finds() -> None:
+    problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
+
+    def lazy(unary: NDArray[np.float64], agreement: NDArray[np.float64]) -> NDArray[np.int64]:
+        return unary.argmax(axis=1)
+
+    strong = reference.exact_oracle(problem)
+    found = cutting_plane(problem, lazy, thorough=strong, max_iterations=3)
+    assert found.objective == pytest.approx(reference.objective(problem, found.weights), rel=1e-9)
+
+
+def test_starting_from_the_last_cut_comes_to_the_same_optimum() -> None:
+    problem = grid_problem(12, 12, 3, seed=17, noise=0.6)
+    quick = graph_cut_oracle(problem.n_nodes, problem.edges, from_last=True)
+    thorough = graph_cut_oracle(problem.n_nodes, problem.edges)
+    found = cutting_plane(problem, quick, thorough=thorough, tolerance=1e-4)
+    assert found.status == "optimal"
+    assert found.objective == pytest.approx(learn(problem).objective, rel=2e-3)
+
+
 def test_a_verifier_finds_the_cuts_that_the_oracle_misses() -> None:
     problem = grid_problem(2, 4, 2, seed=1, noise=2.0, penalty=10.0)
     exact, _ = reference.optimum(problem)
