@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.memory import peak_bytes
 from pgm_places.datasets import building_tiled, generate_building
 from pgm_places.io.label_image import save_labels
 from pgm_places.io.map_server import load_map, save_map
@@ -89,8 +90,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Print the table, or measure one map for it."""
-    from benchmarks.memory import peak_bytes
-from benchmarks.__main__ import markdown_table
+    from benchmarks.__main__ import markdown_table
 
     if MEASURE in sys.argv:
         map_yaml, model, method, out = sys.argv[sys.argv.index(MEASURE) + 1 :]
