@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.cold import cold_table
+from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from pgm_places.evaluation import evaluate
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
@@ -126,6 +127,7 @@ def main() -> None:
     parts: Mapping[str, Callable[[], str]] = {
         "PLACES": lambda: places_table(building),
         "CATEGORIES": lambda: categories_table(building),
+        "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),
         "JOINED": lambda: joined_table(building, from_left_map(building)),
     }

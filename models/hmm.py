@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,8 @@ from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph import LabelGraph
 from pgm_places.labeling import Labeling, Status
+from pgm_places.models.chain_statistics import count_table, normalised
+from pgm_places.models.evidence_weight import best_weight
 from pgm_places.potentials import Potentials, score
 from pgm_places.problem import LabelingProblem
 from pgm_places.solvers.forward import ForwardFilter, best_path, filtered_beliefs, smoothed_beliefs
@@ -53,6 +55,12 @@ class HiddenMarkovModel:
         began in training.
     smoothing : float
         Added to every count.
+    evidence_weight : float or "fitted"
+        Exponent of the likelihood, from 0 (observations say nothing) to 1 (the paper's: each is
+        independent of the others, given the labels). Scans a step apart see the same things, and
+        err together; below 1 they count as fewer. ``"fitted"`` takes for each mode the weight with
+        which it labels most steps of the sequences given to :meth:`fit` right, which wants unaries
+        of a classifier that has not seen them; 1 where there are no labelled sequences.
     stay_below_m : float
         A robot that moved less than this between two steps is taken to be at the same place; needs
         positions. 0 never does.
@@ -75,6 +83,7 @@ class HiddenMarkovModel:
     start: str = "uniform"
     smoothing: float = 1.0
     stay_below_m: float = 0.0
+    evidence_weight: float | Literal["fitted"] = 1.0
     transition: NDArray[np.float64] | None = learned()
     """(K, K) probability of each label (column) after each (row), where the robot moved."""
     confusion: NDArray[np.float64] | None = learned()
@@ -85,6 +94,8 @@ class HiddenMarkovModel:
     """(K,) share of each label in training."""
     stay: NDArray[np.float64] | None = learned()
     """(K, K) like ``transition``, where the robot stayed; None for the same label again."""
+    fitted_weights: NDArray[np.float64] | None = learned()
+    """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
 
     def __post_init__(self) -> None:
         for name, allowed in CHOICES.items():
@@ -93,6 +104,11 @@ class HiddenMarkovModel:
                 raise ConfigError(
                     f"{name} must not be {value!r}. {nearest_name(str(value), list(allowed))}"
                 )
+        weight = self.evidence_weight
+        if weight != "fitted" and not (isinstance(weight, int | float) and 0 < weight <= 1):
+            raise ConfigError(
+                f"evidence_weight must be above 0 and at most 1, or 'fitted', got {weight!r}"
+            )
         for name in ("smoothing", "stay_below_m"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
@@ -141,13 +157,28 @@ class HiddenMarkovModel:
             first[truth[known[:1]]] += 1
         if share.sum() == self.smoothing * n_labels:
             raise InputError("no step is labelled; there is nothing to learn from")
-        return replace(
+        learned_now = replace(
             self,
-            transition=_normalised(moves),
-            confusion=_normalised(seen),
-            initial=_normalised(first),
-            prior=_normalised(share),
+            transition=normalised(moves),
+            confusion=normalised(seen),
+            initial=normalised(first),
+            prior=normalised(share),
         )
+        return learned_now.with_weight_for(problems, labelings)
+
+    def with_weight_for(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> Self:
+        """A new one with the evidence's weight fitted to labelled sequences, if it is to be.
+
+        For each mode, of the weights that label most known steps right the largest is taken.
+        Arguments as of :meth:`fit`.
+        """
+        if self.evidence_weight != "fitted":
+            return self
+        modes = [replace(self, mode=mode) for mode in CHOICES["mode"]]
+        weights = [best_weight(model, problems, labelings) for model in modes]
+        return replace(self, fitted_weights=np.array(weights))
 
     def with_counts(
         self,
@@ -189,20 +220,20 @@ class HiddenMarkovModel:
         n_labels: int | str = "K"
         for name, counts in (("confusions", confusions), ("moves", moves), ("stays", stays)):
             if counts is not None:
-                table = _counts(name, counts, (n_labels, n_labels))
+                table = count_table(name, counts, (n_labels, n_labels))
                 n_labels = len(table)
                 found[name] = table
         learned_now: dict[str, Any] = {}
         if "confusions" in found:
-            learned_now["confusion"] = _normalised(found["confusions"] + self.smoothing)
-            learned_now["prior"] = _normalised(found["confusions"].sum(axis=1) + self.smoothing)
+            learned_now["confusion"] = normalised(found["confusions"] + self.smoothing)
+            learned_now["prior"] = normalised(found["confusions"].sum(axis=1) + self.smoothing)
         if "moves" in found:
-            learned_now["transition"] = _normalised(found["moves"] + self.smoothing)
+            learned_now["transition"] = normalised(found["moves"] + self.smoothing)
         if "stays" in found:
-            learned_now["stay"] = _normalised(found["stays"])
+            learned_now["stay"] = normalised(found["stays"])
         if first is not None:
-            learned_now["initial"] = _normalised(
-                _counts("first", first, (n_labels,)) + self.smoothing
+            learned_now["initial"] = normalised(
+                count_table("first", first, (n_labels,)) + self.smoothing
             )
         elif self.initial is None and found:
             learned_now["initial"] = np.full(int(n_labels), 1.0 / int(n_labels))
@@ -294,7 +325,16 @@ class HiddenMarkovModel:
             else:
                 prior = finite_array("prior", self.prior, (n_labels,))
                 found[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
+        found *= self._weight
         return found
+
+    @property
+    def _weight(self) -> float:
+        if self.evidence_weight != "fitted":
+            return float(self.evidence_weight)
+        if self.fitted_weights is None:
+            return 1.0
+        return float(self.fitted_weights[CHOICES["mode"].index(self.mode)])
 
     def _start(self) -> NDArray[np.float64]:
         assert self.initial is not None  # the likelihood has checked
@@ -341,24 +381,6 @@ def _chain_unary(problem: LabelingProblem) -> NDArray[np.float64]:
     if problem.unary is None:
         raise InputError("'hmm' needs unary log-probabilities; the problem has none")
     return problem.unary
-
-
-def _counts(
-    name: str, values: ArrayLike, shape: tuple[int | str | None, ...]
-) -> NDArray[np.float64]:
-    counts: NDArray[np.float64] = finite_array(name, values, shape)
-    if counts.ndim == 2 and counts.shape[0] != counts.shape[1]:
-        raise InputError(f"{name} must be square, got shape {counts.shape}")
-    if (counts < 0).any():
-        raise InputError(f"{name} must hold counts of at least 0, got {counts.min()}")
-    return counts
-
-
-def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rows over their sum; equal probabilities where it is 0."""
-    total = counts.sum(axis=-1, keepdims=True)
-    even = np.full_like(counts, 1.0 / counts.shape[-1])
-    return np.divide(counts, total, out=even, where=total > 0)
 
 
 def _potentials(

@@ -73,7 +73,9 @@ class TrajectoryLabeler:
     """
 
     label_names: Sequence[str]
-    method: Any = field(default_factory=lambda: HiddenMarkovModel(observation="soft"))
+    method: Any = field(
+        default_factory=lambda: HiddenMarkovModel(observation="soft", evidence_weight="fitted")
+    )
     every_m: float = EVERY_M
     beams: BeamOptions = field(default_factory=BeamOptions)
     scan_model: ScanModel | None = field(default=None, repr=False)
@@ -164,7 +166,8 @@ class TrajectoryLabeler:
         classifier : DecisionListClassifier, optional
             The unfitted list with its options.
         n_folds : int
-            Contiguous parts of each map and trajectory that are held out once.
+            Folds that are held out once: whole buildings where maps are of several, contiguous
+            parts of a single one, and of each trajectory.
         n_runs, seed : int
             Simulated runs (paper, section 5).
 

@@ -27,7 +27,7 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectory import Trajectory
 from pgm_places.unary_learning import (
     RAREST_FIRST,
-    fold_groups,
+    building_folds,
     held_out_scores,
     training_features,
     with_explicit_order,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pgm_places.models.decision_list import DecisionListClassifier
     from pgm_places.trajectory_labeler import TrajectoryLabeler
 
-__all__ = ["Examples", "learn_trajectory_labeler", "trajectory_examples"]
+__all__ = ["Examples", "learn_method", "learn_trajectory_labeler", "trajectory_examples"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,8 @@ class Examples:
     truth : (N,) int
         Label index of each example.
     groups : (N,) int
-        Number of the contiguous part that is held out together.
+        Number of the fold that is held out together: whole buildings where there are several, else
+        contiguous parts.
     n_of_map : tuple of int
         Cells of each map.
     steps : tuple of (n,) int
@@ -103,7 +104,7 @@ def trajectory_examples(
     masks = [item.labelled_cells for item in maps]
     truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]
     parts = [training_features(maps, sensor, n_threads, progress, features)] if maps else []
-    groups = [fold_groups(masks, n_folds)] if maps else []
+    groups = [building_folds(maps, masks, n_folds)] if maps else []
     steps = []
     with progress.stage("scans of trajectories") as stage:
         for number, item in enumerate(trajectories):
@@ -152,6 +153,7 @@ def learn_trajectory_labeler(
     progress = progress or Silent()
     n_labels = len(labeler.label_names)
     features, truth, groups = examples.features, examples.truth, examples.groups
+    # Without the prior in z, unlike on maps: the method knows how frequent labels are.
     unfitted = classifier or DecisionListClassifier(order=RAREST_FIRST)
     unfitted = with_explicit_order(unfitted, truth)
     with progress.stage("decision list"):
@@ -160,20 +162,23 @@ def learn_trajectory_labeler(
     model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, own_features)
     found = replace(labeler, scan_model=model)
     with progress.stage("method"):
-        method = _fitted_method(found, maps, trajectories, examples, scores, n_runs, seed)
+        method = learn_method(found, maps, trajectories, examples, scores, n_runs, seed)
     return replace(found, method=method)
 
 
-def _fitted_method(
+def learn_method(
     labeler: "TrajectoryLabeler",
     maps: Sequence[LabelledMap],
     trajectories: Sequence[Trajectory],
     examples: Examples,
     scores: NDArray[np.float64],
-    n_runs: int,
-    seed: int,
+    n_runs: int = 1000,
+    seed: int = 0,
 ) -> object:
-    """The method fitted on observations as it will see them: on segments where there are any."""
+    """The method fitted on observations as it will see them: on segments where there are any.
+
+    ``scores`` (N, K) are what lists say of the examples that they have not seen.
+    """
     method = labeler.method
     if not isinstance(method, Learnable):
         return method
@@ -196,9 +201,10 @@ def _fitted_method(
         return method.fit(problems, truths)
     if problems:
         unaries = [problem.unary for problem in problems if problem.unary is not None]
-        return learn_movement(
+        learned = learn_movement(
             maps, truths, unaries, n_labels, model=method, n_runs=n_runs, seed=seed
         )
+        return learned.with_weight_for(problems, truths)
     ends = np.cumsum(examples.n_of_map)[:-1]
     cells = np.split(examples.truth, ends)
     return learn_movement(maps, cells, of_cells, n_labels, model=method, n_runs=n_runs, seed=seed)

@@ -288,3 +288,59 @@ def test_a_model_without_transitions_says_so() -> None:
     model = HiddenMarkovModel().with_counts(confusions=np.eye(2))
     with pytest.raises(NotFittedError, match="transitions"):
         model.step(np.log([0.5, 0.5]))
+
+
+def correlated_chain(seed: int, run: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A chain whose observations err, a third of them, for ``run`` steps on end."""
+    rng = np.random.default_rng(seed)
+    truth = np.repeat(rng.permutation([0, 1, 2, 0, 1, 2]), 60)
+    said = truth.copy()
+    wrong = np.repeat(rng.random(len(truth) // run) < 0.33, run)
+    said[wrong] = (said[wrong] + 1) % 3
+    z = 0.05 + 0.85 * np.eye(3)[said]
+    graph = LabelGraph.from_lattice((len(truth),))
+    return LabelingProblem(graph, ["a", "b", "c"], unary=np.log(z)), truth
+
+
+@pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
+def test_evidence_that_repeats_itself_is_made_to_count_less(mode: str) -> None:
+    learn = [correlated_chain(seed, 6) for seed in range(4)]
+    problems, truths = (list(part) for part in zip(*learn, strict=True))
+    model = HiddenMarkovModel(mode, "soft", evidence_weight="fitted").fit(problems, truths)
+    plain = HiddenMarkovModel(mode, "soft").fit(problems, truths)
+    assert model.fitted_weights is not None
+    assert (model.fitted_weights < 1.0).all()
+    new = [correlated_chain(seed, 6) for seed in range(10, 18)]
+    right = {
+        kind: np.mean([(one.infer(p).labels == t).mean() for p, t in new])
+        for kind, one in (("plain", plain), ("weighed", model))
+    }
+    assert right["weighed"] > right["plain"] + 0.01
+    at_full = HiddenMarkovModel(mode, "soft", evidence_weight=1.0).fit(problems, truths)
+    np.testing.assert_array_equal(
+        plain.infer(problems[0]).labels, at_full.infer(problems[0]).labels
+    )
+
+
+def test_a_weight_is_an_exponent_of_the_likelihood() -> None:
+    problem, truth = correlated_chain(0, 1)
+    fitted = HiddenMarkovModel(observation="soft", evidence_weight=0.5).fit([problem], [truth])
+    halved = fitted._log_likelihood(problem.unary)  # type: ignore[arg-type]
+    whole = replace(fitted, evidence_weight=1.0)._log_likelihood(problem.unary)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(halved, 0.5 * whole)
+
+
+@pytest.mark.parametrize("weight", [0, -1.0, 2.0, "much", np.nan])
+def test_a_weight_out_of_range_is_refused(weight: object) -> None:
+    with pytest.raises(ConfigError, match="evidence_weight must be above 0 and at most 1"):
+        build("hmm", {"evidence_weight": weight})
+
+
+def test_without_sequences_the_weight_is_one() -> None:
+    model = HiddenMarkovModel(evidence_weight="fitted").with_counts(
+        confusions=[[8, 2], [1, 9]], moves=[[19, 1], [1, 19]]
+    )
+    assert model.fitted_weights is None
+    same = replace(model, evidence_weight=1.0)
+    row = np.log([0.7, 0.3])
+    np.testing.assert_array_equal(model.step(row)[0], same.step(row)[0])
