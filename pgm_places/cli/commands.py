@@ -148,16 +148,11 @@ def _label(
     with progress.stage("files and picture"):
         written = write_labels(result, loaded, out)
     typer.echo(result.summary())
+    title = f"{loaded.yaml_path.stem}: {result.method}"
+    options = {"labels": result.labels, "label_names": result.label_names}
+    options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
+    del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
-        written += write_places(
-            out,
-            f"{loaded.yaml_path.stem}: {result.method}",
-            grid=loaded.grid,
-            labels=result.labels,
-            label_names=result.label_names,
-            beliefs=result.labeling.beliefs,
-            layout=result.layout,
-            **rules_of(record),
-        )
+        written += write_places(out, title, grid=loaded.grid, **options, **rules_of(record))
     for path in written:
         typer.echo(f"wrote {path}")

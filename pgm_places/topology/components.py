@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 
-__all__ = ["Components", "connected_components"]
+__all__ = ["Components", "bands_of_rows", "connected_components"]
 
 BAND_CELLS = 4_000_000
 
@@ -66,7 +66,7 @@ def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) ->
     scratch = np.empty(raster.size, np.int32)  # its pages are touched only as far as it is used
     count = label_components(raster, connectivity == 8, scratch, piece)
     label, size = np.zeros(count, np.int16), np.zeros(count, np.int64)
-    for rows in _bands(raster.shape):
+    for rows in bands_of_rows(raster.shape):
         inside = piece[rows] >= 0
         numbers = piece[rows][inside]
         label[numbers] = raster[rows][inside]
@@ -74,7 +74,7 @@ def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) ->
     return Components(piece, label, size)
 
 
-def _bands(shape: tuple[int, int]) -> Iterator[slice]:
+def bands_of_rows(shape: tuple[int, int]) -> Iterator[slice]:
     """Bands of rows, small enough that what is made of one takes little memory."""
     high = max(1, BAND_CELLS // max(shape[1], 1))
     for first in range(0, shape[0], high):

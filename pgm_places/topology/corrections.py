@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
-from pgm_places.topology.components import Components, connected_components
+from pgm_places.topology.components import Components, bands_of_rows, connected_components
 
 __all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]
 
@@ -240,8 +240,16 @@ class _Merging:
 
 
 def _first_cells(pieces: Components) -> NDArray[np.int64]:
-    flat = pieces.piece.ravel()
-    # A new largest number so far marks a first cell: pieces are numbered in that order.
-    record = np.maximum.accumulate(flat)
-    first: NDArray[np.int64] = np.flatnonzero(np.diff(record, prepend=np.int32(-1)) > 0)
+    """(R,) flat index of the first cell of each piece."""
+    found = []
+    highest = np.int32(-1)
+    for rows in bands_of_rows(pieces.piece.shape):
+        flat = pieces.piece[rows].ravel()
+        # A new largest number so far marks a first cell: pieces are numbered in that order.
+        record = np.maximum.accumulate(flat)
+        new = np.flatnonzero(np.diff(record, prepend=highest) > 0)
+        new = new[record[new] > highest]
+        found.append(new + rows.start * pieces.piece.shape[1])
+        highest = max(highest, record[-1])
+    first: NDArray[np.int64] = np.concatenate(found)
     return first

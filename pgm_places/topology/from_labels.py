@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, label_raster
-from pgm_places.errors import InputError, LabelError
+from pgm_places._checks import label_raster, sealed
 from pgm_places.grid import OccupancyGrid
 from pgm_places.layout import GridLayout
 from pgm_places.topology.clearance import squared_clearance
-from pgm_places.topology.components import connected_components
+from pgm_places.topology.components import bands_of_rows, connected_components
+from pgm_places.topology.confidence import mean_confidences
 from pgm_places.topology.corrections import (
     Correction,
     CorrectionRules,
@@ -93,9 +93,9 @@ def topological_map(
     if correct:
         raster, corrections = _corrected(raster, names, grid.resolution_m, clearance, rules)
     pieces = connected_components(raster)
-    probability = None
+    confidences = None
     if beliefs is not None:
-        probability = _probability(raster, beliefs, layout, len(names))
+        confidences = mean_confidences(pieces, beliefs, layout, len(names))
     ids, next_id = identify(pieces, grid, names, known)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
@@ -106,7 +106,7 @@ def topological_map(
         clearance,
         ids=ids,
         names=called,
-        probability=probability,
+        confidences=confidences,
         tolerance=tolerance,
     )
     passages = find_passages(pieces.piece, pieces.count, clearance)
@@ -126,9 +126,11 @@ def topological_map(
             )
         )
     table = np.array([*ids, 0], np.int32)  # the last entry is that of cells without a piece
+    for rows in bands_of_rows(raster.shape):  # in place: a huge map's numbers are not held twice
+        pieces.piece[rows] = table[pieces.piece[rows]]
     return TopologicalMap(
         grid,
-        table[pieces.piece],
+        sealed(pieces.piece),
         tuple(sorted(regions, key=lambda region: region.id)),
         tuple(sorted(connections, key=lambda item: (item.first, item.second))),
         names,
@@ -163,26 +165,3 @@ def _corrected(
         raster, found = split_rooms(raster, clearance, names, resolution_m, rules)
         log += found
     return raster, log
-
-
-def _probability(
-    labels: NDArray[np.int16], beliefs: ArrayLike, layout: GridLayout | None, n_labels: int
-) -> NDArray[np.float32]:
-    """(H, W) probability of each cell's label, NaN where no node stands for the cell."""
-    if layout is None:
-        raise InputError("beliefs need the layout of their nodes; pass layout as well")
-    array = finite_array("beliefs", beliefs, (len(layout.cells_rc), n_labels), dtype=np.float32)
-    factor = -(-labels.shape[0] // layout.shape[0])
-    if layout.shape != tuple(-(-side // factor) for side in labels.shape):
-        raise LabelError(
-            f"the layout has {layout.shape} cells, which the labels' {labels.shape} are no whole "
-            "multiple of; pass the layout that the labels were made with"
-        )
-    node = layout.node_of_cell
-    if factor > 1:
-        node = np.repeat(np.repeat(node, factor, axis=0), factor, axis=1)
-        node = node[: labels.shape[0], : labels.shape[1]]
-    probability = np.full(labels.shape, np.nan, np.float32)
-    known = (node >= 0) & (labels >= 0)
-    probability[known] = array[node[known], labels[known]]
-    return probability

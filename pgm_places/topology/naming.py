@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError
 from pgm_places.grid import OccupancyGrid
-from pgm_places.topology.components import Components
+from pgm_places.topology.components import Components, bands_of_rows
 
 __all__ = ["KnownPlaces", "identify", "name_places"]
 
@@ -101,13 +101,14 @@ def _overlaps(
 
 def _reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
     """Pieces in rows of places from the top, each from the left, by their mean cells."""
-    flat = pieces.piece.ravel()
-    inside = np.flatnonzero(flat >= 0)
-    numbers = flat[inside]
-    rows, columns = (
-        np.bincount(numbers, part, pieces.count) / pieces.size
-        for part in np.divmod(inside, pieces.piece.shape[1])
-    )
+    sums = np.zeros((2, pieces.count))
+    for part in bands_of_rows(pieces.piece.shape):
+        band = pieces.piece[part]
+        inside = np.nonzero(band >= 0)
+        numbers = band[inside]
+        sums[0] += np.bincount(numbers, inside[0] + part.start, pieces.count)
+        sums[1] += np.bincount(numbers, inside[1], pieces.count)
+    rows, columns = sums / pieces.size
     band = np.floor((grid.shape[0] - rows) * grid.resolution_m / ROW_M)
     return np.lexsort((columns, band))
 

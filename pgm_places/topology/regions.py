@@ -67,7 +67,7 @@ def describe_regions(
     *,
     ids: Sequence[int],
     names: Sequence[str],
-    probability: NDArray[np.float32] | None = None,
+    confidences: Sequence[float | None] | None = None,
     tolerance: float = 1.5,
 ) -> list[Region]:
     """A region per piece, in the order of the pieces.
@@ -82,8 +82,8 @@ def describe_regions(
         Squared distance in cells to the nearest cell that is not free.
     ids, names : sequences
         One per piece.
-    probability : (H, W) float32 or None
-        Probability of each cell's final label, NaN where it is not known.
+    confidences : sequence of float or None, optional
+        Mean probability of each piece's label, None where it is not known.
     tolerance : float
         How far an outline may be from the cells' corners, in cells.
     """
@@ -91,7 +91,6 @@ def describe_regions(
         raise InputError(f"pieces must have the map's shape {grid.shape}, got {pieces.piece.shape}")
     anchors = _anchors(pieces, clearance)
     centres = grid.cell_centres_m(anchors)
-    confidences = _confidences(pieces, probability)
     found = []
     for k, outline in enumerate(outlines(pieces.piece, pieces.count, tolerance=tolerance)):
         polygons = tuple(
@@ -107,7 +106,7 @@ def describe_regions(
                 label=label_names[pieces.label[k]],
                 area_m2=float(pieces.size[k]) * grid.resolution_m**2,
                 perimeter_m=outline.length * grid.resolution_m,
-                confidence=confidences[k],
+                confidence=None if confidences is None else confidences[k],
                 box_m=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
                 anchor_m=(float(centres[k, 0]), float(centres[k, 1])),
                 clearance_m=max(0.0, room) * grid.resolution_m,
@@ -123,18 +122,6 @@ def _anchors(pieces: Components, clearance: NDArray[np.int32]) -> NDArray[np.int
     anchor = np.full((pieces.count, 2), -1, np.int32)
     anchor_cells(pieces.piece, squared_depth(pieces.piece), clearance, anchor)
     return anchor
-
-
-def _confidences(pieces: Components, probability: NDArray[np.float32] | None) -> list[float | None]:
-    if probability is None:
-        return [None] * pieces.count
-    known = (pieces.piece >= 0) & np.isfinite(probability)
-    numbers = pieces.piece[known]
-    counts = np.bincount(numbers, minlength=pieces.count)
-    sums = np.bincount(numbers, probability[known], minlength=pieces.count)
-    return [
-        float(total / count) if count else None for total, count in zip(sums, counts, strict=True)
-    ]
 
 
 def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float64]:

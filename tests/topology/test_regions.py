@@ -83,22 +83,6 @@ def test_anchors_lie_in_their_regions(labels: np.ndarray) -> None:
         assert pieces.piece[row, column] == number
 
 
-def test_confidence_is_the_mean_over_known_cells() -> None:
-    labels = np.array([[0, 0, 0, 1]], np.int16)
-    grid = OccupancyGrid(np.zeros((1, 4), np.int8), 1.0)
-    found = describe_regions(
-        connected_components(labels),
-        grid,
-        NAMES,
-        squared_clearance(~grid.free),
-        ids=[1, 2],
-        names=["a", "b"],
-        probability=np.array([[0.5, 1.0, np.nan, np.nan]], np.float32),
-    )
-    assert found[0].confidence == pytest.approx(0.75)
-    assert found[1].confidence is None
-
-
 def test_a_doorway_five_cells_wide() -> None:
     labels = np.full((9, 9), -1, np.int16)
     labels[1:4, 1:8] = 0
