@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import integer_array, sealed
 from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.evaluation import evaluate
 from pgm_places.graph import LabelGraph
 from pgm_places.labeling import Labeling, Status
 from pgm_places.layout import GridLayout
@@ -197,7 +196,7 @@ class Relaxation:
                 f"the problem has {problem.n_labels}"
             )
         accuracy: list[float] = []
-        follow = _follow(truth, problem.label_names, accuracy, on_iteration)
+        follow = _follow(truth, problem.n_labels, accuracy, on_iteration)
         relaxed = self._relax(problem.graph, problem.unary, follow)
         history = {
             "change": relaxed.max_change,
@@ -288,17 +287,19 @@ def _labels_and_walls(
 
 def _follow(
     truth: ArrayLike | None,
-    label_names: Sequence[str],
+    n_labels: int,
     accuracy: list[float],
     on_iteration: OnIteration | None,
 ) -> OnIteration | None:
     """What to call after each iteration: fill in the accuracy, then pass on."""
     if truth is None:
         return on_iteration
-    true = np.asarray(truth)
+    true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
+    known = np.flatnonzero(true >= 0)
 
     def follow(iteration: int, change: float, beliefs: Any) -> None:
-        accuracy.append(evaluate(true, beliefs().argmax(axis=1), label_names).accuracy)
+        right = beliefs()[known].argmax(axis=1) == true[known]
+        accuracy.append(float(right.mean()) if len(known) else np.nan)
         if on_iteration is not None:
             on_iteration(iteration, change, beliefs)
 

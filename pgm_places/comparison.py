@@ -12,7 +12,15 @@ from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
 from pgm_places.layout import GridLayout
 
-__all__ = ["BLOCK_M", "Comparison", "MethodResult", "TestMap", "score_intervals"]
+__all__ = [
+    "BLOCK_M",
+    "Comparison",
+    "MethodResult",
+    "TestMap",
+    "history_of",
+    "learning_of",
+    "score_intervals",
+]
 
 BLOCK_M = 2.0
 """Side of the squares that confidence intervals draw: cells nearer than that err together."""
@@ -49,7 +57,9 @@ class TestMap:
 class MethodResult:
     """One method's answers: a labelling and an evaluation per map, and the pooled evaluation.
 
-    ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``.
+    ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``;
+    ``histories``, per map, what a method tells of its iterations, and ``learning`` of the learner's
+    own: values by the name of the quantity.
     """
 
     id: str
@@ -61,6 +71,8 @@ class MethodResult:
     seconds: Mapping[str, float]
     learned: Mapping[str, Any] = field(default_factory=dict)
     intervals: Mapping[str, Interval] = field(default_factory=dict)
+    histories: tuple[Mapping[str, Sequence[float]], ...] = ()
+    learning: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,3 +113,38 @@ def score_intervals(
         np.concatenate(blocks),
         n_labels=n_labels,
     )
+
+
+_FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}
+"""What decoders tell per iteration; the others tell the largest change of a belief or message."""
+
+
+def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
+    """What a labelling tells of its iterations, by quantity; nothing that is no line of numbers."""
+    told = labeling.info.get("history")
+    if told is None:
+        return {}
+    if not isinstance(told, Mapping):
+        decoder = str(labeling.info.get("decoder", ""))
+        told = {_FIGURE.get(decoder, "change"): told}
+        if "score_history" in labeling.info:
+            told["score"] = labeling.info["score_history"]
+    numbers = {str(quantity): _numbers(values) for quantity, values in told.items()}
+    return {quantity: values for quantity, values in numbers.items() if values}
+
+
+def learning_of(backend: Any) -> dict[str, Sequence[float]]:
+    """Objective and lower bound after each step of learning, where a method keeps them."""
+    history = getattr(backend, "learning_history", None)
+    if history is None or len(history) < 2:
+        return {}
+    return {"objective": history[:, 1].tolist(), "lower bound": history[:, 2].tolist()}
+
+
+def _numbers(values: Any) -> list[float]:
+    """The values as floats, or nothing where they are not a line of numbers."""
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        return []
+    return array.tolist() if array.ndim == 1 else []

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from pgm_places._version import __version__
 from pgm_places.coarsening import coarsen, coarsen_labels
-from pgm_places.comparison import Comparison, MethodResult, TestMap, score_intervals
+from pgm_places.comparison import (
+    Comparison,
+    MethodResult,
+    TestMap,
+    history_of,
+    learning_of,
+    score_intervals,
+)
 from pgm_places.config import (
     ExperimentConfig,
     MapConfig,
@@ -335,6 +342,12 @@ def _run_method(
             labelings.append(labeler.infer(graph, scores, name))
             stage.update((index + 1) / len(scored))
     infer_seconds = time.perf_counter() - start
+    histories = [history_of(labeling) for labeling in labelings]
+    if labeler.follows_truth(name):  # once more, as following takes time of its own
+        histories = [
+            history_of(labeler.infer(graph, scores, name, truth=truth))
+            for graph, scores, truth in scored
+        ]
     for labeling, (_, _, truth) in zip(labelings, scored, strict=True):
         evaluations.append(
             evaluate(truth, labeling.labels, labeler.label_names, beliefs=labeling.beliefs)
@@ -349,6 +362,8 @@ def _run_method(
         seconds={"learn": method.seconds, "infer": infer_seconds},
         learned=dict(getattr(method.backend, "summary", None) or {}),
         intervals=score_intervals(maps, labelings, len(labeler.label_names)),
+        histories=tuple(histories),
+        learning=learning_of(method.backend),
     )
 
 

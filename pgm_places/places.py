@@ -254,11 +254,30 @@ class PlaceLabeler:
         found: Labeling = self.method(method).backend.infer(problem)
         return found
 
-    def infer(self, graph: LabelGraph, scores: CellScores, method: str) -> Labeling:
-        """What a method makes of scores that are already there."""
+    def infer(
+        self,
+        graph: LabelGraph,
+        scores: CellScores,
+        method: str,
+        *,
+        truth: ArrayLike | None = None,
+    ) -> Labeling:
+        """What a method makes of scores that are already there.
+
+        With ``truth`` (N,), true labels or -1, methods that follow their accuracy add it to their
+        history; the labels are the same.
+        """
         chosen = self.method(method)
-        found: Labeling = chosen.backend.infer(self._problem(graph, scores, chosen.unary))
+        problem = self._problem(graph, scores, chosen.unary)
+        options = {}
+        if truth is not None and self.follows_truth(method):
+            options["truth"] = truth
+        found: Labeling = chosen.backend.infer(problem, **options)
         return found
+
+    def follows_truth(self, method: str) -> bool:
+        """Whether a method can tell its accuracy after each iteration."""
+        return "truth" in inspect.signature(self.method(method).backend.infer).parameters
 
     def method(self, name: str | None) -> PlaceMethod:
         """The method of that name, the default one for None."""

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pgm_places.comparison import BLOCK_M, score_intervals
+from pgm_places.backends import build
+from pgm_places.comparison import BLOCK_M, history_of, learning_of, score_intervals
 from pgm_places.evaluation import block_bootstrap
 from pgm_places.labeling import Labeling, Status
 from tests.report.comparisons import labeling_of, small_map
@@ -31,3 +32,28 @@ def test_right_answers_everywhere_leave_no_doubt() -> None:
     right = Labeling(np.zeros(len(item.layout.cells_rc), np.int64), Status.CONVERGED)
     found = score_intervals([item], [right], 3)["accuracy"]
     assert (found.low, found.high) == pytest.approx((1.0, 1.0))
+
+
+def test_histories_are_lines_of_numbers_by_quantity() -> None:
+    def told(**info: object) -> dict[str, object]:
+        return dict(history_of(Labeling(np.zeros(1, np.int64), Status.CONVERGED, info=info)))
+
+    assert told() == {}
+    assert told(history={"change": (0.5, 0.1), "labels": ["a"], "empty": []}) == {
+        "change": [0.5, 0.1]
+    }
+    assert told(history=(1.0, 3.0), decoder="graph-cut") == {"score": [1.0, 3.0]}
+    assert told(history=(9.0, 8.0), score_history=(1.0, 2.0), decoder="trw-s") == {
+        "bound": [9.0, 8.0],
+        "score": [1.0, 2.0],
+    }
+    assert told(history=(4.0, 0.0), decoder="mean-field") == {"change": [4.0, 0.0]}
+
+
+def test_learning_tells_objective_and_bound_where_there_are_steps() -> None:
+    network = build("amn")
+    assert learning_of(network) == {}
+    steps = np.array([[0.1, 5.0, 1.0, 1.0], [0.2, 4.0, 3.5, 2.0]])
+    found = learning_of(replace(network, learning_history=steps))
+    assert found == {"objective": [5.0, 4.0], "lower bound": [1.0, 3.5]}
+    assert learning_of(build("relaxation")) == {}

@@ -36,6 +36,7 @@ name = "relaxation"
 
 [[methods]]
 name = "amn"
+certify = true
 """
 
 

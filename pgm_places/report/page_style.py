@@ -73,6 +73,7 @@ thead th { color: var(--muted); font-weight: 600; vertical-align: bottom; }
 th[scope=row], thead th:first-child { text-align: left; }
 th[scope=row] { position: sticky; left: 0; background: var(--page); font-weight: 600; }
 td.best { font-weight: 700; }
+.kind { display: block; color: var(--muted); font-size: .8rem; font-weight: 400; }
 .figures td::after, .figures th[scope=col]:not(:first-child)::after {
   content: "\\00a0●"; visibility: hidden; font-size: .6rem;
 }

@@ -1,9 +1,6 @@
 """The report's charts: confusion matrices, reliability of beliefs, histories of the iterations."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from collections.abc import Sequence
 
 from pgm_places.comparison import Comparison, MethodResult
 from pgm_places.evaluation import Evaluation
@@ -88,7 +85,7 @@ def reliability_section(comparison: Comparison) -> Markup:
 
 
 def histories_section(comparison: Comparison) -> Markup:
-    """Change, energy and accuracy over the iterations, where methods tell them."""
+    """Accuracy, change, score and bound over the iterations, and learning, where they are told."""
     charts = []
     for name, series in _charts(comparison).items():
         quantity = name[-1]
@@ -98,6 +95,7 @@ def histories_section(comparison: Comparison) -> Markup:
         if chart:
             title = ": ".join(part.replace("_", " ") for part in name)
             charts.append(element("div", element("h4", title), chart))
+    charts += _learning_charts(comparison)
     if not charts:
         return element("p", "No method of this comparison tells a history.", class_="muted")
     return element("div", *charts, class_="charts")
@@ -107,35 +105,35 @@ def _charts(comparison: Comparison) -> dict[tuple[str, ...], list[Series]]:
     """The series of each chart, by the chart's title."""
     charts: dict[tuple[str, ...], list[Series]] = {}
     for at, method in enumerate(comparison.methods):
-        for index, quantity, values in _histories(method):
+        for index, quantity, values in _lines(method):
             shared = quantity in _SHARED_QUANTITIES
             title = (quantity,) if shared else (method.id, quantity)
             place = comparison.maps[index].name if len(comparison.maps) > 1 else ""
             name = ", ".join(part for part in (method.id if shared else "", place) if part)
             line = charts.setdefault(title, [])
-            style = at if shared and not place else len(line)
+            style = len(line) if place else at  # a method looks the same in every chart
             steps = list(range(1, len(values) + 1))
             line.append(Series(name or method.id, steps, values, style))
     return charts
 
 
-def _histories(method: MethodResult) -> list[tuple[int, str, Sequence[float]]]:
-    found: list[tuple[int, str, Sequence[float]]] = []
-    for index, labeling in enumerate(method.labelings):
-        history = labeling.info.get("history")
-        if not isinstance(history, Mapping):
-            continue
-        for quantity, values in history.items():
-            numbers = _numbers(values)
-            if numbers:
-                found.append((index, str(quantity), numbers))
-    return found
+def _lines(method: MethodResult) -> list[tuple[int, str, Sequence[float]]]:
+    return [
+        (index, quantity, values)
+        for index, history in enumerate(method.histories)
+        for quantity, values in history.items()
+    ]
 
 
-def _numbers(values: Any) -> list[float]:
-    """The values as floats, or nothing where they are not a line of numbers."""
-    try:
-        array = np.asarray(values, np.float64)
-    except (TypeError, ValueError):
-        return []
-    return array.tolist() if array.ndim == 1 else []
+def _learning_charts(comparison: Comparison) -> list[Markup]:
+    """How learning closed in on the optimum from both sides, per method that tells it."""
+    charts = []
+    for method in comparison.methods:
+        series = [
+            Series(name, list(range(1, len(values) + 1)), values, at)
+            for at, (name, values) in enumerate(method.learning.items())
+        ]
+        if series:
+            chart = line_chart(series, x_name="step of learning", y_name="objective")
+            charts.append(element("div", element("h4", f"{method.id}: learning"), chart))
+    return charts

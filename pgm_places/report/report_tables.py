@@ -47,9 +47,9 @@ _FIGURES: tuple[tuple[str, Callable[[Evaluation], float | None]], ...] = (
 
 
 def results_table(methods: Sequence[MethodResult]) -> Markup:
-    """One row per method: whole figures in percent, calibration, seconds, how it ended."""
+    """One row per method: whole figures in percent, calibration, seconds."""
     columns = [[figure(method.evaluation) for method in methods] for _, figure in _FIGURES]
-    heading = ["Method", *(name for name, _ in _FIGURES), "ECE", "Learn s", "Infer s", "Ended"]
+    heading = ["Method", *(name for name, _ in _FIGURES), "ECE", "Learn s", "Infer s"]
     best = [_best(values) for values in columns]
     rows = []
     for at, method in enumerate(methods):
@@ -62,7 +62,6 @@ def results_table(methods: Sequence[MethodResult]) -> Markup:
         ]
         cells.append(_cell(percent(method.evaluation.expected_calibration_error)))
         cells += [_cell(_seconds(method.seconds.get(key))) for key in ("learn", "infer")]
-        cells.append(_cell(", ".join(sorted({str(item.status) for item in method.labelings}))))
         rows.append(element("tr", element("th", _method_name(method), scope="row"), *cells))
     note = (
         "Balanced is the mean recall, IoU is intersection over union, MCC is Matthews’ "
@@ -156,6 +155,36 @@ def certificates_table(comparison: Comparison) -> Markup:
         "better; scores of different methods are not comparable. A gap of 0 is proved best."
     )
     table = data_table("How far from the best each labelling may be", heading, rows)
+    return joined([table, element("p", note, class_="muted"), _learned_certificates(comparison)])
+
+
+def _learned_certificates(comparison: Comparison) -> Markup:
+    """Per method that learned by optimisation: how far from the best its weights may be."""
+    keys = ("objective", "lower_bound", "certified_objective", "certified_gap")
+    rows = []
+    for method in comparison.methods:
+        if not all(key in method.learned for key in keys):
+            continue
+        objective, lower, certified, gap = (method.learned[key] for key in keys)
+        rows.append(
+            [
+                method.id,
+                str(method.learned.get("status", _NONE)),
+                _figure(objective),
+                _figure(certified),
+                _figure(lower),
+                percent(gap, 2),
+                str(method.learned.get("iterations", _NONE)),
+            ]
+        )
+    if not rows:
+        return Markup("")
+    heading = ["Method", "Ended", "Objective", "At most", "At least", "Gap %", "Steps"]
+    note = (
+        "Learning makes the objective small. No weights reach less than “at least”; the learned "
+        "ones are proved to cost no more than “at most”."
+    )
+    table = data_table("How far from the best the learned weights may be", heading, rows)
     return joined([table, element("p", note, class_="muted")])
 
 
@@ -213,7 +242,7 @@ def _best(values: Sequence[float | None]) -> float | None:
 def _method_name(method: MethodResult) -> Markup:
     if method.name == method.id:
         return element("span", method.id)
-    return joined([method.id, element("span", f" {method.name}", class_="muted")])
+    return joined([method.id, element("span", method.name, class_="kind")])
 
 
 def _seconds(value: float | None) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.comparison import Comparison, MethodResult, TestMap
+from pgm_places.comparison import Comparison, MethodResult, TestMap, history_of
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling, Status
@@ -82,6 +82,7 @@ def small_comparison(
                 evaluations,
                 Evaluation.merged(evaluations),
                 seconds,
+                histories=tuple(history_of(labeling) for labeling in labelings),
             )
         )
     record: dict[str, Any] = {

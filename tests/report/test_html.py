@@ -2,6 +2,7 @@ import base64
 import hashlib
 import io
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -201,3 +202,26 @@ def test_an_unwritable_path_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write"):
         write_report(small_comparison(), tmp_path / "file" / "report.html")
     assert [part.name for part in tmp_path.iterdir()] == ["file"]
+
+
+def test_learned_weights_have_their_certificate_and_their_history() -> None:
+    comparison = small_comparison(method_id="amn")
+    learned = {
+        "objective": 2.0,
+        "lower_bound": 1.99,
+        "certified_objective": 2.01,
+        "certified_gap": 0.00995,
+        "status": "optimal",
+        "iterations": 41,
+    }
+    amn = replace(
+        comparison.methods[1],
+        learned=learned,
+        learning={"objective": [9.0, 3.0, 2.0], "lower bound": [0.0, 1.0, 1.99]},
+    )
+    page = report_page(replace(comparison, methods=(comparison.methods[0], amn)))
+    text = Reader(page).text
+    assert "How far from the best the learned weights may be" in text
+    assert all(word in text for word in ("2.010", "1.990", "1.00", "41"))
+    assert "amn: learning" in text
+    assert "learned weights" not in Reader(report_page(comparison)).text
