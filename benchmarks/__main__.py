@@ -15,6 +15,7 @@ from typing import Any
 from pgm_places.experiment import versions
 
 TOPICS = (
+    "first_use",
     "casting",
     "features",
     "boosting",

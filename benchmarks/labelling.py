@@ -1,13 +1,11 @@
 """Labelling a whole map: load, cast, features, classify.
 
 The real map of building 79 at 5 cm where the data is there, else the generated building; the list
-is trained on the same map. ``stages`` are processor seconds on one thread; ``cold`` is a fresh
-process with an empty kernel cache.
+is trained on the same map.
 """
 
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -50,21 +48,6 @@ def median_seconds(work: Any, repeats: int) -> tuple[float, float]:
     return statistics.median(wall), statistics.median(processor)
 
 
-def cold_seconds(model: Path, map_yaml: Path, folder: Path) -> float:
-    """Wall seconds of ``pgm-places label`` in a fresh process with an empty kernel cache."""
-    with tempfile.TemporaryDirectory(dir=folder) as cache:
-        environment = {**os.environ, "PGM_PLACES_CACHE_DIR": cache}
-        command = [sys.executable, "-m", "pgm_places", "label", str(map_yaml), "--model"]
-        start = time.perf_counter()
-        subprocess.run(
-            [*command, str(model), "--out", str(folder / "labelled"), "--quiet"],
-            check=True,
-            env=environment,
-            stdout=subprocess.DEVNULL,
-        )
-        return time.perf_counter() - start
-
-
 def run(quick: bool) -> list[dict[str, Any]]:
     """The rows of the table."""
     repeats = 3 if quick else 9
@@ -97,8 +80,6 @@ def run(quick: bool) -> list[dict[str, Any]]:
                     "cells a second": grid.free.sum() / wall,
                 }
             )
-        cold = cold_seconds(folder / "model", map_yaml, folder)
-        rows.append({"command": "pgm-places label, cold (nothing compiled)", "wall s": cold})
     return rows
 
 
