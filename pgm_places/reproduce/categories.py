@@ -162,12 +162,15 @@ def _pictures(floor: Floor, steps: ScoredSteps) -> dict[str, bytes]:
     beliefs = None if labeling.beliefs is None else labeling.beliefs[known]
     half = replace(labeling, labels=labeling.labels[known], beliefs=beliefs)
     track = Track(drive.subset(known), half, floor.names)
-    found = steps.evaluation
+    found = steps.evaluation.confusion
+    seen = np.flatnonzero(found.sum(axis=0) + found.sum(axis=1))
     return {
         "true.png": path_map(floor.grid, positions, drive.labels, floor.names),
         "labelled.png": path_map(floor.grid, positions, shown, floor.names),
         "beliefs.png": belief_plot(track),
-        "confusion.png": confusion_picture(found.confusion, floor.names),
+        "confusion.png": confusion_picture(
+            found[np.ix_(seen, seen)], [floor.names[k] for k in seen]
+        ),
     }
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from pgm_places._version import __version__
 from pgm_places.report.markup import Markup, element
 from pgm_places.report.page_head import page_head
-from pgm_places.reproduce.overview import STAND_IN_WARNING, overview_table
+from pgm_places.reproduce.overview import PAPER_COLUMN, STAND_IN_WARNING, overview_table
 from pgm_places.reproduce.section import Picture, Section, Table
 
 __all__ = ["html_page"]
@@ -107,6 +107,7 @@ def _table(table: Table) -> Markup:
             for name, words in zip(table.heading, left, strict=True)
         ),
     )
+    paper = table.heading.index(PAPER_COLUMN) if PAPER_COLUMN in table.heading else None
     rows = [
         element(
             "tr",
@@ -114,6 +115,8 @@ def _table(table: Table) -> Markup:
                 _cell("td" if k else "th", text, words=left[k], scope=None if k else "row")
                 for k, text in enumerate(row)
             ),
+            # What has a figure to compare with is found at a glance.
+            style="background:var(--card)" if paper is not None and row[paper] != "-" else None,
         )
         for row in table.rows
     ]
@@ -124,10 +127,14 @@ def _table(table: Table) -> Markup:
 
 
 def _cell(tag: str, text: str, *, words: bool, scope: str | None = None) -> Markup:
-    style = "text-align:left" if words else None
-    if words and scope != "col":  # long words of a heading would be broken anywhere
-        style = "text-align:left;white-space:normal;min-width:8rem"
-    return element(tag, text, style=style, scope=scope)
+    styles = ["text-align:left"] if words else []
+    if scope == "col":  # at spaces, never within a word
+        styles += ["white-space:normal", "overflow-wrap:normal"]
+    elif words:
+        styles += ["white-space:normal", "min-width:8rem"]
+    if scope == "row":
+        styles.append("background:inherit")
+    return element(tag, text, style=";".join(styles) or None, scope=scope)
 
 
 def _is_words(cells: Sequence[str]) -> bool:

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from pgm_places.reproduce.figures import percent
 from pgm_places.reproduce.section import Finding, Section, Table
 
-__all__ = ["STAND_IN_WARNING", "overview_table"]
+__all__ = ["PAPER_COLUMN", "STAND_IN_WARNING", "overview_table"]
 
+PAPER_COLUMN = "paper"
 STAND_IN_WARNING = (
     "The real maps are not at hand: generated buildings stand in for them. The figures of these "
     "sections say that everything runs; they are not to be compared with the paper's."
@@ -15,7 +16,7 @@ STAND_IN_WARNING = (
 
 def overview_table(sections: Sequence[Section]) -> Table:
     """A row per finding; ablations are left out where there are sections of the paper."""
-    heading = ("experiment", "buildings", "paper", "ours", "95 %", "balanced", "doorway F1")
+    heading = ("experiment", "buildings", PAPER_COLUMN, "ours", "95 %", "balanced", "doorway F1")
     rows = [
         (f"{section.id} {item.what}", "real" if section.real else "generated", *_figures(item))
         for section in [item for item in sections if item.paper] or sections

@@ -40,8 +40,8 @@ def run(setting: Setting) -> Outcome:
     shown = comparisons["exhaustive"]
     n = shown.methods[0].evaluation.n
     return Outcome(
-        setting=f"{shown.maps[0].grid.resolution_m:g} m cells, 360 simulated beams, decision list "
-        f"alone; learned on the left half, tested on {n:,} cells of the right half.",
+        setting=f"Cells of {100 * shown.maps[0].grid.resolution_m:g} cm, 360 simulated beams, "
+        f"decision list alone; learned on the left half, tested on {n:,} cells of the right half.",
         findings=tuple(findings),
         tables=(table,),
         pictures=(

@@ -51,8 +51,8 @@ def fine(setting: Setting) -> Outcome:
     last = found[sides[-1]]
     nodes = int((last.maps[0].layout.from_raster(last.maps[0].truth) >= 0).sum())
     return Outcome(
-        setting="Building 79 as the COLD campaign mapped it, in cells of 2 cm, its left half to "
-        "its right half; the lists are trained on 20,000 cells drawn at random, methods learn from "
+        setting="Building 79 as the COLD campaign mapped it, in cells of 2 cm, from one half to "
+        "the other; the lists are trained on 20,000 cells drawn at random, methods learn from "
         f"all. At {_centimetres(sides[-1])} {nodes:,} cells are tested.",
         findings=_findings(found, {}),
         tables=(_table(found),),

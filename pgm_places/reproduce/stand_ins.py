@@ -27,8 +27,8 @@ _PREFIX = "$PGM_PLACES_DATA/"
 def with_stand_ins(config: ExperimentConfig) -> ExperimentConfig:
     """The same experiment on generated buildings, another one for each real one.
 
-    A window of columns from the left edge becomes the left half of the building, any other window
-    the right half.
+    A window that is open or 0 at its lower end becomes the left half of the building, any other
+    window the right half.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def _stand_in(item: MapConfig) -> MapConfig:
             "that holds the real maps"
         )
     half = None
-    window = item.columns or item.x_m
+    window = item.columns or item.x_m or item.y_m
     if window is not None:
         half = "right" if window[0] else "left"
     return MapConfig(generated=STAND_INS[folder], half=half, building=item.building)  # type: ignore[arg-type]

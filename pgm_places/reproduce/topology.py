@@ -64,8 +64,9 @@ def run(setting: Setting) -> Outcome:
             caption = "Topological map of the ground truth."
         pictures.append(Picture(name, caption))
     return Outcome(
-        setting=f"{item.grid.resolution_m:g} m cells; learned on the left half; regions, doors and "
-        "connections of the right half, counted against those of the ground truth.",
+        setting=f"Cells of {100 * item.grid.resolution_m:g} cm; learned on the left half; "
+        "regions, doors and connections of the right half, counted against those of the ground "
+        "truth.",
         findings=tuple(
             _doorways(method, name, found)
             for (method, name), found in scores.items()

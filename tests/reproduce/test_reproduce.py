@@ -131,7 +131,8 @@ def test_every_configuration_is_good_and_has_stand_ins(path: Path) -> None:
     for part in ("train", "test"):
         for before, after in zip(getattr(config, part), getattr(replaced, part), strict=True):
             assert after.generated is not None
-            assert (after.half is None) == (before.columns is None and before.x_m is None)
+            windows = (before.columns, before.x_m, before.y_m)
+            assert (after.half is None) == (windows == (None, None, None))
     assert [item.id for item in replaced.methods] == [item.id for item in config.methods]
 
 
