@@ -244,7 +244,7 @@ class AssociativeMarkovNetwork:
         raw = [node_features(problem, parts) for problem, _ in known]
         if len({features.shape[1] for features in raw}) > 1:
             raise InputError(
-                "training maps must have the same number of node features, got "
+                "training problems must have the same number of node features, got "
                 f"{[features.shape[1] for features in raw]}"
             )
         scaling = Standardization.of(np.concatenate(raw))

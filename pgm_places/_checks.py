@@ -45,7 +45,21 @@ def _check_shape(name: str, got: tuple[int, ...], shape: tuple[int | str | None,
         not isinstance(want, int) or want == size for want, size in zip(shape, got, strict=True)
     )
     if not fits:
-        raise InputError(f"{name} must have shape {_shape_text(shape)}, got {got}")
+        hint = _shape_hint(name, got, shape)
+        raise InputError(f"{name} must have shape {_shape_text(shape)}, got {got}{hint}")
+
+
+def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, ...]) -> str:
+    """What to write instead, where the slip is a common one."""
+    if len(shape) != 2:
+        return ""
+    if len(got) == 1 and got[0] == shape[0] != shape[1]:
+        return f"; a single column is {name}[:, np.newaxis]"
+    turned = len(got) == 2 and all(
+        not isinstance(want, int) or want == size
+        for want, size in zip(shape, got[::-1], strict=True)
+    )
+    return f"; transpose it: {name}.T" if turned else ""
 
 
 def finite_array(

@@ -27,7 +27,9 @@ def require_canonical(edges: NDArray[np.int64]) -> None:
         return
     loops = np.flatnonzero(edges[:, 0] == edges[:, 1])
     if len(loops):
-        raise InputError(f"edge {int(loops[0])} joins node {edges[loops[0], 0]} to itself")
+        raise InputError(
+            f"edge {int(loops[0])} joins node {edges[loops[0], 0]} to itself; leave such edges out"
+        )
     turned = np.flatnonzero(edges[:, 0] > edges[:, 1])
     if len(turned):
         i, j = edges[turned[0]]

@@ -55,7 +55,10 @@ class LabelingProblem:
         object.__setattr__(self, "label_names", names)
         n, e = self.graph.n_nodes, self.graph.n_edges
         if self.unary is None and self.node_features is None:
-            raise InputError("a problem needs unary log-probabilities or node_features")
+            raise InputError(
+                f"a problem needs unary log-probabilities of shape ({n}, {len(names)}) or "
+                f"node_features of shape ({n}, D); it has neither"
+            )
         if self.unary is not None:
             unary = finite_array("unary", self.unary, (n, len(names)), allow_minus_inf=True)
             object.__setattr__(self, "unary", frozen(unary))
@@ -65,7 +68,10 @@ class LabelingProblem:
         if self.edge_features is not None:
             edges = finite_array("edge_features", self.edge_features, (e, "F"))
             if (edges < 0).any():
-                raise InputError("edge_features must be at least 0; shift or split signed features")
+                raise InputError(
+                    f"edge_features must be at least 0, got {edges.min():g}; shift signed "
+                    "features, or split each into a positive and a negative column"
+                )
             object.__setattr__(self, "edge_features", frozen(edges))
 
     def __repr__(self) -> str:

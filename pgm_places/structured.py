@@ -149,7 +149,10 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
         known = np.unique(np.concatenate(truths))
         missing = [name for k, name in enumerate(names) if k not in known]
         if missing:
-            raise LabelError(f"no training node is labelled {missing[0]!r}")
+            raise LabelError(
+                f"no training node is labelled {missing[0]!r}: y never holds "
+                f"{names.index(missing[0])}; label some, or take the name out of label_names"
+            )
         seen = problems
         if self.classifier is not None:
             self.classifier_ = self._trained(problems, truths)

@@ -23,3 +23,17 @@ def test_log_probabilities_are_not_taken_for_probabilities() -> None:
         LabelingProblem.from_probabilities(PAIR, ["a", "b"], np.log([[0.5, 0.5]] * 2))
     with pytest.raises(InputError, match=r"sum to 1 in every row, got 0\.9 in row 1"):
         LabelingProblem.from_probabilities(PAIR, ["a", "b"], [[0.5, 0.5], [0.5, 0.4]])
+
+
+def test_common_slips_of_shape_come_with_what_to_write() -> None:
+    graph = LabelGraph.from_lattice((4,))
+    with pytest.raises(
+        InputError, match=r"unary must have shape \(4, 2\), got \(2, 4\); transpose"
+    ):
+        LabelingProblem(graph, ["a", "b"], unary=np.zeros((2, 4)))
+    with pytest.raises(InputError, match=r"got \(4,\); a single column is node_features\[:, np"):
+        LabelingProblem(graph, ["a", "b"], node_features=np.zeros(4))
+    with pytest.raises(InputError, match=r"unary must have shape \(4, 2\), got \(3, 2\)$"):
+        LabelingProblem(graph, ["a", "b"], unary=np.zeros((3, 2)))
+    with pytest.raises(InputError, match=r"of shape \(4, 2\) or node_features of shape \(4, D\)"):
+        LabelingProblem(graph, ["a", "b"])
