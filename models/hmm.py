@@ -59,8 +59,8 @@ class HiddenMarkovModel:
         Exponent of the likelihood, from 0 (observations say nothing) to 1 (the paper's: each is
         independent of the others, given the labels). Scans a step apart see the same things, and
         err together; below 1 they count as fewer. ``"fitted"`` takes for each mode the weight with
-        which it labels most steps of the sequences given to :meth:`fit` right, which wants unaries
-        of a classifier that has not seen them; 1 where there are no labelled sequences.
+        which it labels the sequences given to :meth:`fit` best, which wants unaries of a classifier
+        that has not seen them; 1 where there are no labelled sequences.
     stay_below_m : float
         A robot that moved less than this between two steps is taken to be at the same place; needs
         positions. 0 never does.
@@ -171,7 +171,7 @@ class HiddenMarkovModel:
     ) -> Self:
         """A new one with the evidence's weight fitted to labelled sequences, if it is to be.
 
-        For each mode, of the weights that label most known steps right the largest is taken.
+        For each mode by itself: see :func:`pgm_places.models.evidence_weight.best_weight`.
         Arguments as of :meth:`fit`.
         """
         if self.evidence_weight != "fitted":
