@@ -264,7 +264,8 @@ def _drivable(grid: OccupancyGrid, room_m: NDArray[np.float64], radius_m: float)
         near = np.flatnonzero(other >= 0)
         starts.append(near)
         ends.append(other[near])
-    i, j = np.concatenate(starts), np.concatenate(ends)
+    # csgraph of older SciPy takes indices of 32 bits only.
+    i, j = (np.concatenate(parts).astype(np.int32) for parts in (starts, ends))
     length = np.hypot(*(cells[i] - cells[j]).T) * stride * grid.resolution_m
     size = len(cells)
     lengths = sparse.csr_array((length, (i, j)), shape=(size, size))

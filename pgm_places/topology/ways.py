@@ -97,7 +97,8 @@ class _Walker:
             near = np.flatnonzero(other >= 0)
             starts.append(near)
             ends.append(other[near])
-        i, j = np.concatenate(starts), np.concatenate(ends)
+        # csgraph of older SciPy takes indices of 32 bits only.
+        i, j = (np.concatenate(parts).astype(np.int32) for parts in (starts, ends))
         step = np.hypot(*(self.cells[i] - self.cells[j]).T)
         size = len(self.cells)
         return sparse.csr_array((step * (cost[i] + cost[j]) / 2, (i, j)), shape=(size, size))
