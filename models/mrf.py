@@ -28,6 +28,8 @@ class PottsField:
         What a pair of neighbours earns by agreeing, in units of the unary log-probabilities. Eight
         neighbours earn eight times as much, and a map of half the cell size has twice as many
         along every border: a good weight is one for a resolution.
+    max_iterations : int, optional
+        Limit of the decoder's iterations instead of its own.
     edge_weights : {"equal", "given"}
         Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
         strength of a tie, likeness of two ends.
@@ -51,6 +53,7 @@ class PottsField:
     inference: str = "graph-cut"
     certify: bool = False
     edge_weights: Literal["equal", "given"] = "equal"
+    max_iterations: int | None = None
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.weight):
@@ -58,6 +61,9 @@ class PottsField:
         require_decoder(self.inference)
         if self.edge_weights not in ("equal", "given"):
             raise ConfigError(f"edge_weights must be 'equal' or 'given', got {self.edge_weights!r}")
+        limit = self.max_iterations
+        if limit is not None and (not isinstance(limit, int) or limit < 1):
+            raise ConfigError(f"max_iterations must be a whole number of at least 1, got {limit!r}")
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labelling that the decoder finds, with its score and status.
@@ -75,7 +81,13 @@ class PottsField:
         if self.edge_weights == "given":
             earned = np.repeat(self.weight * _given(problem), problem.n_labels, axis=1)
             potentials = Potentials(problem.unary, agreement=earned)
-        return decode(problem.graph, potentials, self.inference, certify=self.certify)
+        return decode(
+            problem.graph,
+            potentials,
+            self.inference,
+            certify=self.certify,
+            max_iterations=self.max_iterations,
+        )
 
 
 def _given(problem: LabelingProblem) -> NDArray[np.float64]:

@@ -82,6 +82,16 @@ def test_decoders_are_options() -> None:
     assert build("potts", {"inference": "trw-s", "weight": 2.0}).inference == "trw-s"
 
 
+def test_iterations_may_be_limited() -> None:
+    unary = np.log(np.random.default_rng(0).dirichlet([1.0, 1.0], 400))
+    problem = LabelingProblem(LabelGraph.from_lattice((20, 20)), ("a", "b"), unary)
+    few = PottsField(inference="mean-field", max_iterations=3).infer(problem)
+    many = PottsField(inference="mean-field").infer(problem)
+    assert few.info["iterations"] == 3 < many.info["iterations"]
+    with pytest.raises(ConfigError, match="max_iterations must be a whole number"):
+        PottsField(max_iterations=0)
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [
