@@ -128,6 +128,20 @@ def _rehearse_relaxation() -> None:
     Relaxation().fit([problem], [np.arange(16) % 3]).infer(problem)
 
 
+def _rehearse_potts() -> None:
+    """Mean field, as the shipped models use it."""
+    import numpy as np
+
+    from pgm_places.graph import LabelGraph
+    from pgm_places.grid import OccupancyGrid
+    from pgm_places.models.mrf import PottsField
+    from pgm_places.problem import LabelingProblem
+
+    graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((4, 4), np.int8), 1.0))
+    problem = LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
+    PottsField(inference="mean-field").infer(problem)
+
+
 def _rehearse_boosting() -> None:
     import numpy as np
 
@@ -161,6 +175,7 @@ REHEARSALS: dict[str, Callable[[], None]] = {
     "features": _rehearse_features,
     "boosting": _rehearse_boosting,
     "relaxation": _rehearse_relaxation,
+    "potts": _rehearse_potts,
     "amn": _rehearse_amn,
     "topology": _rehearse_topology,
 }
