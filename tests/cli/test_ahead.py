@@ -72,7 +72,7 @@ def test_a_rehearsal_goes_through(name: str) -> None:
 
 def test_a_stored_model_tells_its_methods_without_being_loaded(tmp_path: Path) -> None:
     folder = model_folder("default")
-    assert ahead.stage_of_model(folder, None) == "relaxation"
+    assert ahead.stage_of_model(folder, None) == "potts"
     assert ahead.stage_of_model(folder, "adaboost") == "independent"
     assert ahead.stage_of_model(folder, "no such method") == ""
     assert ahead.stage_of_model(tmp_path, None) == ""

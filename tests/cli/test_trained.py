@@ -48,7 +48,7 @@ def test_a_folder_wins_and_other_names_are_refused(
 def test_label_needs_no_model(tmp_path: Path, run: Run, building: Path) -> None:
     code, out, err = run("label", building / "map.yaml", "--out", tmp_path / "labelled")
     assert code == 0, err
-    assert "relaxation: corridor" in out
+    assert "potts: corridor" in out
     code, _, err = run(
         "label", building / "map.yaml", "--model", "deflt", "--out", tmp_path / "other"
     )
