@@ -80,7 +80,8 @@ def test_value_is_that_of_scipy(seed: int, n_nodes: int, n_edges: int, one_way: 
         network[1][n_nodes // 5 :] = 0.0
         network[4][:] = 0.0
     tail, head, capacity = arc_list(network)
-    graph = sp.csr_array((capacity.astype(np.int32), (tail, head)), shape=(n_nodes + 2,) * 2)
+    arcs = (tail.astype(np.int32), head.astype(np.int32))  # older SciPy takes no others
+    graph = sp.csr_array((capacity.astype(np.int32), arcs), shape=(n_nodes + 2,) * 2)
     cut = minimum_cut(*network)
     assert cut.value == maximum_flow(graph, n_nodes, n_nodes + 1).flow_value
 
