@@ -54,7 +54,7 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
     if str(log) == "-":
         raise ConfigError("standard input is read with --follow; without it, name a log")
     progress = make_progress(quiet=quiet)
-    labeler = _labeler(options)
+    labeler = _labeler(options, progress)
     grid = _map(options)
     counts = _counts(options, labeler, progress)
     check_writable_folder(out)
@@ -93,7 +93,7 @@ def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: boo
     if options.mode != "filter":
         raise ConfigError("--follow labels step by step, which only --mode filter does")
     progress = make_progress(quiet=quiet)
-    labeler = _labeler(options)
+    labeler = _labeler(options, progress)
     grid = _map(options)
     counts = _counts(options, labeler, progress)
     if out is not None:
@@ -209,7 +209,7 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
         yield stream, 0.2
 
 
-def _labeler(options: TrackOptions) -> "TrajectoryLabeler":
+def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
     from pgm_places.models.hmm import HiddenMarkovModel
     from pgm_places.sensing.full_circle import check_missing
     from pgm_places.trained import model_folder
@@ -229,6 +229,12 @@ def _labeler(options: TrackOptions) -> "TrajectoryLabeler":
         beams = replace(labeler.beams, missing=chosen)  # type: ignore[arg-type]
         labeler = replace(labeler, beams=beams)
     if options.every_m is not None:
+        if isinstance(labeler.method, HiddenMarkovModel) and options.every_m != labeler.every_m:
+            progress.warn(
+                f"--every {options.every_m:g}: the model's transitions were learned for updates "
+                f"every {labeler.every_m:g} m and stay as they are; learn a model at this distance "
+                "for the best labels"
+            )
         labeler = replace(labeler, every_m=options.every_m)
     return labeler
 

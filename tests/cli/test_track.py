@@ -64,10 +64,11 @@ def test_a_log_becomes_a_table_pictures_and_a_report(folder: Path, run: Run) -> 
 def test_a_known_map_and_other_modes(folder: Path, run: Run, mode: str) -> None:
     out = folder / "out"
     arguments: tuple[Any, ...] = ("--map", folder / "map.yaml", "--mode", mode, "--every", 0.3)
-    code, _, _ = run(
+    code, _, err = run(
         "track", folder / "drive.log", "-m", folder / "model", "-o", out, *arguments, "-q"
     )
     assert code == 0
+    assert "transitions were learned for updates every" in err
     assert ("p_room" in rows_of(out / "beliefs.csv")[0]) == (mode == "smooth")
 
 
