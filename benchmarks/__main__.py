@@ -30,6 +30,7 @@ TOPICS = (
 )
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each topic wrote last
+NOTES = FOLDER / "notes.md"  # what was aimed at, and what stands in the way
 PAGE = FOLDER.parent / "docs" / "benchmarks.md"
 HEAD = """\
 # Benchmarks
@@ -115,7 +116,7 @@ def page() -> str:
     known = ", ".join(f"{name} {version}" for name, version in versions().items())
     machine = f"Machine: {processor()}, {os.cpu_count()} cores. Versions: {known}."
     parts = [HEAD + machine + "\n\n" + HOW_TO_RUN]
-    files = (SECTIONS / f"{topic}.md" for topic in TOPICS)
+    files = (*(SECTIONS / f"{topic}.md" for topic in TOPICS), NOTES)
     return "\n".join(
         [*parts, *(file.read_text(encoding="utf-8") for file in files if file.exists())]
     )
