@@ -71,7 +71,8 @@ for name, labels in found.items():
     result = evaluate(truth[right], labels, names)
     overlap = 100 * result.iou["motorcycle"]
     print(f"{name:20} {100 * result.accuracy:5.1f} %, overlap of the motorcycle {overlap:.0f} %")
-print(f"status {labeling.status}, gap to the best possible score {labeling.gap:.1e}")
+share = labeling.gap / labeling.score
+print(f"status {labeling.status}, at most {share:.1e} of its score below the best possible")
 
 # %%
 palette = np.array(["#f4c150", "#2b4bb8", "#a1de96"])

@@ -45,7 +45,7 @@ def test_an_example_is_short_and_has_a_title(path: Path) -> None:
 @pytest.mark.parametrize(
     ("example", "alone"), [("plot_coins", "pixel by pixel"), ("plot_motorcycle", "point by point")]
 )
-def test_the_learned_network_beats_its_unary_and_proves_its_labelling(
+def test_the_learned_network_beats_its_unary_and_bounds_its_score(
     example: str, alone: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("skimage")
@@ -58,5 +58,5 @@ def test_the_learned_network_beats_its_unary_and_proves_its_labelling(
     }
     assert accuracy["learned AMN"] > accuracy[alone] + 0.01
     assert accuracy["learned AMN"] == max(accuracy.values())
-    assert names["labeling"].gap < 1e-3
+    assert names["labeling"].gap < 1e-3 * names["labeling"].score
     names["plt"].close("all")
