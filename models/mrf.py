@@ -28,15 +28,15 @@ class PottsField:
         What a pair of neighbours earns by agreeing, in units of the unary log-probabilities. Eight
         neighbours earn eight times as much, and a map of half the cell size has twice as many
         along every border: a good weight is one for a resolution.
-    max_iterations : int, optional
-        Limit of the decoder's iterations instead of its own.
-    edge_weights : {"equal", "given"}
-        Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
-        strength of a tie, likeness of two ends.
     inference : str
         A decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``trw-s``, ...
     certify : bool
         Whether to add an upper bound of the best score where the decoder has none.
+    edge_weights : {"equal", "given"}
+        Whether ``w_ij`` is 1 for all edges, or the problem's one column of ``edge_features``:
+        strength of a tie, likeness of two ends.
+    max_iterations : int, optional
+        Limit of the decoder's iterations instead of its own.
 
     Examples
     --------

@@ -13,6 +13,10 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pgm_places.problem import LabelingProblem
 
 __all__ = ["REHEARSALS", "compiled_ahead", "main", "stage_of_model"]
 
@@ -115,31 +119,32 @@ def _rehearse_topology() -> None:
     topological_map(building.grid, building.labels, building.label_names)
 
 
-def _rehearse_relaxation() -> None:
+def _blank_problem() -> "LabelingProblem":
+    """A grid of 4 x 4 cells and three labels, of which none is better."""
     import numpy as np
 
     from pgm_places.graph import LabelGraph
     from pgm_places.grid import OccupancyGrid
-    from pgm_places.models.relaxation import Relaxation
     from pgm_places.problem import LabelingProblem
 
     graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((4, 4), np.int8), 1.0))
-    problem = LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
+    return LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
+
+
+def _rehearse_relaxation() -> None:
+    import numpy as np
+
+    from pgm_places.models.relaxation import Relaxation
+
+    problem = _blank_problem()
     Relaxation().fit([problem], [np.arange(16) % 3]).infer(problem)
 
 
 def _rehearse_potts() -> None:
     """Mean field, as the shipped models use it."""
-    import numpy as np
-
-    from pgm_places.graph import LabelGraph
-    from pgm_places.grid import OccupancyGrid
     from pgm_places.models.mrf import PottsField
-    from pgm_places.problem import LabelingProblem
 
-    graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((4, 4), np.int8), 1.0))
-    problem = LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
-    PottsField(inference="mean-field").infer(problem)
+    PottsField(inference="mean-field").infer(_blank_problem())
 
 
 def _rehearse_boosting() -> None:

@@ -1,7 +1,7 @@
 """Numbers as the tables of the paper's experiments show them."""
 
 from pgm_places.comparison import Comparison, MethodResult
-from pgm_places.evaluation import Evaluation, border_tolerant_mask
+from pgm_places.evaluation import Evaluation, Interval, border_tolerant_mask
 from pgm_places.reproduce.section import Finding, Table
 
 __all__ = ["BORDER_M", "DOORWAY", "away_from_borders", "finding", "method_table", "percent"]
@@ -18,8 +18,13 @@ def percent(value: float | None) -> str:
 
 def finding(what: str, method: MethodResult, *, paper: float | None = None) -> Finding:
     """The overview's line of a method."""
-    found = method.evaluation
-    interval = method.intervals.get("accuracy")
+    return finding_of(what, method.evaluation, method.intervals.get("accuracy"), paper=paper)
+
+
+def finding_of(
+    what: str, found: Evaluation, interval: Interval | None, *, paper: float | None = None
+) -> Finding:
+    """The overview's line of an evaluation and the interval of its accuracy."""
     return Finding(
         what,
         found.accuracy,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, evaluate
 from pgm_places.labeling import Labeling, Status
-from pgm_places.reproduce.figures import doorway_f1
+from pgm_places.reproduce.figures import finding_of
 from pgm_places.reproduce.section import Finding
 from pgm_places.trajectory import Trajectory
 from pgm_places.trajectory_labeler import TrajectoryLabeler
@@ -43,15 +43,7 @@ class ScoredSteps:
 
     def finding(self, what: str, *, paper: float | None = None) -> Finding:
         """The overview's line."""
-        found = self.evaluation
-        return Finding(
-            what,
-            found.accuracy,
-            found.balanced_accuracy,
-            doorway_f1(found),
-            paper,
-            (self.interval.low, self.interval.high),
-        )
+        return finding_of(what, self.evaluation, self.interval, paper=paper)
 
 
 def scored_modes(
