@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 
 Stump = tuple[int, float, int]
 

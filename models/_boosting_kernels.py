@@ -10,7 +10,7 @@ twice the bin's positive mass, and fall by at most twice its negative mass.
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 
 __all__ = [
     "add_to_four",

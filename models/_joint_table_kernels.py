@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit, prefetch
+from pgm_places.kernels.jit import njit, prefetch
 
 __all__ = ["add_changes", "score_tables", "sum_last_axis"]
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import run_tasks
 
 __all__ = ["JointTables", "SortedFeatures", "prepare"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
-from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import run_tasks
 
 __all__ = ["StrongClassifier", "VoteTable", "distinct_in_order", "interleaved", "score_all"]
 

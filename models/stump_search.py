@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._threads import run_tasks
+from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.sorted_features import SortedFeatures
 
 __all__ = ["Stump", "StumpSearch"]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 
 __all__ = ["FORTH", "REVERSE", "Arcs", "fill_slots"]
 

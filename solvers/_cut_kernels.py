@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 from pgm_places.solvers._adjacency_kernels import FORTH, REVERSE, Arcs
 
 __all__ = ["FREE", "SINK", "SOURCE", "CutSpace", "minimum_cut_kernel"]

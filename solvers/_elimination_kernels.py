@@ -8,7 +8,7 @@ labelling then holds it, and what the neighbours can do shrinks in turn.
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 from pgm_places.solvers._adjacency_kernels import Arcs
 
 __all__ = ["eliminate_labels"]

@@ -10,7 +10,7 @@ rest is left to the minimum cut.
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 from pgm_places.solvers._adjacency_kernels import Arcs
 
 __all__ = [

@@ -8,7 +8,7 @@ the multiplicative update keeps, so that no mask is needed and whole blocks are 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 
 BLOCK = 16  # cells: one cache line of float32, one to four vectors
 CHUNK = 512  # cells updated at once: the scratch rows of a chunk stay in the innermost cache

@@ -8,7 +8,7 @@ way back the other way round. What the normalisation takes out on the way back a
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 from pgm_places.solvers._adjacency_kernels import Arcs
 
 __all__ = ["agreement_pass", "decode_agreement", "decode_tables", "share_of_nodes", "table_pass"]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
-from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import run_tasks
 from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.relaxation import (
     OnIteration,

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
-from pgm_places._threads import resolve_threads, run_tasks
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import resolve_threads, run_tasks
 
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
@@ -132,7 +132,7 @@ def relax_graph(
     floor, damping, iterations, tolerance
         See :class:`pgm_places.models.relaxation.Relaxation`.
     n_threads : int, optional
-        Threads; default as :func:`pgm_places._threads.resolve_threads`.
+        Threads; default as :func:`pgm_places.kernels.threads.resolve_threads`.
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """

@@ -74,7 +74,7 @@ def main(stages: Sequence[str]) -> None:
 
 
 def _only_one(n_threads: int | None) -> bool:
-    from pgm_places._threads import resolve_threads
+    from pgm_places.kernels.threads import resolve_threads
 
     return resolve_threads(n_threads) < 2
 
@@ -90,7 +90,7 @@ def _mark(name: str) -> Path | None:
         return None
     from importlib.metadata import version
 
-    from pgm_places._kernel_cache import cache_folder
+    from pgm_places.kernels.cache import cache_folder
 
     folder = cache_folder()
     if folder is None:

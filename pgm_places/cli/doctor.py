@@ -55,8 +55,8 @@ def _version(name: str) -> str:
 
 
 def _kernels() -> None:
-    from pgm_places._kernel_cache import cache_folder
-    from pgm_places._threads import resolve_threads
+    from pgm_places.kernels.cache import cache_folder
+    from pgm_places.kernels.threads import resolve_threads
 
     folder = cache_folder()
     where = folder if folder is not None else "nowhere (compiled anew in every process)"

@@ -8,8 +8,10 @@ that the shift to the mean loses at most five of sixteen digits.
 
 from typing import Any
 
-from pgm_places._jit import inlined, njit
-from pgm_places._lanes import (
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.laser import first_column
+from pgm_places.kernels.jit import inlined, njit
+from pgm_places.kernels.lanes import (
     absolute,
     any_lane,
     fma,
@@ -22,8 +24,6 @@ from pgm_places._lanes import (
     square_root,
     store,
 )
-from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
-from pgm_places.features.laser import first_column
 
 N_GAPS = N_BEAMS - 1
 RATIO_OFFSET_M = 1e-4

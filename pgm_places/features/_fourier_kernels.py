@@ -20,8 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places._jit import inlined, njit
-from pgm_places._lanes import (
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.laser import first_column
+from pgm_places.features.plan import FOURIER_BLOCK, FOURIER_REACH
+from pgm_places.kernels.jit import inlined, njit
+from pgm_places.kernels.lanes import (
     absolute,
     add_to,
     fma,
@@ -34,9 +37,6 @@ from pgm_places._lanes import (
     store,
     widen,
 )
-from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
-from pgm_places.features.laser import first_column
-from pgm_places.features.plan import FOURIER_BLOCK, FOURIER_REACH
 
 CHUNK = 12
 N_STEPS = FOURIER_REACH + 1

@@ -10,8 +10,9 @@ of its run of equal beams (the run that is met first, if there are several).
 import math
 from typing import Any
 
-from pgm_places._jit import inlined, njit
-from pgm_places._lanes import (
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.kernels.jit import inlined, njit
+from pgm_places.kernels.lanes import (
     LANES,
     absolute,
     any_lane,
@@ -24,7 +25,6 @@ from pgm_places._lanes import (
     square_root,
     store,
 )
-from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
 
 STEP_RAD = 2.0 * math.pi / N_BEAMS
 UNREACHED_M = 1e300

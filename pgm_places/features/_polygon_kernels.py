@@ -8,8 +8,10 @@ vertex) do not cancel; moments are taken about the sensor and shifted to the cen
 import math
 from typing import Any
 
-from pgm_places._jit import inlined, njit
-from pgm_places._lanes import (
+from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.laser import first_column
+from pgm_places.kernels.jit import inlined, njit
+from pgm_places.kernels.lanes import (
     LANES,
     any_lane,
     fma,
@@ -21,8 +23,6 @@ from pgm_places._lanes import (
     square_root,
     store,
 )
-from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
-from pgm_places.features.laser import first_column
 
 STEP_RAD = 2.0 * math.pi / N_BEAMS
 SINE = math.sin(STEP_RAD)

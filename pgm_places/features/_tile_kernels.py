@@ -5,9 +5,9 @@ A tile is sixteen scans; ``pgm_places.features._tiles`` says how they lie in the
 
 from typing import Any
 
-from pgm_places._jit import njit
-from pgm_places._lanes import LANES, load, select, splat, store, transpose_block, widen
 from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.kernels.jit import njit
+from pgm_places.kernels.lanes import LANES, load, select, splat, store, transpose_block, widen
 
 
 @njit

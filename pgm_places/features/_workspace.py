@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from pgm_places._lanes import LANES, aligned_planes
 from pgm_places.features._fourier_kernels import SUM_ROWS, WORK_ROWS
 from pgm_places.features._polygon_kernels import SHAPE_ROWS
 from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.kernels.lanes import LANES, aligned_planes
 
 __all__ = ["Workspace"]
 

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._lanes import LANES, aligned_planes
-from pgm_places._threads import run_tasks
 from pgm_places.errors import InputError
 from pgm_places.features._beam_kernels import (
     cut_features,
@@ -35,6 +33,8 @@ from pgm_places.features.beams import (
 )
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.features.plan import FeaturePlan, plan_features
+from pgm_places.kernels.lanes import LANES, aligned_planes
+from pgm_places.kernels.threads import run_tasks
 
 Columns = Sequence[int] | NDArray[np.integer[Any]]
 

@@ -10,7 +10,7 @@ column border is crossed first.
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 
 __all__ = ["dda_from_centres", "dda_from_poses"]
 

@@ -8,7 +8,7 @@ column at which the window's first cell is kept. Positions are in cells from the
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
+from pgm_places.kernels.jit import njit
 
 __all__ = ["cast_rays", "write_disc", "write_scan"]
 

@@ -16,7 +16,7 @@ packs its lower face in the low half of a 32-bit word and its upper face in the 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import inlined, njit, prefetch
+from pgm_places.kernels.jit import inlined, njit, prefetch
 from pgm_places.sensing._sweep_tables import (
     BLOCK,
     LAST_COLUMN,

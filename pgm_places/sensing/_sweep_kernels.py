@@ -19,7 +19,7 @@ sees the same bins and the tiling does not change a bit of the result.
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit, prefetch
+from pgm_places.kernels.jit import njit, prefetch
 from pgm_places.sensing._dda_kernels import centre_range
 from pgm_places.sensing._picture_kernels import answer_column, paint_column
 from pgm_places.sensing._sweep_tables import (

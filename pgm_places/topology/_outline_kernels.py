@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._jit import inlined, njit
+from pgm_places.kernels.jit import inlined, njit
 
 __all__ = ["simplify_arcs", "trace_rings"]
 

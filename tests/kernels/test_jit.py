@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places._kernel_cache import cache_folder
+from pgm_places.kernels.cache import cache_folder
 
 
 def test_named_folder_is_used_and_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,8 +31,8 @@ def test_a_folder_that_others_may_write_is_refused(
 def test_no_folder_at_all_still_works(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     code = (
-        "from pgm_places._jit import njit\n"
-        "from pgm_places._kernel_cache import cache_folder\n"
+        "from pgm_places.kernels.jit import njit\n"
+        "from pgm_places.kernels.cache import cache_folder\n"
         "assert cache_folder() is None\n"
         "@njit\n"
         "def twice(x):\n"
@@ -45,7 +45,7 @@ def test_no_folder_at_all_still_works(tmp_path: Path) -> None:
 
 def test_kernels_run_without_compiling() -> None:
     code = (
-        "from pgm_places._jit import njit\n"
+        "from pgm_places.kernels.jit import njit\n"
         "@njit\n"
         "def twice(x):\n"
         "    return 2 * x\n"

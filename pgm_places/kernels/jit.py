@@ -11,7 +11,7 @@ from typing import Any, ParamSpec, TypeVar, overload
 import numba
 import numba.extending
 
-from pgm_places._kernel_cache import cache_folder
+from pgm_places.kernels.cache import cache_folder
 
 __all__ = ["inlined", "njit", "prefetch"]
 

@@ -1,4 +1,4 @@
-"""The vector type of :mod:`pgm_places._lanes` as numba sees it: type, operators, intrinsics."""
+"""The vector type of :mod:`~pgm_places.kernels.lanes` for numba: type, operators, intrinsics."""
 # numba calls generators and templates with a fixed list of arguments:
 # ruff: noqa: ARG001, ARG002, ARG005
 
@@ -72,6 +72,7 @@ def compiled(rule: Callable[..., tuple[Any, Emit]]) -> Callable[[F], F]:
 
 
 def splat_value(builder: Any, vector: Any, value: Any) -> Any:
+    """A vector whose lanes all hold the value."""
     undefined = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places._jit import njit
-from pgm_places._lanes import (
+from pgm_places.kernels.jit import njit
+from pgm_places.kernels.lanes import (
     LANES,
     absolute,
     add_to,

@@ -20,7 +20,7 @@ from numba import types
 from numba.core.typing.templates import signature
 from numpy.typing import NDArray
 
-from pgm_places._lane_type import LANES, Emit, LanesType, compiled, llvm_call, splat_value
+from pgm_places.kernels.lane_type import LANES, Emit, LanesType, compiled, llvm_call, splat_value
 
 __all__ = [
     "LANES",

@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from pgm_places._threads import resolve_threads, run_tasks
 from pgm_places.errors import InputError
+from pgm_places.kernels.threads import resolve_threads, run_tasks
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 5])

@@ -1,0 +1,1 @@
+"""Compiling, caching, vector instructions and threads: the only code that imports numba."""
