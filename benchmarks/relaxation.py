@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks.labelling import NAMES, map_files
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map

@@ -109,7 +109,7 @@ class AssociativeMarkovNetwork:
 
     Examples
     --------
-    >>> from pgm_places.graph import LabelGraph
+    >>> from pgm_places.graph.label_graph import LabelGraph
     >>> graph = LabelGraph.from_trajectory(np.arange(12.0).reshape(6, 2))
     >>> truth = np.array([0, 0, 0, 1, 1, 1])
     >>> z = np.array([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2], [0.2, 0.8], [0.4, 0.6], [0.1, 0.9]])

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array, nearest_name
 from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.labeling import Labeling, Status
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight

@@ -40,7 +40,7 @@ class PottsField:
 
     Examples
     --------
-    >>> from pgm_places.graph import LabelGraph
+    >>> from pgm_places.graph.label_graph import LabelGraph
     >>> unary = np.log([[0.9, 0.1], [0.4, 0.6], [0.9, 0.1]])
     >>> chain = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
     >>> PottsField().infer(LabelingProblem(chain, ["room", "corridor"], unary)).labels.tolist()

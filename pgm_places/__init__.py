@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pgm_places.backends import build
     from pgm_places.errors import PgmPlacesError
     from pgm_places.evaluation import evaluate
-    from pgm_places.graph import EdgeKind, LabelGraph
+    from pgm_places.graph.label_graph import EdgeKind, LabelGraph
     from pgm_places.grid import OccupancyGrid
     from pgm_places.labeling import Labeling, Status
     from pgm_places.labelled_map import LabelledMap
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 _HOMES = {
-    "EdgeKind": "graph",
-    "LabelGraph": "graph",
+    "EdgeKind": "graph.label_graph",
+    "LabelGraph": "graph.label_graph",
     "LabelledMap": "labelled_map",
     "Labeling": "labeling",
     "LabelingProblem": "problem",

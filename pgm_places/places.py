@@ -14,7 +14,7 @@ from pgm_places._checks import nearest_name, sealed
 from pgm_places.backends import Backend, Learnable, build, uses_node_features
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.features.own import as_features
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
 from pgm_places.labeling import Labeling
 from pgm_places.labelled_map import LabelledMap, require_examples

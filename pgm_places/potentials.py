@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 
 __all__ = ["Potentials", "score"]
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen
 from pgm_places.errors import InputError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 
 __all__ = ["LabelingProblem"]
 

@@ -61,7 +61,7 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
     Examples
     --------
     >>> from sklearn.linear_model import LogisticRegression
-    >>> from pgm_places.graph import LabelGraph
+    >>> from pgm_places.graph.label_graph import LabelGraph
     >>> rng = np.random.default_rng(0)
     >>> truth = np.repeat([0, 1, 0], 40)
     >>> chains = [

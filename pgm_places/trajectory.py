@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, LabelError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.scan import Scan, ScanGeometry
 from pgm_places.similarity import Similarity
 

@@ -123,7 +123,7 @@ def _blank_problem() -> "LabelingProblem":
     """A grid of 4 x 4 cells and three labels, of which none is better."""
     import numpy as np
 
-    from pgm_places.graph import LabelGraph
+    from pgm_places.graph.label_graph import LabelGraph
     from pgm_places.grid import OccupancyGrid
     from pgm_places.problem import LabelingProblem
 
@@ -163,7 +163,7 @@ def _rehearse_boosting() -> None:
 def _rehearse_amn() -> None:
     import numpy as np
 
-    from pgm_places.graph import LabelGraph
+    from pgm_places.graph.label_graph import LabelGraph
     from pgm_places.grid import OccupancyGrid
     from pgm_places.models.amn import AssociativeMarkovNetwork
     from pgm_places.problem import LabelingProblem

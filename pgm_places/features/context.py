@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.layout import GridLayout
+from pgm_places.graph.layout import GridLayout
 
 __all__ = ["iter_window_means", "window_means"]
 

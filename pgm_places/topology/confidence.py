@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError, LabelError
-from pgm_places.layout import GridLayout
+from pgm_places.graph.layout import GridLayout
 from pgm_places.topology.components import Components, bands_of_rows
 
 __all__ = ["mean_confidences"]

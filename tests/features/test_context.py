@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from pgm_places.errors import InputError
 from pgm_places.features import context
 from pgm_places.features.context import window_means
-from pgm_places.layout import GridLayout
+from pgm_places.graph.layout import GridLayout
 
 
 def means_by_hand(layout: GridLayout, values: np.ndarray, radius: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places.backends import Backend, Learnable, build
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.labeling import Status
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.amn_learning import balanced_accuracy, contiguous_parts, node_losses

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.models.amn_features import (
     LOG_FLOOR,
     Standardization,

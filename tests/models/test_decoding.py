@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.labeling import Status
 from pgm_places.models.decoding import DECODERS, decode
 from pgm_places.potentials import Potentials, score

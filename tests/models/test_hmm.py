@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.backends import Backend, Learnable, build
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.labeling import Status
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.potentials import Potentials, score

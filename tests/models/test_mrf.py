@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pgm_places.backends import build
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.labeling import Status
 from pgm_places.models.mrf import PottsField
 from pgm_places.problem import LabelingProblem

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places.backends import Backend, Learnable, build
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.sensing._box import Box
 from pgm_places.sensing._tiling import NodeNumbers, tiles
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast

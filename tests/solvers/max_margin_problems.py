@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pgm_places.graph import LabelGraph
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.solvers.max_margin import MaxMarginProblem
 
 

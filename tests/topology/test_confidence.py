@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError, LabelError
-from pgm_places.layout import GridLayout
+from pgm_places.graph.layout import GridLayout
 from pgm_places.topology import components
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.confidence import mean_confidences

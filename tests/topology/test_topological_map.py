@@ -5,8 +5,8 @@ import pytest
 
 from pgm_places.coarsening import coarsen
 from pgm_places.errors import InputError, LabelError
-from pgm_places.graph import LabelGraph
-from pgm_places.layout import GridLayout
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
 

@@ -10,22 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
-from pgm_places._edges import (
+from pgm_places.errors import InputError
+from pgm_places.graph._edges import (
     empty_pairs,
     lattice_edges,
     nearest_pairs,
     require_canonical,
     sparse_pairs,
 )
-from pgm_places.errors import InputError
-from pgm_places.layout import GridLayout, StepLayout
-from pgm_places.neighbours import Neighbours, neighbours_of
+from pgm_places.graph.layout import GridLayout, StepLayout
+from pgm_places.graph.neighbours import Neighbours, neighbours_of
 
 if TYPE_CHECKING:
     import networkx as nx
 
+    from pgm_places.graph.raster_edges import GridGraph
     from pgm_places.grid import OccupancyGrid
-    from pgm_places.grid_graph import GridGraph
 
 __all__ = ["EdgeKind", "LabelGraph"]
 
@@ -165,8 +165,8 @@ class LabelGraph:
         Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL and
         are listed only when something asks for them.
         """
+        from pgm_places.graph.raster_edges import GridGraph
         from pgm_places.grid import OccupancyGrid
-        from pgm_places.grid_graph import GridGraph
 
         if isinstance(grid, OccupancyGrid):
             free, walls = grid.free, grid.occupied

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
-from pgm_places.graph import EdgeKind, LabelGraph
+from pgm_places.graph.label_graph import EdgeKind, LabelGraph
+from pgm_places.graph.layout import GridLayout
 from pgm_places.grid import OccupancyGrid
-from pgm_places.layout import GridLayout
 
 __all__ = ["GridGraph"]
 

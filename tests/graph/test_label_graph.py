@@ -10,7 +10,7 @@ from scipy import sparse
 
 from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
 from pgm_places.errors import InputError
-from pgm_places.layout import GridLayout
+from pgm_places.graph.layout import GridLayout
 
 
 def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, int]]:
