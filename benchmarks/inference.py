@@ -24,13 +24,13 @@ from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, i
 from benchmarks.labelling import NAMES, map_files
 from pgm_places.coarsening import coarsen, coarsen_labels
 from pgm_places.graph.label_graph import EdgeKind, LabelGraph
+from pgm_places.inference.potentials import Potentials
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.decoding import DECODERS, decode
 from pgm_places.places import PlaceLabeler
-from pgm_places.potentials import Potentials
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
 from pgm_places.solvers.pairwise import pairwise_model

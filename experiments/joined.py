@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pgm_places.coarsening import coarsen, coarsen_labels
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.mrf import PottsField
-from pgm_places.problem import LabelingProblem
 from pgm_places.reproduce.building79 import PLACES, Building79
 from pgm_places.segments import Segments
 from pgm_places.sensing.ray_casting import cast_poses

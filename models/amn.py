@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, integer_array, nearest_name
-from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.labeling import Labeling
+from pgm_places.inference.backends import learned
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_features import (
     Standardization,
     edge_feature_count,
@@ -31,8 +33,6 @@ from pgm_places.models.amn_learning import (
 )
 from pgm_places.models.amn_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.decoding import decode, require_decoder
-from pgm_places.potentials import Potentials
-from pgm_places.problem import LabelingProblem
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,

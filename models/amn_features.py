@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.label_graph import EdgeKind
-from pgm_places.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem
 
 __all__ = [
     "EDGE_FEATURES",

@@ -10,7 +10,7 @@ from pgm_places._checks import integer_array
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     Cut,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labeling import Labeling, Status
-from pgm_places.potentials import Potentials, score
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.potentials import Potentials, score
 
 __all__ = ["DECODERS", "decode", "require_decoder"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem
 
 if TYPE_CHECKING:
     from pgm_places.models.hmm import HiddenMarkovModel

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array, nearest_name
-from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labeling import Labeling, Status
+from pgm_places.inference.backends import learned
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.potentials import Potentials, score
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight
-from pgm_places.potentials import Potentials, score
-from pgm_places.problem import LabelingProblem
 from pgm_places.solvers.forward import ForwardFilter, best_path, filtered_beliefs, smoothed_beliefs
 from pgm_places.solvers.relaxation import starting_beliefs
 

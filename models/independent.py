@@ -5,9 +5,9 @@ from typing import ClassVar
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
-from pgm_places.labeling import Labeling, Status
-from pgm_places.potentials import Potentials, score
-from pgm_places.problem import LabelingProblem
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.potentials import Potentials, score
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["Independent"]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.labeling import Labeling
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoding import decode, require_decoder
-from pgm_places.potentials import Potentials
-from pgm_places.problem import LabelingProblem
 
 __all__ = ["PottsField"]
 

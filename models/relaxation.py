@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, sealed
-from pgm_places.backends import learned
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labeling import Labeling, Status
-from pgm_places.problem import LabelingProblem
+from pgm_places.inference.backends import learned
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
     edge_pair_counts,

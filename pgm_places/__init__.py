@@ -11,16 +11,16 @@ from pgm_places._version import __version__
 
 if TYPE_CHECKING:
     from pgm_places.backend_files import load_backend, save_backend
-    from pgm_places.backends import build
     from pgm_places.errors import PgmPlacesError
     from pgm_places.evaluation import evaluate
     from pgm_places.graph.label_graph import EdgeKind, LabelGraph
     from pgm_places.grid import OccupancyGrid
-    from pgm_places.labeling import Labeling, Status
+    from pgm_places.inference.backends import build
+    from pgm_places.inference.labeling import Labeling, Status
+    from pgm_places.inference.potentials import Potentials, score
+    from pgm_places.inference.problem import LabelingProblem
     from pgm_places.labelled_map import LabelledMap
     from pgm_places.places import PlaceLabeler
-    from pgm_places.potentials import Potentials, score
-    from pgm_places.problem import LabelingProblem
     from pgm_places.scan import Scan, ScanGeometry
     from pgm_places.sensing.sensor import Sensor, SensorNoise
     from pgm_places.similarity import Similarity
@@ -33,28 +33,28 @@ _HOMES = {
     "EdgeKind": "graph.label_graph",
     "LabelGraph": "graph.label_graph",
     "LabelledMap": "labelled_map",
-    "Labeling": "labeling",
-    "LabelingProblem": "problem",
+    "Labeling": "inference.labeling",
+    "LabelingProblem": "inference.problem",
     "OccupancyGrid": "grid",
     "PgmPlacesError": "errors",
     "PlaceLabeler": "places",
-    "Potentials": "potentials",
+    "Potentials": "inference.potentials",
     "Scan": "scan",
     "ScanGeometry": "scan",
     "Sensor": "sensing.sensor",
     "SensorNoise": "sensing.sensor",
     "Similarity": "similarity",
-    "Status": "labeling",
+    "Status": "inference.labeling",
     "StructuredLabeler": "structured",
     "Trajectory": "trajectory",
     "TrajectoryLabeler": "trajectory_labeler",
-    "build": "backends",
+    "build": "inference.backends",
     "evaluate": "evaluation",
     "load_backend": "backend_files",
     "load_structured_labeler": "structured_files",
     "save_backend": "backend_files",
     "save_structured_labeler": "structured_files",
-    "score": "potentials",
+    "score": "inference.potentials",
 }
 
 __all__ = [

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.backends import METHODS, Backend
 from pgm_places.errors import ConfigError, ModelFileError
+from pgm_places.inference.backends import METHODS, Backend
 from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.plugins import option_values
 
@@ -30,7 +30,7 @@ def save_backend(folder: Path | str, backend: Backend, label_names: Sequence[str
     folder : Path
         Absent, empty, or a model, which is then replaced.
     backend : Backend
-        Any method of :func:`pgm_places.backends.backend_names`, fitted or not.
+        Any method of :func:`pgm_places.inference.backends.backend_names`, fitted or not.
     label_names : sequence of str
         The K labels that it was fitted on.
 

@@ -17,9 +17,9 @@ from pydantic import (
 )
 
 from pgm_places._checks import nearest_name
-from pgm_places.backends import METHODS
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import FEATURES, as_features
+from pgm_places.inference.backends import METHODS
 
 __all__ = [
     "ClassifierConfig",

@@ -10,7 +10,7 @@ from pgm_places.coarsening import coarsen, coarsening_factor
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.grid import OccupancyGrid
-from pgm_places.labeling import Labeling
+from pgm_places.inference.labeling import Labeling
 from pgm_places.places import PlaceLabeler
 from pgm_places.progress import Progress, Silent
 

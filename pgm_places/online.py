@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.labeling import Labeling, Status
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.scan import Scan
 from pgm_places.scan_model import ScanModel, ScanScorer

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.backend_files import get_backend, put_backend
-from pgm_places.backends import METHODS
 from pgm_places.errors import ConfigError, ModelFileError, NotFittedError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import FEATURES, n_columns
+from pgm_places.inference.backends import METHODS
 from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.places import PlaceLabeler, PlaceMethod

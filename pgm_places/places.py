@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import nearest_name, sealed
-from pgm_places.backends import Backend, Learnable, build, uses_node_features
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.grid import OccupancyGrid
-from pgm_places.labeling import Labeling
+from pgm_places.inference.backends import Backend, Learnable, build, uses_node_features
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelled_map import LabelledMap, require_examples
 from pgm_places.movement import learn_movement
-from pgm_places.problem import LabelingProblem
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary import CellScores, UnaryModel
@@ -39,7 +39,7 @@ class PlaceMethod:
     Parameters
     ----------
     backend : Backend or str
-        Any method of :mod:`pgm_places.backends`, or its name.
+        Any method of :mod:`pgm_places.inference.backends`, or its name.
     unary : {"laser", "context"}
         The list on laser features alone (the paper's), or the one that also sees its neighbourhood.
     seconds : float

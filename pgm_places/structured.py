@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator, clone
 
 from pgm_places._checks import integer_array, nearest_name
-from pgm_places.backends import Learnable, build
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
 from pgm_places.evaluation import evaluate
-from pgm_places.labeling import Labeling
+from pgm_places.inference.backends import Learnable, build
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_learning import contiguous_parts
 from pgm_places.plugins import option_fields
-from pgm_places.problem import LabelingProblem
 
 __all__ = ["StructuredLabeler"]
 
@@ -29,15 +29,15 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
     """A classifier that looks at each node alone, and a backend that labels all nodes together.
 
     It follows scikit-learn's rules with lists in place of arrays: ``X`` is a list of
-    :class:`~pgm_places.problem.LabelingProblem`, ``y`` a list of (N,) label indices. Cross
-    validation therefore splits by whole problems, as it must: neighbouring nodes are alike, and
-    nodes of one graph on both sides of a split would make every score too good.
+    :class:`~pgm_places.inference.problem.LabelingProblem`, ``y`` a list of (N,) label indices.
+    Cross validation therefore splits by whole problems, as it must: neighbouring nodes are alike,
+    and nodes of one graph on both sides of a split would make every score too good.
 
     Parameters
     ----------
     backend : Backend or str
-        Any method of :mod:`pgm_places.backends`, or its name. Its options can be searched:
-        ``backend__C``, ``backend__weight``, ...
+        Any method of :mod:`pgm_places.inference.backends`, or its name. Its options can be
+        searched: ``backend__C``, ``backend__weight``, ...
     classifier : scikit-learn classifier or None
         Anything with ``predict_proba``; it is cloned and fitted on the problems' node features,
         and its log-probabilities become their unary. None takes the unary that is there.

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.grid import OccupancyGrid
-from pgm_places.labeling import Labeling
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.online import BeliefFilter, OnlineLabeler
 from pgm_places.places import PlaceLabeler
-from pgm_places.problem import LabelingProblem
 from pgm_places.progress import Progress
 from pgm_places.scan import ScanGeometry
 from pgm_places.scan_model import BeamOptions, ScanModel, circles_along
@@ -49,7 +49,7 @@ class TrajectoryLabeler:
     label_names : sequence of K str
         The places to tell apart.
     method : backend
-        What labels the chain of observations: any method of :mod:`pgm_places.backends`.
+        What labels the chain of observations: any method of :mod:`pgm_places.inference.backends`.
     every_m : float
         Distance in metres after which the robot counts as moved; 0 for every scan.
     beams : BeamOptions

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.backends import Learnable
 from pgm_places.errors import InputError, LabelError
 from pgm_places.features.own import feature_values
 from pgm_places.grid import OccupancyGrid
+from pgm_places.inference.backends import Learnable
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.movement import learn_movement

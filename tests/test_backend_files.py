@@ -16,8 +16,8 @@ from pgm_places import (
     load_backend,
     save_backend,
 )
-from pgm_places.backends import BACKENDS, METHODS, Learnable, backend_names
 from pgm_places.errors import ModelFileError, OutputError
+from pgm_places.inference.backends import BACKENDS, METHODS, Learnable, backend_names
 from pgm_places.io.model_files import load_folder, save_folder
 
 NAMES = ("room", "corridor")

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.backends import build
 from pgm_places.errors import InputError, LabelError, ModelFileError, NotFittedError
+from pgm_places.inference.backends import build
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pgm_places.problem import LabelingProblem
+    from pgm_places.inference.problem import LabelingProblem
 
 __all__ = ["REHEARSALS", "compiled_ahead", "main", "stage_of_model"]
 
@@ -125,7 +125,7 @@ def _blank_problem() -> "LabelingProblem":
 
     from pgm_places.graph.label_graph import LabelGraph
     from pgm_places.grid import OccupancyGrid
-    from pgm_places.problem import LabelingProblem
+    from pgm_places.inference.problem import LabelingProblem
 
     graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((4, 4), np.int8), 1.0))
     return LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
@@ -165,8 +165,8 @@ def _rehearse_amn() -> None:
 
     from pgm_places.graph.label_graph import LabelGraph
     from pgm_places.grid import OccupancyGrid
+    from pgm_places.inference.problem import LabelingProblem
     from pgm_places.models.amn import AssociativeMarkovNetwork
-    from pgm_places.problem import LabelingProblem
 
     rng = np.random.default_rng(0)
     graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((12, 12), np.int8), 1.0))

@@ -8,9 +8,9 @@ from pathlib import Path
 import typer
 
 from pgm_places._version import __version__
-from pgm_places.backends import backend_names
 from pgm_places.cli.tables import text_table
 from pgm_places.features.own import FEATURES
+from pgm_places.inference.backends import backend_names
 
 __all__ = ["run_doctor"]
 

@@ -269,7 +269,7 @@ def _followed(
 ) -> "Track":
     import numpy as np
 
-    from pgm_places.labeling import Labeling, Status
+    from pgm_places.inference.labeling import Labeling, Status
     from pgm_places.tracking import Track
     from pgm_places.trajectory import Trajectory
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pgm_places.comparison import Comparison, MethodResult
+from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
-from pgm_places.labeling import Labeling
 
 __all__ = ["comparison_record", "write_comparison"]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, evaluate
-from pgm_places.labeling import Labeling, Status
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.reproduce.figures import finding_of
 from pgm_places.reproduce.section import Finding
 from pgm_places.trajectory import Trajectory

@@ -141,11 +141,11 @@ def test_a_model_that_is_none(building: Path, run: Run) -> None:
 def test_a_method_that_cannot_be_saved_is_refused_before_the_training(
     building: Path, run: Run
 ) -> None:
-    edit(building, 'name = "relaxation"\n', 'name = "tests.test_backends:AlwaysFirst"\n')
+    edit(building, 'name = "relaxation"\n', 'name = "tests.inference.test_backends:AlwaysFirst"\n')
     text = (building / "config.toml").read_text().replace("iterations = 5", "id = 'first'")
     (building / "config.toml").write_text(text)
     code, _, error = run("train", building / "config.toml", "--out", building / "model", "-q")
     assert code == 2
     assert "AlwaysFirst cannot be saved" in error
-    assert "pgm_places.backends" in error
+    assert "pgm_places.inference.backends" in error
     assert not (building / "model").exists()

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.backends import Backend, Learnable, build
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labeling import Status
+from pgm_places.inference.backends import Backend, Learnable, build
+from pgm_places.inference.labeling import Status
+from pgm_places.inference.potentials import score
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.amn_learning import balanced_accuracy, contiguous_parts, node_losses
 from pgm_places.models.amn_record import LEARNING_STATUSES, LearningRecord
-from pgm_places.potentials import score
-from pgm_places.problem import LabelingProblem
 from pgm_places.solvers.max_margin import LearningStep
 
 NAMES = ("corridor", "room", "doorway")

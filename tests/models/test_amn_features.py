@@ -3,6 +3,7 @@ import pytest
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_features import (
     LOG_FLOOR,
     Standardization,
@@ -12,7 +13,6 @@ from pgm_places.models.amn_features import (
     parse_edge_features,
     parse_node_features,
 )
-from pgm_places.problem import LabelingProblem
 
 
 def grid_problem(**parts: np.ndarray) -> LabelingProblem:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labeling import Status
+from pgm_places.inference.labeling import Status
+from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoding import DECODERS, decode
-from pgm_places.potentials import Potentials, score
 from tests.reference.energy import Model, best_score
 from tests.strategies import Kind, models
 

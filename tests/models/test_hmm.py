@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.backends import Backend, Learnable, build
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labeling import Status
+from pgm_places.inference.backends import Backend, Learnable, build
+from pgm_places.inference.labeling import Status
+from pgm_places.inference.potentials import Potentials, score
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.potentials import Potentials, score
-from pgm_places.problem import LabelingProblem
 from tests.reference.chains import joint, marginals
 
 NAMES = ("corridor", "room", "doorway")

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pgm_places.backends import build
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labeling import Status
+from pgm_places.inference.backends import build
+from pgm_places.inference.labeling import Status
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.mrf import PottsField
-from pgm_places.problem import LabelingProblem
 from tests.reference.energy import Model, best_score
 from tests.strategies import models
 

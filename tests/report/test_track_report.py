@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.labeling import Labeling, Status
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.report.track_files import belief_table, write_track
 from pgm_places.report.track_page import track_page
 from pgm_places.report.track_pictures import belief_plot, path_raster

@@ -7,7 +7,7 @@ import pytest
 
 from pgm_places.comparison import score_intervals
 from pgm_places.grid import UNKNOWN
-from pgm_places.labeling import Labeling, Status
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelled_map import LabelledMap
 from pgm_places.reproduce.ablations import stripe
 from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet, window_grid

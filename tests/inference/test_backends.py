@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
-from pgm_places.backends import BACKENDS, METHODS, Backend, backend_names, build
 from pgm_places.errors import ConfigError, InputError
+from pgm_places.inference.backends import BACKENDS, METHODS, Backend, backend_names, build
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
-from pgm_places.backends import Backend, build
+from pgm_places.inference.backends import Backend, build
 
 Array = NDArray[np.float64]
 

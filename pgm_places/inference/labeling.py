@@ -42,7 +42,7 @@ class Labeling:
         Probability of each label at each node, where the method has one; rows sum to one.
     score : float or None
         The log-potential of ``labels`` under the method's potentials, computed by
-        :func:`pgm_places.potentials.score`; None for methods without a global objective.
+        :func:`pgm_places.inference.potentials.score`; None for methods without a global objective.
     bound : float or None
         An upper bound of the best score, where the method has one.
     info : mapping

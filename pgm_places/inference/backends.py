@@ -13,9 +13,9 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.labeling import Labeling
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.plugins import Registry
-from pgm_places.problem import LabelingProblem
 
 __all__ = [
     "BACKENDS",
@@ -37,7 +37,7 @@ BACKENDS: Mapping[str, str] = {
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 
-METHODS = Registry("method", "pgm_places.backends", BACKENDS)
+METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS)
 """Where methods are looked up; packages add theirs to the entry points of that group."""
 
 
