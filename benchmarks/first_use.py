@@ -117,7 +117,7 @@ def cast_a_room() -> None:
     """Cast the scans of a room with a pillar."""
     import numpy as np
 
-    from pgm_places.grid import OccupancyGrid
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.sensing.ray_casting import cast_cells
     from pgm_places.sensing.sensor import Sensor
 

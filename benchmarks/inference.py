@@ -22,12 +22,12 @@ import numpy as np
 
 from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, installed_cuts
 from benchmarks.labelling import NAMES, map_files
-from pgm_places.coarsening import coarsen, coarsen_labels
 from pgm_places.graph.label_graph import EdgeKind, LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.coarsening import coarsen, coarsen_labels
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.decoding import DECODERS, decode
 from pgm_places.places import PlaceLabeler

@@ -15,7 +15,7 @@ import numpy as np
 
 from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.online import BeliefFilter
 from pgm_places.places import PlaceLabeler
 from pgm_places.scan import ScanGeometry

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.coarsening import coarsen, coarsen_labels
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.models.mrf import PottsField
 from pgm_places.reproduce.building79 import PLACES, Building79
 from pgm_places.segments import Segments

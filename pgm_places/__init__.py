@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from pgm_places.errors import PgmPlacesError
     from pgm_places.evaluation import evaluate
     from pgm_places.graph.label_graph import EdgeKind, LabelGraph
-    from pgm_places.grid import OccupancyGrid
     from pgm_places.inference.backends import build
     from pgm_places.inference.labeling import Labeling, Status
     from pgm_places.inference.potentials import Potentials, score
     from pgm_places.inference.problem import LabelingProblem
-    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.maps.labelled_map import LabelledMap
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.places import PlaceLabeler
     from pgm_places.scan import Scan, ScanGeometry
     from pgm_places.sensing.sensor import Sensor, SensorNoise
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 _HOMES = {
     "EdgeKind": "graph.label_graph",
     "LabelGraph": "graph.label_graph",
-    "LabelledMap": "labelled_map",
+    "LabelledMap": "maps.labelled_map",
     "Labeling": "inference.labeling",
     "LabelingProblem": "inference.problem",
-    "OccupancyGrid": "grid",
+    "OccupancyGrid": "maps.occupancy_grid",
     "PgmPlacesError": "errors",
     "PlaceLabeler": "places",
     "Potentials": "inference.potentials",

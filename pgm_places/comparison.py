@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, square_blocks
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
 from pgm_places.inference.labeling import Labeling
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = [
     "BLOCK_M",

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._version import __version__
-from pgm_places.coarsening import coarsen, coarsen_labels
 from pgm_places.comparison import (
     Comparison,
     MethodResult,
@@ -35,13 +34,14 @@ from pgm_places.config_changes import changed_config
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.checks import sha256_of
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
 from pgm_places.io.regions import load_regions
 from pgm_places.io.windows import window_mask
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.coarsening import coarsen, coarsen_labels
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.plugins import option_values
 from pgm_places.progress import Progress, Silent

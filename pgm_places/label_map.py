@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.coarsening import coarsen, coarsening_factor
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
 from pgm_places.inference.labeling import Labeling
+from pgm_places.maps.coarsening import coarsen, coarsening_factor
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.places import PlaceLabeler
 from pgm_places.progress import Progress, Silent
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.sensing.simulated_moves import STAY_M, simulate_moves
 

@@ -14,11 +14,11 @@ from pgm_places._checks import nearest_name, sealed
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.grid import OccupancyGrid
 from pgm_places.inference.backends import Backend, Learnable, build, uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelled_map import LabelledMap, require_examples
+from pgm_places.maps.labelled_map import LabelledMap, require_examples
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor

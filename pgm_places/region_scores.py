@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["ClassScore", "RegionScores", "fill_labels", "score_regions"]

@@ -11,7 +11,7 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.features.extraction import ScanExtractor
 from pgm_places.features.own import MapFeature, feature_values, n_columns
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.full_circle import FullCircle, MissingBeams, check_missing

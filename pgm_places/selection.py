@@ -14,7 +14,7 @@ from pgm_places.config_changes import changed_config
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.experiment import Experiment, make_labeler
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.unary_learning import building_folds
 
 __all__ = ["Candidate", "Selection", "held_out_splits", "select"]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.grid import UNKNOWN, OccupancyGrid
 from pgm_places.inference.labeling import Labeling
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.trajectory import Trajectory
 

@@ -15,7 +15,7 @@ from pgm_places.scan import Scan, ScanGeometry
 from pgm_places.similarity import Similarity
 
 if TYPE_CHECKING:
-    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.maps.labelled_map import LabelledMap
 
 __all__ = ["Trajectory", "headings_along"]
 

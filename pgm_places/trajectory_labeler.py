@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.features.own import as_features
-from pgm_places.grid import OccupancyGrid
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.online import BeliefFilter, OnlineLabeler
 from pgm_places.places import PlaceLabeler

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
 from pgm_places.features.own import feature_values
-from pgm_places.grid import OccupancyGrid
 from pgm_places.inference.backends import Learnable
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent

@@ -13,7 +13,7 @@ from pgm_places.features.context import iter_window_means
 from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast

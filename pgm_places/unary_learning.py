@@ -10,7 +10,7 @@ from pgm_places.errors import InputError
 from pgm_places.features.context import window_means
 from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph.layout import GridLayout
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor

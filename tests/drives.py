@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.trajectory import Trajectory, headings_along

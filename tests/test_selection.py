@@ -10,7 +10,7 @@ from pgm_places.config import ExperimentConfig, parse_config
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.experiment import Experiment
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.selection import held_out_splits, select
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.grid import OCCUPIED
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.maps.occupancy_grid import OCCUPIED
 from pgm_places.tracking import Track, map_of_scans
 from pgm_places.trajectory import Trajectory
 from tests.drives import building, drive

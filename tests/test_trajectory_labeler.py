@@ -8,7 +8,7 @@ import pytest
 
 from pgm_places.errors import InputError, LabelError, ModelFileError, NotFittedError
 from pgm_places.inference.backends import build
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.place_files import save_labeler

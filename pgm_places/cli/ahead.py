@@ -124,8 +124,8 @@ def _blank_problem() -> "LabelingProblem":
     import numpy as np
 
     from pgm_places.graph.label_graph import LabelGraph
-    from pgm_places.grid import OccupancyGrid
     from pgm_places.inference.problem import LabelingProblem
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
 
     graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((4, 4), np.int8), 1.0))
     return LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
@@ -164,8 +164,8 @@ def _rehearse_amn() -> None:
     import numpy as np
 
     from pgm_places.graph.label_graph import LabelGraph
-    from pgm_places.grid import OccupancyGrid
     from pgm_places.inference.problem import LabelingProblem
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.models.amn import AssociativeMarkovNetwork
 
     rng = np.random.default_rng(0)

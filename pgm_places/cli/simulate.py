@@ -10,7 +10,7 @@ from pgm_places.cli.progress import make_progress
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
-    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.maps.labelled_map import LabelledMap
     from pgm_places.scan import ScanGeometry
     from pgm_places.sensing.simulated_robot import SimulatedRobot
     from pgm_places.trajectory import Trajectory
@@ -117,7 +117,7 @@ def _users_map(
     from pgm_places.io.label_image import load_labels
     from pgm_places.io.label_values import listed_names
     from pgm_places.io.map_server import load_map
-    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.maps.labelled_map import LabelledMap
 
     loaded = load_map(map_yaml, unknown_value=unknown_value)
     names: tuple[str, ...] = ()
@@ -133,7 +133,7 @@ def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list
     from pgm_places.datasets.building import generate_building
     from pgm_places.io.label_image import save_labels
     from pgm_places.io.map_server import save_map
-    from pgm_places.labelled_map import LabelledMap
+    from pgm_places.maps.labelled_map import LabelledMap
 
     building = generate_building(seed=seed)
     stem = out.with_name(_stem(out))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from pgm_places.grid import OccupancyGrid
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.progress import Progress
     from pgm_places.scan import Scan
     from pgm_places.tracking import Track

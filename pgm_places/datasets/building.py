@@ -15,7 +15,7 @@ from pgm_places.datasets.style import OFFICE, Style, draw_style
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
-from pgm_places.grid import FREE, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 
 __all__ = ["LABEL_NAMES", "LabelledBuilding", "generate_building"]
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 __all__ = ["survey"]
 

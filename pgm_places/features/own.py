@@ -16,7 +16,7 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import ConfigError
 from pgm_places.features.extraction import extract
 from pgm_places.features.laser import LASER_FEATURES, laser_feature_names
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.plugins import Registry
 
 __all__ = [

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from pgm_places.graph.raster_edges import GridGraph
-    from pgm_places.grid import OccupancyGrid
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["EdgeKind", "LabelGraph"]
 
@@ -166,7 +166,7 @@ class LabelGraph:
         are listed only when something asks for them.
         """
         from pgm_places.graph.raster_edges import GridGraph
-        from pgm_places.grid import OccupancyGrid
+        from pgm_places.maps.occupancy_grid import OccupancyGrid
 
         if isinstance(grid, OccupancyGrid):
             free, walls = grid.free, grid.occupied

@@ -80,7 +80,8 @@ class GridLayout:
     def nodes_at(self, cells_rc: ArrayLike) -> NDArray[np.int64]:
         """(M,) node of each cell (M, 2), -1 where it is no node or outside the raster.
 
-        With :meth:`~pgm_places.grid.OccupancyGrid.cells_at_m` the node under a position.
+        With :meth:`~pgm_places.maps.occupancy_grid.OccupancyGrid.cells_at_m` the node under a
+        position.
 
         Examples
         --------

@@ -14,7 +14,7 @@ from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import EdgeKind, LabelGraph
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["GridGraph"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.atomic import write_bytes
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["pixel_to_map", "write_geotiff"]

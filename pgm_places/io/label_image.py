@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import LabelError
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.label_values import LabelValues, default_values, read_label_values
 from pgm_places.io.raster_image import MAX_PIXELS, RasterImage, Strip, open_image
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["LABEL_COLOURS", "load_labels", "save_labels"]
 

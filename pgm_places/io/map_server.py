@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import MapError
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.pixel_rules import Compat, Mode, PixelRules, grey_of
 from pgm_places.io.raster_image import MAX_PIXELS, RasterImage, open_image
 from pgm_places.io.strict_yaml import YamlFile, YamlValue, read_yaml
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 __all__ = ["Fractions", "MapFile", "load_map", "save_map"]
 

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 __all__ = ["Compat", "Mode", "PixelRules", "grey_of"]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import LabelError
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.geojson import Region, Ring, read_regions
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["load_regions", "rasterize_polygon"]
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, LabelError, OutputError
-from pgm_places.grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.geojson import read_regions
 from pgm_places.io.raster_image import MAX_PIXELS, open_image
 from pgm_places.io.region_features import write_region_features
 from pgm_places.io.strict_yaml import read_yaml
+from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap

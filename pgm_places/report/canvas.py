@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.grid import UNKNOWN as UNKNOWN_CELL
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import UNKNOWN as UNKNOWN_CELL
 from pgm_places.report.palette import (
     ERROR,
     IGNORED,

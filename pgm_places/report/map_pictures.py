@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import FREE, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.report.canvas import (
     View,
     checked_labels,

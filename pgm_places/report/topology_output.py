@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.topology_files import save_topology
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["topology_summary", "write_topology"]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED, PixelFigure
 from pgm_places.report.palette import label_colours, rgb_of, tinted

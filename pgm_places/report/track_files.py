@@ -4,8 +4,8 @@ import csv
 import io
 from pathlib import Path
 
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.track_page import write_track_page
 from pgm_places.report.track_pictures import belief_plot, path_picture
 from pgm_places.tracking import Track

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pgm_places._version import __version__
 from pgm_places.evaluation import evaluate
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.atomic import write_text
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.markup import Markup, data_table, element, joined
 from pgm_places.report.page_head import page_head
 from pgm_places.report.palette import label_colours

@@ -11,7 +11,7 @@ from pgm_places.comparison import Comparison
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.experiment import compare, compare_fitted, load_maps, make_labeler
 from pgm_places.features.laser import LASER_FEATURES
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.reproduce.figures import DOORWAY, finding, method_table, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
 from pgm_places.reproduce.setting import Setting

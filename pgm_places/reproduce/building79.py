@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
 from pgm_places.io.trajectories import read_trajectory
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.similarity import Similarity
 from pgm_places.trajectory import Trajectory
 

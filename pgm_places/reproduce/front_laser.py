@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.datasets import generate_building
-from pgm_places.grid import OccupancyGrid
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.path_pictures import path_map
 from pgm_places.report.track_pictures import belief_plot
 from pgm_places.reproduce.cold import PLACES, denser, load_cold_folder, place_classes

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
-from pgm_places.grid import OccupancyGrid
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot

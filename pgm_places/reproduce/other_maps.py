@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from pgm_places.coarsening import coarsen
 from pgm_places.comparison import Comparison
 from pgm_places.datasets import generate_building
 from pgm_places.experiment import compare, compare_fitted, load_maps, train
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.map_server import load_map
 from pgm_places.label_map import label_map
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
 from pgm_places.reproduce.building79 import load_building79
 from pgm_places.reproduce.comparison_pictures import label_sheet

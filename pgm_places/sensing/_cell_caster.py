@@ -6,8 +6,8 @@ from math import ceil, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.kernels.threads import resolve_threads, run_tasks
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing._beams import Beams
 from pgm_places.sensing._box import Box
 from pgm_places.sensing._dda_kernels import dda_from_centres

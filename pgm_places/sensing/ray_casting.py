@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
 from pgm_places.kernels.threads import run_tasks
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
 from pgm_places.sensing._tiling import NodeNumbers, tiles

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
 
 __all__ = ["MOVE_M", "STAY_M", "simulate_moves"]
 
@@ -57,7 +57,7 @@ def simulate_moves(
 
     Examples
     --------
-    >>> from pgm_places.grid import OccupancyGrid
+    >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
     >>> grid = OccupancyGrid(np.zeros((40, 40), np.int8), resolution_m=0.05)
     >>> labels = np.repeat(np.array([[0] * 20 + [1] * 20], np.int16), 40, axis=0)
     >>> counts = simulate_moves([LabelledMap(grid, labels)], 2, n_runs=1000)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.path_planning import PathPlanner

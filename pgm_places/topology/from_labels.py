@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster, sealed
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import bands_of_rows, connected_components
 from pgm_places.topology.confidence import mean_confidences

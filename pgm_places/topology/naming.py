@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.components import Components, bands_of_rows
 
 __all__ = ["KnownPlaces", "identify", "name_places"]

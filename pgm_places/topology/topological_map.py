@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.regions import Region

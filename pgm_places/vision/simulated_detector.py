@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.vision.detector import N_IMAGES
 

@@ -16,12 +16,12 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
 from pgm_places.io.exports import EXPORTS, MASKS, export
 from pgm_places.io.filter_masks import write_filter_mask
 from pgm_places.io.geotiff import pixel_to_map, write_geotiff
 from pgm_places.io.map_server import load_map
 from pgm_places.io.nav2_route import nav2_route
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map

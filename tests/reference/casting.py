@@ -5,7 +5,7 @@ from math import cos, inf, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 
 def direction(beam: int, n_beams: int) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 
 def block_areas(mask: NDArray[np.bool_], factor: Fraction) -> dict[tuple[int, int], Fraction]:

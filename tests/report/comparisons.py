@@ -8,8 +8,8 @@ import numpy as np
 from pgm_places.comparison import Comparison, MethodResult, TestMap, history_of
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 NAMES = ("corridor", "room", "doorway")
 

@@ -8,7 +8,7 @@ from PIL import Image
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report import canvas as canvas_module
 from pgm_places.report.canvas import (
     View,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pgm_places.comparison import score_intervals
-from pgm_places.grid import UNKNOWN
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import UNKNOWN
 from pgm_places.reproduce.ablations import stripe
 from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet, window_grid
 from pgm_places.reproduce.figures import away_from_borders, finding, method_table, percent

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing import _cell_caster
 from pgm_places.sensing._cell_caster import CellCaster
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.full_circle import FullCircle, MissingBeams
 from pgm_places.sensing.local_map import LocalMap

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import HIGHEST, LOWEST, LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 

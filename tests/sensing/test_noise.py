@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from tests.sensing.test_ray_casting import random_grid
@@ -91,7 +91,7 @@ def test_another_seed_gives_other_noise(seed: int) -> None:
 
 SCRIPT = """
 import numpy as np
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._cell_caster import CellCaster
 from pgm_places.sensing.ray_casting import cast_cells, cast_poses
 from pgm_places.sensing.sensor import Sensor, SensorNoise

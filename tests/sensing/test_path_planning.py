@@ -7,7 +7,7 @@ from scipy.ndimage import distance_transform_edt
 from pgm_places import OccupancyGrid
 from pgm_places.datasets.building import LabelledBuilding, generate_building
 from pgm_places.errors import InputError
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from pgm_places.sensing.path_planning import PathPlanner
 
 

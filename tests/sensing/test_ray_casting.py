@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import cast_cells, cast_poses
 from pgm_places.sensing.sensor import Sensor
 from tests.reference import casting as reference

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.labelled_map import LabelledMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing.simulated_moves import STAY_M, simulate_moves
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.chords import Chord, shortest_chords
 from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map

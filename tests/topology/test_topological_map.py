@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pgm_places.coarsening import coarsen
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.coarsening import coarsen
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.vision.detector import Detector, count_objects
 from pgm_places.vision.placement import place_objects
 from pgm_places.vision.simulated_detector import PlacedObjects, SimulatedDetector

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import LabelError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["LabelledMap"]
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import LabelError, MapError
-from pgm_places.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 __all__ = ["coarsen", "coarsen_labels", "coarsening_factor"]
 

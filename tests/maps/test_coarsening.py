@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places import OccupancyGrid
-from pgm_places import coarsening as module
-from pgm_places.coarsening import coarsen, coarsen_labels, coarsening_factor
 from pgm_places.errors import LabelError, MapError
+from pgm_places.maps import coarsening as module
+from pgm_places.maps.coarsening import coarsen, coarsen_labels, coarsening_factor
 from tests.reference.coarse_blocks import coarse_cells, coarse_labels, passable_doors
 
 shapes = st.tuples(st.integers(1, 13), st.integers(1, 13))

@@ -1,0 +1,1 @@
+"""Maps: the occupancy grid, its coarsening, and a grid with labels."""
