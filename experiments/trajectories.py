@@ -19,7 +19,7 @@ from experiments.joined import joined_table
 from pgm_places.evaluation import evaluate
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.scan_model import BeamOptions
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 FOLDER = Path(__file__).resolve().parent

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap
     from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.places import PlaceLabeler
-    from pgm_places.scan import Scan, ScanGeometry
     from pgm_places.sensing.sensor import Sensor, SensorNoise
-    from pgm_places.similarity import Similarity
     from pgm_places.structured import StructuredLabeler
     from pgm_places.structured_files import load_structured_labeler, save_structured_labeler
-    from pgm_places.trajectory import Trajectory
+    from pgm_places.trajectories.scan import Scan, ScanGeometry
+    from pgm_places.trajectories.similarity import Similarity
+    from pgm_places.trajectories.trajectory import Trajectory
     from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 _HOMES = {
@@ -39,14 +39,14 @@ _HOMES = {
     "PgmPlacesError": "errors",
     "PlaceLabeler": "places",
     "Potentials": "inference.potentials",
-    "Scan": "scan",
-    "ScanGeometry": "scan",
+    "Scan": "trajectories.scan",
+    "ScanGeometry": "trajectories.scan",
     "Sensor": "sensing.sensor",
     "SensorNoise": "sensing.sensor",
-    "Similarity": "similarity",
+    "Similarity": "trajectories.similarity",
     "Status": "inference.labeling",
     "StructuredLabeler": "structured",
-    "Trajectory": "trajectory",
+    "Trajectory": "trajectories.trajectory",
     "TrajectoryLabeler": "trajectory_labeler",
     "build": "inference.backends",
     "evaluate": "evaluation",

@@ -13,12 +13,12 @@ from pgm_places.features.extraction import ScanExtractor
 from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.full_circle import FullCircle, MissingBeams, check_missing
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary import aligned_log_proba
 
 __all__ = ["BeamOptions", "ScanModel", "ScanScorer", "circles_along"]

@@ -10,7 +10,7 @@ from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["Stay", "Track", "map_of_scans"]
 

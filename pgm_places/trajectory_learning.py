@@ -22,9 +22,9 @@ from pgm_places.scan_model import (
     check_scan_features,
     circles_along,
 )
-from pgm_places.segments import Segments
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary_learning import (
     RAREST_FIRST,
     building_folds,

@@ -5,7 +5,7 @@ from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import OCCUPIED
 from pgm_places.tracking import Track, map_of_scans
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 from tests.drives import building, drive
 
 NAMES = ("corridor", "room")

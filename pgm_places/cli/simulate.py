@@ -11,16 +11,16 @@ from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap
-    from pgm_places.scan import ScanGeometry
     from pgm_places.sensing.simulated_robot import SimulatedRobot
-    from pgm_places.trajectory import Trajectory
+    from pgm_places.trajectories.scan import ScanGeometry
+    from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["beams", "robot_of", "run_simulate"]
 
 
 def beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
     """A laser with so many beams over so wide a view, its middle ahead."""
-    from pgm_places.scan import ScanGeometry
+    from pgm_places.trajectories.scan import ScanGeometry
 
     if view_degrees == 360:
         return ScanGeometry.full_circle(n_beams, range_max_m=range_m)

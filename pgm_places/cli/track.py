@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.progress import Progress
-    from pgm_places.scan import Scan
     from pgm_places.tracking import Track
-    from pgm_places.trajectory import Trajectory
+    from pgm_places.trajectories.scan import Scan
+    from pgm_places.trajectories.trajectory import Trajectory
     from pgm_places.trajectory_labeler import TrajectoryLabeler
     from pgm_places.vision.object_counts import ObjectCounts
 
@@ -271,7 +271,7 @@ def _followed(
 
     from pgm_places.inference.labeling import Labeling, Status
     from pgm_places.tracking import Track
-    from pgm_places.trajectory import Trajectory
+    from pgm_places.trajectories.trajectory import Trajectory
 
     name = "standard input" if str(log) == "-" else log.stem
     table = np.array(beliefs, np.float64)

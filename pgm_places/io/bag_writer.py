@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pgm_places._extras import needed
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import atomic_file, atomic_folder
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["write_bag"]
 

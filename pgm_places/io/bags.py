@@ -19,8 +19,8 @@ from pgm_places.io.loaded_log import (
     most_frequent_kind,
     order_warnings,
 )
-from pgm_places.scan import Scan, ScanGeometry
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import Scan, ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["read_bag"]
 

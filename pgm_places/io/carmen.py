@@ -34,8 +34,8 @@ from pgm_places.io.loaded_log import (
     order_warnings,
 )
 from pgm_places.io.log_lines import LogLines
-from pgm_places.scan import Scan, ScanGeometry
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import Scan, ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["CarmenReader", "iter_carmen_scans", "read_carmen"]
 

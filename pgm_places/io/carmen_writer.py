@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_bytes
-from pgm_places.scan import ScanGeometry
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["write_carmen"]
 
@@ -26,9 +26,9 @@ def write_carmen(path: Path | str, trajectory: Trajectory) -> Path:
         Parent folders are made.
     trajectory : Trajectory
         With scans. Those of a scanner over a half circle, as
-        :meth:`~pgm_places.scan.ScanGeometry.half_circle` makes it, become ``FLASER`` lines, which
-        every reader knows; other evenly spaced beams become ``ROBOTLASER1`` lines, which say where
-        the beams point. Each is preceded by an ``ODOM`` line.
+        :meth:`~pgm_places.trajectories.scan.ScanGeometry.half_circle` makes it, become ``FLASER``
+        lines, which every reader knows; other evenly spaced beams become ``ROBOTLASER1`` lines,
+        which say where the beams point. Each is preceded by an ``ODOM`` line.
 
     Poses and times are written so that they are read back bit for bit, ranges in millimetres. A
     log holds neither labels nor a shortest range.

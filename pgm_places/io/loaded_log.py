@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from pgm_places.scan import Scan
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import Scan
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["LoadedLog", "code_warnings", "kind_warnings", "most_frequent_kind", "order_warnings"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError, LogError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.loaded_log import LoadedLog, order_warnings
-from pgm_places.trajectory import Trajectory, headings_along
+from pgm_places.trajectories.trajectory import Trajectory, headings_along
 
 __all__ = ["read_pose_csv", "write_pose_csv"]
 

@@ -7,7 +7,7 @@ from typing import Literal
 from pgm_places.errors import InputError, LogError
 from pgm_places.io.bag_access import is_bag
 from pgm_places.io.loaded_log import LoadedLog
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["check_name", "read_trajectory", "write_trajectory"]
 

@@ -12,8 +12,8 @@ from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
 from pgm_places.io.trajectories import read_trajectory
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.similarity import Similarity
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.similarity import Similarity
+from pgm_places.trajectories.trajectory import Trajectory
 
 PLACES = ("corridor", "room", "doorway")
 CATEGORIES: Mapping[str, str] = {

@@ -12,7 +12,7 @@ from pgm_places.io.pose_csv import read_pose_csv
 from pgm_places.io.regions import load_regions
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.trajectory import Trajectory, headings_along
+from pgm_places.trajectories.trajectory import Trajectory, headings_along
 
 __all__ = [
     "CLASSES",

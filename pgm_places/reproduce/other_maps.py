@@ -16,10 +16,10 @@ from pgm_places.reproduce.comparison_pictures import label_sheet
 from pgm_places.reproduce.figures import finding, method_table
 from pgm_places.reproduce.section import Outcome, Picture
 from pgm_places.reproduce.setting import Setting
-from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.tracking import map_of_scans
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["furniture", "partial_maps", "seen_part"]
 

@@ -10,7 +10,7 @@ from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, evaluat
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.reproduce.figures import finding_of
 from pgm_places.reproduce.section import Finding
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 __all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, nearest_name
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import PoseCaster
+from pgm_places.trajectories.scan import ScanGeometry
 
 __all__ = ["FullCircle", "MissingBeams"]
 

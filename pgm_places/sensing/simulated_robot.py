@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.path_planning import PathPlanner
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import SensorNoise
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["SimulatedRobot", "scans_along"]
 

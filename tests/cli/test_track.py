@@ -19,7 +19,7 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.place_files import save_labeler
 from pgm_places.places import PlaceLabeler
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
 from pgm_places.trajectory_labeler import TrajectoryLabeler
 from pgm_places.vision.object_counts import ObjectCounts

@@ -11,7 +11,7 @@ from pgm_places.report.track_files import belief_table, write_track
 from pgm_places.report.track_page import track_page
 from pgm_places.report.track_pictures import belief_plot, path_raster
 from pgm_places.tracking import Track
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.trajectory import Trajectory
 from tests.drives import building, drive
 
 

@@ -16,9 +16,9 @@ from pgm_places.reproduce.other_maps import seen_part
 from pgm_places.reproduce.overview import overview_table
 from pgm_places.reproduce.scored_steps import scored_steps
 from pgm_places.reproduce.section import Finding, Section
-from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.simulated_robot import SimulatedRobot
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
 from tests.report.comparisons import NAMES, small_comparison, small_map
 
 

@@ -5,10 +5,10 @@ import pytest
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.scan import ScanGeometry
 from pgm_places.sensing.full_circle import FullCircle, MissingBeams
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.trajectories.scan import ScanGeometry
 
 FRONT = ScanGeometry.half_circle(360, range_max_m=80.0)
 CANONICAL = np.arange(360) * (2 * pi / 360)

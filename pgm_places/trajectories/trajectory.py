@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, LabelError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.scan import Scan, ScanGeometry
-from pgm_places.similarity import Similarity
+from pgm_places.trajectories.scan import Scan, ScanGeometry
+from pgm_places.trajectories.similarity import Similarity
 
 if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.segments import DistanceGate, Segments
-from pgm_places.trajectory import Trajectory
+from pgm_places.trajectories.segments import DistanceGate, Segments
+from pgm_places.trajectories.trajectory import Trajectory
 
 
 @given(st.integers(0, 40), st.floats(0.0, 2.0), st.integers(0, 100))

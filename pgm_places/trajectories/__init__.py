@@ -1,0 +1,1 @@
+"""Trajectories: a robot's poses and scans over time."""
