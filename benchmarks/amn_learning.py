@@ -37,7 +37,7 @@ from pgm_places.solvers.frank_wolfe import frank_wolfe
 from pgm_places.solvers.max_margin import MaxMarginProblem, MaxMarginSolution
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import graph_cut_oracle
-from pgm_places.unary_learning import fit_unary
+from pgm_places.unary.learning import fit_unary
 
 TRAINING_COLUMNS = 366
 PENALTY = 100.0

@@ -18,9 +18,9 @@ from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from pgm_places.evaluation import evaluate
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
-from pgm_places.scan_model import BeamOptions
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_labeler import TrajectoryLabeler
+from pgm_places.unary.scan_model import BeamOptions
 
 FOLDER = Path(__file__).resolve().parent
 PAGE = FOLDER / "trajectories.md"

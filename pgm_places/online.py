@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.scan_model import ScanModel, ScanScorer
 from pgm_places.sensing.full_circle import FullCircle
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
+from pgm_places.unary.scan_model import ScanModel, ScanScorer
 
 __all__ = ["BeliefFilter", "OnlineLabeler"]
 

@@ -18,7 +18,7 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.plugins import option_values
 from pgm_places.sensing.sensor import Sensor, SensorNoise
-from pgm_places.unary import UnaryModel
+from pgm_places.unary.map_model import UnaryModel
 
 __all__ = [
     "check_savable",

@@ -22,8 +22,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary import CellScores, UnaryModel
-from pgm_places.unary_learning import PRIOR_WEIGHT, RAREST_FIRST, fit_unary
+from pgm_places.unary.learning import PRIOR_WEIGHT, RAREST_FIRST, fit_unary
+from pgm_places.unary.map_model import CellScores, UnaryModel
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -79,7 +79,7 @@ class PlaceLabeler:
     learn_on : {"in-sample", "out-of-fold"}
         Which scores the methods learn from.
     n_folds, n_node_features, max_examples_per_map : int
-        See :func:`pgm_places.unary_learning.fit_unary`.
+        See :func:`pgm_places.unary.learning.fit_unary`.
     features : sequence of features or names
         Columns of your own that the lists see beside the laser's: see
         :mod:`pgm_places.features.own`.

@@ -15,7 +15,7 @@ from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation import Evaluation, evaluate
 from pgm_places.experiment import Experiment, make_labeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.unary_learning import building_folds
+from pgm_places.unary.learning import building_folds
 
 __all__ = ["Candidate", "Selection", "held_out_splits", "select"]
 

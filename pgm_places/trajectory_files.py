@@ -23,8 +23,8 @@ from pgm_places.place_files import (
     put_list,
     restored,
 )
-from pgm_places.scan_model import BeamOptions, ScanModel
 from pgm_places.trajectory_labeler import TrajectoryLabeler
+from pgm_places.unary.scan_model import BeamOptions, ScanModel
 
 __all__ = ["load_trajectory_labeler", "save_trajectory_labeler"]
 

@@ -17,11 +17,11 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.online import BeliefFilter, OnlineLabeler
 from pgm_places.places import PlaceLabeler
 from pgm_places.progress import Progress
-from pgm_places.scan_model import BeamOptions, ScanModel, circles_along
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.scan_model import BeamOptions, ScanModel, circles_along
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier

@@ -15,22 +15,22 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent
-from pgm_places.scan_model import (
-    BeamOptions,
-    ScanModel,
-    check_extra,
-    check_scan_features,
-    circles_along,
-)
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary_learning import (
+from pgm_places.unary.learning import (
     RAREST_FIRST,
     building_folds,
     held_out_scores,
     training_features,
     with_explicit_order,
+)
+from pgm_places.unary.scan_model import (
+    BeamOptions,
+    ScanModel,
+    check_extra,
+    check_scan_features,
+    circles_along,
 )
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pgm_places.label_map import label_map
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.place_files import load_labeler, save_labeler
 from pgm_places.places import PlaceMethod
-from pgm_places.unary_learning import building_folds, contiguous_blocks
+from pgm_places.unary.learning import building_folds, contiguous_blocks
 
 NAMES = ("corridor", "room", "doorway")
 

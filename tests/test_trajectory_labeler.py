@@ -13,12 +13,12 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.place_files import save_labeler
 from pgm_places.places import PlaceLabeler
-from pgm_places.scan_model import BeamOptions
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
 from pgm_places.trajectory_labeler import TrajectoryLabeler
+from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
 
 KNOWN = BeamOptions("known-map")

@@ -15,13 +15,13 @@ from pgm_places.reproduce.scored_steps import ALONE, ScoredSteps, scored_modes
 from pgm_places.reproduce.section import Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
 from pgm_places.reproduce.stand_ins import STAND_INS
-from pgm_places.scan_model import BeamOptions
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.tracking import Track
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_labeler import REACH_M, TrajectoryLabeler
+from pgm_places.unary.scan_model import BeamOptions
 
 __all__ = ["run"]
 

@@ -14,7 +14,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary import CellScores, UnaryModel, aligned_log_proba
+from pgm_places.unary.map_model import CellScores, UnaryModel, aligned_log_proba
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places import Sensor
 from pgm_places.errors import InputError
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.scan_model import ScanModel, ScanScorer
+from pgm_places.unary.scan_model import ScanModel, ScanScorer
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Unary models: from scans and features to scores of each label."""
