@@ -26,11 +26,11 @@ from pgm_places.graph.label_graph import EdgeKind, LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
+from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.decoding import DECODERS, decode
-from pgm_places.places import PlaceLabeler
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
 from pgm_places.solvers.pairwise import pairwise_model

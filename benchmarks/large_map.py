@@ -22,10 +22,10 @@ from benchmarks.memory import peak_bytes
 from pgm_places.datasets import building_tiled, generate_building
 from pgm_places.io.label_image import save_labels
 from pgm_places.io.map_server import load_map, save_map
-from pgm_places.label_map import label_map
+from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.place_files import load_labeler, save_labeler
-from pgm_places.places import PlaceLabeler, PlaceMethod
 
 METHODS = {
     "independent": PlaceMethod("independent"),

@@ -15,14 +15,14 @@ import numpy as np
 
 from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract
+from pgm_places.labelers.online import BeliefFilter
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.online import BeliefFilter
-from pgm_places.places import PlaceLabeler
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 from pgm_places.unary.scan_model import BeamOptions, circles_along
 
 GEOMETRY = ScanGeometry.half_circle(360, range_max_m=80.0)

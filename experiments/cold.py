@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pgm_places.evaluation import evaluate
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.cold import (
     CLASSES,
     NAMES,
@@ -16,7 +17,6 @@ from pgm_places.reproduce.cold import (
     place_classes,
     thinned,
 )
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 
 def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> list[str]:

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from sklearn.base import clone
 
+from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
+from pgm_places.labelers.trajectory_learning import learn_method, trajectory_examples
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import Silent
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, Building79
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.trajectory_labeler import REACH_M, TrajectoryLabeler
-from pgm_places.trajectory_learning import learn_method, trajectory_examples
 from pgm_places.unary.learning import RAREST_FIRST, held_out_scores, with_explicit_order
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.models.mrf import PottsField
 from pgm_places.reproduce.building79 import PLACES, Building79
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.trajectories.segments import Segments
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 CELL_M = 0.2
 WEIGHTS = (0.25, 0.5, 1.0, 2.0, 4.0)

@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from pgm_places.inference.labeling import Labeling, Status
     from pgm_places.inference.potentials import Potentials, score
     from pgm_places.inference.problem import LabelingProblem
+    from pgm_places.labelers.place_labeler import PlaceLabeler
+    from pgm_places.labelers.structured_labeler import StructuredLabeler
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.maps.labelled_map import LabelledMap
     from pgm_places.maps.occupancy_grid import OccupancyGrid
-    from pgm_places.places import PlaceLabeler
     from pgm_places.sensing.sensor import Sensor, SensorNoise
-    from pgm_places.structured import StructuredLabeler
     from pgm_places.structured_files import load_structured_labeler, save_structured_labeler
     from pgm_places.trajectories.scan import Scan, ScanGeometry
     from pgm_places.trajectories.similarity import Similarity
     from pgm_places.trajectories.trajectory import Trajectory
-    from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 _HOMES = {
     "EdgeKind": "graph.label_graph",
@@ -37,7 +37,7 @@ _HOMES = {
     "LabelingProblem": "inference.problem",
     "OccupancyGrid": "maps.occupancy_grid",
     "PgmPlacesError": "errors",
-    "PlaceLabeler": "places",
+    "PlaceLabeler": "labelers.place_labeler",
     "Potentials": "inference.potentials",
     "Scan": "trajectories.scan",
     "ScanGeometry": "trajectories.scan",
@@ -45,9 +45,9 @@ _HOMES = {
     "SensorNoise": "sensing.sensor",
     "Similarity": "trajectories.similarity",
     "Status": "inference.labeling",
-    "StructuredLabeler": "structured",
+    "StructuredLabeler": "labelers.structured_labeler",
     "Trajectory": "trajectories.trajectory",
-    "TrajectoryLabeler": "trajectory_labeler",
+    "TrajectoryLabeler": "labelers.trajectory_labeler",
     "build": "inference.backends",
     "evaluate": "evaluation",
     "load_backend": "backend_files",

@@ -39,10 +39,10 @@ from pgm_places.io.label_image import load_labels
 from pgm_places.io.map_server import load_map
 from pgm_places.io.regions import load_regions
 from pgm_places.io.windows import window_mask
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.places import PlaceLabeler, PlaceMethod
 from pgm_places.plugins import option_values
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor, SensorNoise

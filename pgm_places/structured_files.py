@@ -8,7 +8,7 @@ from pgm_places.backend_files import Arrays, get_backend, put_backend
 from pgm_places.errors import ConfigError, ModelFileError, NotFittedError
 from pgm_places.estimator_files import get_estimator, put_estimator, unfitted
 from pgm_places.io.model_files import load_folder, save_folder
-from pgm_places.structured import StructuredLabeler
+from pgm_places.labelers.structured_labeler import StructuredLabeler
 
 __all__ = ["load_structured_labeler", "save_structured_labeler"]
 

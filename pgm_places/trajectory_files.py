@@ -13,6 +13,7 @@ from pgm_places.errors import ModelFileError, NotFittedError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import n_columns
 from pgm_places.io.model_files import load_folder, save_folder
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.place_files import KIND as PLACES_KIND
 from pgm_places.place_files import (
     get_features,
@@ -23,7 +24,6 @@ from pgm_places.place_files import (
     put_list,
     restored,
 )
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
 
 __all__ = ["load_trajectory_labeler", "save_trajectory_labeler"]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pgm_places.experiment import Experiment
     from pgm_places.io.map_server import MapFile
-    from pgm_places.places import PlaceLabeler
+    from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.progress import Progress
 
 __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
@@ -139,7 +139,7 @@ def _label(
 ) -> None:
     """Label a map that has been read; write labels, pictures and places."""
     from pgm_places.cli.places import rules_of, write_places
-    from pgm_places.label_map import label_map
+    from pgm_places.labelers.label_map import label_map
     from pgm_places.report.label_files import write_labels
 
     result = label_map(labeler, loaded.grid, method=method, n_threads=n_threads, progress=progress)

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from pgm_places.labelers.tracking import Track
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.progress import Progress
-    from pgm_places.tracking import Track
     from pgm_places.trajectories.scan import Scan
     from pgm_places.trajectories.trajectory import Trajectory
-    from pgm_places.trajectory_labeler import TrajectoryLabeler
     from pgm_places.vision.object_counts import ObjectCounts
 
 __all__ = ["TrackOptions", "run_follow", "run_track"]
@@ -47,7 +47,7 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
     """Label a log that is complete."""
     from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.trajectories import read_trajectory
-    from pgm_places.tracking import Track
+    from pgm_places.labelers.tracking import Track
 
     if out is None:
         raise ConfigError("track needs a folder for its results: give --out DIR")
@@ -270,7 +270,7 @@ def _followed(
     import numpy as np
 
     from pgm_places.inference.labeling import Labeling, Status
-    from pgm_places.tracking import Track
+    from pgm_places.labelers.tracking import Track
     from pgm_places.trajectories.trajectory import Trajectory
 
     name = "standard input" if str(log) == "-" else log.stem
@@ -280,8 +280,8 @@ def _followed(
 
 
 def _write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> list[Path]:
+    from pgm_places.labelers.tracking import map_of_scans
     from pgm_places.report.track_files import write_track
-    from pgm_places.tracking import map_of_scans
 
     drawn_on = map_of_scans(track.trajectory) if grid is None else grid
     return write_track(track, drawn_on, out)

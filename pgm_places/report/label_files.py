@@ -9,7 +9,7 @@ from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.label_image import save_labels
 from pgm_places.io.map_server import MapFile
-from pgm_places.label_map import LabelledPlaces
+from pgm_places.labelers.label_map import LabelledPlaces
 
 __all__ = ["write_labels"]
 

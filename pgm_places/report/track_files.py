@@ -5,10 +5,10 @@ import io
 from pathlib import Path
 
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.track_page import write_track_page
 from pgm_places.report.track_pictures import belief_plot, path_picture
-from pgm_places.tracking import Track
 
 __all__ = ["belief_table", "write_track"]
 

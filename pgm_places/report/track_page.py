@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from pgm_places._version import __version__
 from pgm_places.evaluation import evaluate
 from pgm_places.io.atomic import write_text
+from pgm_places.labelers.tracking import Stay, Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.markup import Markup, data_table, element, joined
 from pgm_places.report.page_head import page_head
 from pgm_places.report.palette import label_colours
 from pgm_places.report.track_pictures import belief_plot, path_picture
-from pgm_places.tracking import Stay, Track
 
 __all__ = ["track_page", "write_track_page"]
 

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
 from pgm_places.report.map_pictures import label_map
 from pgm_places.report.palette import label_colours
-from pgm_places.tracking import Track
 
 __all__ = ["belief_plot", "path_picture", "path_raster"]
 

@@ -9,6 +9,8 @@ import numpy as np
 from pgm_places.io.map_server import load_map
 from pgm_places.io.regions import load_regions
 from pgm_places.io.trajectories import read_trajectory
+from pgm_places.labelers.tracking import Track
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.report.path_pictures import path_map
 from pgm_places.report.plots import confusion_picture
 from pgm_places.report.track_pictures import belief_plot
@@ -23,8 +25,6 @@ from pgm_places.reproduce.furnished_floors import DETECTORS, Floor, make_floor
 from pgm_places.reproduce.scored_steps import ALONE, MODES, ScoredSteps, scored_modes
 from pgm_places.reproduce.section import Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
-from pgm_places.tracking import Track
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 from pgm_places.vision.detector import PAPER_OBJECTS
 
 __all__ = ["run"]

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.datasets import generate_building
+from pgm_places.labelers.tracking import Track
+from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.path_pictures import path_map
@@ -17,10 +19,8 @@ from pgm_places.reproduce.setting import Setting
 from pgm_places.reproduce.stand_ins import STAND_INS
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
-from pgm_places.tracking import Track
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.unary.scan_model import BeamOptions
 
 __all__ = ["run"]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
+from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing.sensor import SensorNoise
@@ -14,7 +15,6 @@ from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.topology.components import connected_components
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.trajectory_labeler import REACH_M
 from pgm_places.vision.detector import PAPER_OBJECTS
 from pgm_places.vision.placement import place_objects
 from pgm_places.vision.simulated_detector import SimulatedDetector

@@ -6,7 +6,8 @@ from pgm_places.comparison import Comparison
 from pgm_places.datasets import generate_building
 from pgm_places.experiment import compare, compare_fitted, load_maps, train
 from pgm_places.io.map_server import load_map
-from pgm_places.label_map import label_map
+from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.tracking import map_of_scans
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -17,7 +18,6 @@ from pgm_places.reproduce.figures import finding, method_table
 from pgm_places.reproduce.section import Outcome, Picture
 from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.simulated_robot import SimulatedRobot
-from pgm_places.tracking import map_of_scans
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from pgm_places.comparison import Comparison
 from pgm_places.experiment import compare, compare_fitted, load_maps, train
+from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.places import PlaceLabeler
 from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
 from pgm_places.reproduce.figures import DOORWAY, finding, percent
 from pgm_places.reproduce.section import Outcome, Picture, Table

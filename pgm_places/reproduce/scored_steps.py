@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, evaluate
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.figures import finding_of
 from pgm_places.reproduce.section import Finding
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 __all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]
 

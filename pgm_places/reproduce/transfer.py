@@ -2,9 +2,9 @@
 
 from pgm_places.comparison import Comparison
 from pgm_places.experiment import compare_fitted, load_maps, train
-from pgm_places.label_map import label_map
+from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.places import PlaceLabeler
 from pgm_places.report.map_pictures import label_map as label_picture
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet

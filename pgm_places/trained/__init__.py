@@ -7,7 +7,7 @@ from pgm_places._checks import nearest_name
 from pgm_places.errors import ModelFileError
 
 if TYPE_CHECKING:
-    from pgm_places.places import PlaceLabeler
+    from pgm_places.labelers.place_labeler import PlaceLabeler
 
 __all__ = ["DEFAULT", "NAMES", "model_folder", "trained_labeler"]
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from pgm_places.io.map_server import save_map
 from pgm_places.io.object_counts import write_object_counts
 from pgm_places.io.trajectories import read_trajectory, write_trajectory
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.place_files import save_labeler
-from pgm_places.places import PlaceLabeler
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run
 from tests.drives import building as made_building

@@ -24,10 +24,10 @@ from pgm_places.features.own import (
     n_columns,
     values_on_map,
 )
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.place_files import load_labeler, save_labeler
 from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 NAMES = ("near a wall", "in the open")
 SENSOR = Sensor(n_beams=360, max_range_m=10.0)

@@ -3,8 +3,8 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.labelers.tracking import Track, map_of_scans
 from pgm_places.maps.occupancy_grid import OCCUPIED
-from pgm_places.tracking import Track, map_of_scans
 from pgm_places.trajectories.trajectory import Trajectory
 from tests.drives import building, drive
 

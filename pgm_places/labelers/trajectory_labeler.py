@@ -11,11 +11,11 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
+from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.online import BeliefFilter, OnlineLabeler
-from pgm_places.places import PlaceLabeler
 from pgm_places.progress import Progress
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
@@ -178,7 +178,10 @@ class TrajectoryLabeler:
         InputError
             There is nothing to learn from, or columns do not fit.
         """
-        from pgm_places.trajectory_learning import learn_trajectory_labeler, trajectory_examples
+        from pgm_places.labelers.trajectory_learning import (
+            learn_trajectory_labeler,
+            trajectory_examples,
+        )
 
         sensor = sensor or Sensor(max_range_m=REACH_M)
         names, own = tuple(extra_names), as_features(features)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
+from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen, coarsening_factor
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.places import PlaceLabeler
 from pgm_places.progress import Progress, Silent
 
 __all__ = ["LabelledPlaces", "label_map"]

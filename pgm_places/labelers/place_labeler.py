@@ -17,9 +17,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build, uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.learning import PRIOR_WEIGHT, RAREST_FIRST, fit_unary
@@ -87,7 +87,7 @@ class PlaceLabeler:
         Filled by :meth:`fit`.
     movement : HiddenMarkovModel or None
         Filled by :meth:`fit`: which place follows which along a robot's way, and how the list
-        errs, for :class:`pgm_places.trajectory_labeler.TrajectoryLabeler`.
+        errs, for :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`.
 
     Examples
     --------

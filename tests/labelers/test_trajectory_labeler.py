@@ -8,16 +8,16 @@ import pytest
 
 from pgm_places.errors import InputError, LabelError, ModelFileError, NotFittedError
 from pgm_places.inference.backends import build
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.place_files import save_labeler
-from pgm_places.places import PlaceLabeler
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
-from pgm_places.trajectory_labeler import TrajectoryLabeler
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError, LabelError
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
+from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.movement import learn_movement
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.segments import Segments
@@ -34,8 +34,8 @@ from pgm_places.unary.scan_model import (
 )
 
 if TYPE_CHECKING:
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.models.decision_list import DecisionListClassifier
-    from pgm_places.trajectory_labeler import TrajectoryLabeler
 
 __all__ = ["Examples", "learn_method", "learn_trajectory_labeler", "trajectory_examples"]
 

@@ -1,0 +1,1 @@
+"""Labelers: a unary model and an inference method, learned together."""
