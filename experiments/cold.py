@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.evaluation import evaluate
+from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.cold import (
     CLASSES,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from experiments.cold import cold_table
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
-from pgm_places.evaluation import evaluate
+from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
 from pgm_places.trajectories.trajectory import Trajectory

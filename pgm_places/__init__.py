@@ -12,7 +12,7 @@ from pgm_places._version import __version__
 if TYPE_CHECKING:
     from pgm_places.backend_files import load_backend, save_backend
     from pgm_places.errors import PgmPlacesError
-    from pgm_places.evaluation import evaluate
+    from pgm_places.evaluation.evaluation import evaluate
     from pgm_places.graph.label_graph import EdgeKind, LabelGraph
     from pgm_places.inference.backends import build
     from pgm_places.inference.labeling import Labeling, Status
@@ -49,7 +49,7 @@ _HOMES = {
     "Trajectory": "trajectories.trajectory",
     "TrajectoryLabeler": "labelers.trajectory_labeler",
     "build": "inference.backends",
-    "evaluate": "evaluation",
+    "evaluate": "evaluation.evaluation",
     "load_backend": "backend_files",
     "load_structured_labeler": "structured_files",
     "save_backend": "backend_files",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, square_blocks
+from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, square_blocks
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -99,7 +99,8 @@ def score_intervals(
 ) -> dict[str, Interval]:
     """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
 
-    Squares of ``BLOCK_M`` are drawn anew (:func:`pgm_places.evaluation.block_bootstrap`).
+    Squares of ``BLOCK_M`` are drawn anew
+    (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
     """
     blocks, first = [], 0
     for item in maps:

@@ -32,7 +32,7 @@ from pgm_places.config import (
 )
 from pgm_places.config_changes import changed_config
 from pgm_places.errors import ConfigError, LabelError
-from pgm_places.evaluation import Evaluation, evaluate
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.checks import sha256_of
 from pgm_places.io.label_image import load_labels

@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator, clone
 
 from pgm_places._checks import integer_array, nearest_name
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
-from pgm_places.evaluation import evaluate
+from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.backends import Learnable, build
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem

@@ -14,7 +14,7 @@ from pgm_places.report.line_chart import spans_decades
 from pgm_places.report.palette import METHOD_COLOURS
 
 if TYPE_CHECKING:
-    from pgm_places.evaluation import Reliability
+    from pgm_places.evaluation.evaluation import Reliability
 
 __all__ = ["confusion_picture", "history_plot", "reliability_plot"]
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from pgm_places.comparison import Comparison, MethodResult
-from pgm_places.evaluation import Evaluation
+from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.inference.labeling import Labeling
 from pgm_places.report.markup import Markup, data_table, element, joined
 from pgm_places.report.palette import label_colours

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._version import __version__
-from pgm_places.evaluation import evaluate
+from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.io.atomic import write_text
 from pgm_places.labelers.tracking import Stay, Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid

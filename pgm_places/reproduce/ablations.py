@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 from pgm_places.comparison import Comparison
-from pgm_places.evaluation import Evaluation, evaluate
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment import compare, compare_fitted, load_maps, make_labeler
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.maps.labelled_map import LabelledMap

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation import Evaluation, Interval, block_bootstrap, evaluate
+from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, evaluate
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.figures import finding_of

@@ -154,7 +154,7 @@ def test_a_label_that_never_occurs_has_dashes() -> None:
         assert {0, 1, 2, 3} <= set(np.unique(item.truth).tolist())
     from dataclasses import replace
 
-    from pgm_places.evaluation import Evaluation
+    from pgm_places.evaluation.evaluation import Evaluation
 
     counts = np.diag([5, 5, 5, 0])
     methods = tuple(

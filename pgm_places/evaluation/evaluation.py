@@ -8,12 +8,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places import _confusion
 from pgm_places._checks import finite_array, frozen, integer_array
-from pgm_places._confusion import mean_of_defined, paired_labels, ratio
-from pgm_places.bootstrap import Interval, block_bootstrap, square_blocks
-from pgm_places.borders import border_tolerant_mask
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation import confusion as _confusion
+from pgm_places.evaluation.bootstrap import Interval, block_bootstrap, square_blocks
+from pgm_places.evaluation.border_mask import border_tolerant_mask
+from pgm_places.evaluation.confusion import mean_of_defined, paired_labels, ratio
 
 __all__ = [
     "Evaluation",

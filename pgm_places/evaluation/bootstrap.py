@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
-from pgm_places._confusion import accuracy, mean_of_defined, paired_labels, recall
 from pgm_places.errors import InputError
+from pgm_places.evaluation.confusion import accuracy, mean_of_defined, paired_labels, recall
 
 __all__ = ["Interval", "block_bootstrap", "square_blocks"]
 
@@ -41,7 +41,7 @@ def block_bootstrap(
     Parameters
     ----------
     truth, predicted : (N,) int
-        As in :func:`pgm_places.evaluation.evaluate`.
+        As in :func:`pgm_places.evaluation.evaluation.evaluate`.
     blocks : (N,) int
         Number of the block that each node belongs to.
     n_labels : int

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError, LabelError
-from pgm_places.evaluation import (
+from pgm_places.evaluation.evaluation import (
     Evaluation,
     block_bootstrap,
     border_tolerant_mask,

@@ -1,0 +1,1 @@
+"""Evaluation: figures of merit, confidence intervals and folds."""
