@@ -14,7 +14,7 @@ from pgm_places.cli.tables import comparison_table, shares_line
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pgm_places.experiment import Experiment
+    from pgm_places.experiment.experiment import Experiment
     from pgm_places.io.map_server import MapFile
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.progress import Progress
@@ -25,12 +25,12 @@ __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
 @contextmanager
 def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "Iterator[Experiment]":
     """The experiment of a configuration; what it will need is compiled meanwhile."""
-    from pgm_places.config import load_config
+    from pgm_places.experiment.config import load_config
 
     config = load_config(config_path)
     stages = ["features", "boosting", *(item.name for item in config.methods)]
     with compiled_ahead(stages, n_threads=n_threads):
-        from pgm_places.experiment import Experiment
+        from pgm_places.experiment.experiment import Experiment
 
         experiment = Experiment(
             config,
@@ -47,7 +47,7 @@ def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: b
     from pgm_places.io.atomic import check_writable_folder
 
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.experiment import compare
+        from pgm_places.experiment.experiment import compare
         from pgm_places.report.comparison_files import write_comparison
 
         check_writable_folder(out)  # an unwritable folder shows before the work, not after
@@ -78,7 +78,7 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
 def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places train``."""
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.experiment import make_labeler, resolved_config, train, versions
+        from pgm_places.experiment.experiment import make_labeler, resolved_config, train, versions
         from pgm_places.io.model_files import check_target
         from pgm_places.place_files import check_savable, save_labeler
 

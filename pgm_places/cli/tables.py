@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pgm_places.comparison import Comparison, MethodResult
+    from pgm_places.experiment.comparison import Comparison, MethodResult
 
 
 __all__ = ["comparison_table", "shares_line", "text_table"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.comparison import Comparison, MethodResult
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 

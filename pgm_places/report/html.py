@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from pgm_places.comparison import Comparison, MethodResult
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.io.atomic import write_text
 from pgm_places.report.markup import Markup, data_table, element, joined
 from pgm_places.report.page_head import page_head

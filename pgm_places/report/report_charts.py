@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from pgm_places.comparison import Comparison, MethodResult
 from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.report.line_chart import Series, line_chart
 from pgm_places.report.markup import Markup, element
 from pgm_places.report.palette import label_colours

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.comparison import Comparison, MethodResult, TestMap
+from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
 from pgm_places.report.canvas import (
     Canvas,
     View,

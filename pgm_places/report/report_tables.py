@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.comparison import Comparison, MethodResult
 from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.inference.labeling import Labeling
 from pgm_places.report.markup import Markup, data_table, element, joined
 from pgm_places.report.palette import label_colours

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import clone
 
-from pgm_places.comparison import Comparison
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.experiment import compare, compare_fitted, load_maps, make_labeler
+from pgm_places.experiment.comparison import Comparison
+from pgm_places.experiment.experiment import compare, compare_fitted, load_maps, make_labeler
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.reproduce.figures import DOORWAY, finding, method_table, percent

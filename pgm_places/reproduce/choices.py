@@ -1,12 +1,12 @@
 """Options chosen on held-out training cells: what the chosen ones and the others do in a test."""
 
-from pgm_places.comparison import Comparison
-from pgm_places.config_changes import changed_config
-from pgm_places.experiment import compare, load_maps
+from pgm_places.experiment.comparison import Comparison
+from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.experiment import compare, load_maps
+from pgm_places.experiment.selection import Selection, select
 from pgm_places.reproduce.figures import DOORWAY, finding, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
 from pgm_places.reproduce.setting import Setting
-from pgm_places.selection import Selection, select
 
 __all__ = ["run"]
 

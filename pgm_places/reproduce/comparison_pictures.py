@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.comparison import Comparison, MethodResult, TestMap
+from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
 from pgm_places.report.palette import ERROR, IGNORED, RIGHT_TINT, WALL, label_colours, tinted

@@ -1,7 +1,7 @@
 """Numbers as the tables of the paper's experiments show them."""
 
-from pgm_places.comparison import Comparison, MethodResult
 from pgm_places.evaluation.evaluation import Evaluation, Interval, border_tolerant_mask
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.reproduce.section import Finding, Table
 
 __all__ = ["BORDER_M", "DOORWAY", "away_from_borders", "finding", "method_table", "percent"]

@@ -4,8 +4,8 @@ from itertools import permutations
 
 import numpy as np
 
-from pgm_places.comparison import Comparison
-from pgm_places.experiment import compare, compare_fitted, load_maps, train
+from pgm_places.experiment.comparison import Comparison
+from pgm_places.experiment.experiment import compare, compare_fitted, load_maps, train
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet

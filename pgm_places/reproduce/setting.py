@@ -7,10 +7,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pgm_places.config import load_config
-from pgm_places.config_changes import changed_config
 from pgm_places.datasets import generate_building
-from pgm_places.experiment import DATA_VARIABLE, Experiment
+from pgm_places.experiment.config import load_config
+from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.experiment import DATA_VARIABLE, Experiment
 from pgm_places.io.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent

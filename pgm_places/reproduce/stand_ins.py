@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from pgm_places.config import ExperimentConfig, MapConfig
-from pgm_places.config_changes import changed_config
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import ExperimentConfig, MapConfig
+from pgm_places.experiment.config_changes import changed_config
 
 __all__ = ["STAND_INS", "with_stand_ins"]
 

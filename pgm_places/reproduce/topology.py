@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.comparison import TestMap
-from pgm_places.experiment import compare
+from pgm_places.experiment.comparison import TestMap
+from pgm_places.experiment.experiment import compare
 from pgm_places.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid

@@ -1,7 +1,7 @@
 """Section 7.4: classifiers in buildings that they were not learned from."""
 
-from pgm_places.comparison import Comparison
-from pgm_places.experiment import compare_fitted, load_maps, train
+from pgm_places.experiment.comparison import Comparison
+from pgm_places.experiment.experiment import compare_fitted, load_maps, train
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid

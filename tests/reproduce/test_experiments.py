@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from pgm_places.config_changes import changed_config
-from pgm_places.experiment import Experiment
+from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.experiment import Experiment
 from pgm_places.reproduce import poses, resolutions, topology
 from pgm_places.reproduce.setting import Setting
 from tests.reproduce.small_data import write_small_data

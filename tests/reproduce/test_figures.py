@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pgm_places.comparison import score_intervals
+from pgm_places.experiment.comparison import score_intervals
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import UNKNOWN

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.config import load_config
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import load_config
 from pgm_places.reproduce.run import RECORD, data_for, finished_section, reproduce
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Section, Table
 from pgm_places.reproduce.sections import SECTIONS, PaperSection, chosen_sections

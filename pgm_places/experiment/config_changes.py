@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pgm_places._checks import nearest_name
-from pgm_places.config import ExperimentConfig, validated_config
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import ExperimentConfig, validated_config
 
 __all__ = ["changed_config"]
 
@@ -27,7 +27,7 @@ def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> Expe
 
     Examples
     --------
-    >>> from pgm_places.config import parse_config
+    >>> from pgm_places.experiment.config import parse_config
     >>> config = parse_config(
     ...     {
     ...         "labels": {"names": ["corridor", "room"]},

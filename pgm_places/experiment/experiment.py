@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._version import __version__
-from pgm_places.comparison import (
+from pgm_places.errors import ConfigError, LabelError
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.experiment.comparison import (
     Comparison,
     MethodResult,
     TestMap,
@@ -23,16 +25,14 @@ from pgm_places.comparison import (
     learning_of,
     score_intervals,
 )
-from pgm_places.config import (
+from pgm_places.experiment.config import (
     ExperimentConfig,
     MapConfig,
     MethodConfig,
     build_features,
     build_method,
 )
-from pgm_places.config_changes import changed_config
-from pgm_places.errors import ConfigError, LabelError
-from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.experiment.config_changes import changed_config
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.checks import sha256_of
 from pgm_places.io.label_image import load_labels
@@ -48,7 +48,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 
 if TYPE_CHECKING:
-    from pgm_places.selection import Selection
+    from pgm_places.experiment.selection import Selection
 
 __all__ = ["Experiment", "compare", "compare_fitted", "load_maps", "make_labeler", "train"]
 
@@ -269,7 +269,7 @@ def train(experiment: Experiment) -> PlaceLabeler:
     """
     maps = load_maps(experiment, "train")
     if experiment.config.select is not None:
-        from pgm_places.selection import select  # which learns experiments itself
+        from pgm_places.experiment.selection import select  # which learns experiments itself
 
         with experiment.timed("select"):
             experiment.selection = select(experiment, maps)

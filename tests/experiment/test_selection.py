@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgm_places.config import ExperimentConfig, parse_config
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError
-from pgm_places.experiment import Experiment
+from pgm_places.experiment.config import ExperimentConfig, parse_config
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.selection import held_out_splits, select
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.selection import held_out_splits, select
 
 
 def small_map(seed: int, building: str) -> LabelledMap:

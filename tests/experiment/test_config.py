@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from pgm_places.config import load_config, parse_config
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import load_config, parse_config
 
 
 def minimal() -> dict[str, Any]:

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from pgm_places.config import ExperimentConfig, parse_config
-from pgm_places.config_changes import changed_config
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import ExperimentConfig, parse_config
+from pgm_places.experiment.config_changes import changed_config
 
 
 @pytest.fixture

@@ -1,0 +1,1 @@
+"""Configured experiments: what a TOML file describes, run and compared."""
