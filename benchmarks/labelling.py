@@ -19,7 +19,7 @@ from pgm_places.io.label_image import load_labels, save_labels
 from pgm_places.io.map_server import load_map, save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.place_files import load_labeler, save_labeler
+from pgm_places.persistence.place_labeler import load_labeler, save_labeler
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("corridor", "room", "doorway")

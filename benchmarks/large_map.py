@@ -25,7 +25,7 @@ from pgm_places.io.map_server import load_map, save_map
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.place_files import load_labeler, save_labeler
+from pgm_places.persistence.place_labeler import load_labeler, save_labeler
 
 METHODS = {
     "independent": PlaceMethod("independent"),

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from pgm_places._version import __version__
 
 if TYPE_CHECKING:
-    from pgm_places.backend_files import load_backend, save_backend
     from pgm_places.errors import PgmPlacesError
     from pgm_places.evaluation.evaluation import evaluate
     from pgm_places.graph.label_graph import EdgeKind, LabelGraph
@@ -23,8 +22,12 @@ if TYPE_CHECKING:
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.maps.labelled_map import LabelledMap
     from pgm_places.maps.occupancy_grid import OccupancyGrid
+    from pgm_places.persistence.backend import load_backend, save_backend
+    from pgm_places.persistence.structured_labeler import (
+        load_structured_labeler,
+        save_structured_labeler,
+    )
     from pgm_places.sensing.sensor import Sensor, SensorNoise
-    from pgm_places.structured_files import load_structured_labeler, save_structured_labeler
     from pgm_places.trajectories.scan import Scan, ScanGeometry
     from pgm_places.trajectories.similarity import Similarity
     from pgm_places.trajectories.trajectory import Trajectory
@@ -50,10 +53,10 @@ _HOMES = {
     "TrajectoryLabeler": "labelers.trajectory_labeler",
     "build": "inference.backends",
     "evaluate": "evaluation.evaluation",
-    "load_backend": "backend_files",
-    "load_structured_labeler": "structured_files",
-    "save_backend": "backend_files",
-    "save_structured_labeler": "structured_files",
+    "load_backend": "persistence.backend",
+    "load_structured_labeler": "persistence.structured_labeler",
+    "save_backend": "persistence.backend",
+    "save_structured_labeler": "persistence.structured_labeler",
     "score": "inference.potentials",
 }
 

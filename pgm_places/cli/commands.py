@@ -79,8 +79,8 @@ def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: boo
     """``pgm-places train``."""
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
         from pgm_places.experiment.experiment import make_labeler, resolved_config, train, versions
-        from pgm_places.io.model_files import check_target
-        from pgm_places.place_files import check_savable, save_labeler
+        from pgm_places.persistence.model_folder import check_target
+        from pgm_places.persistence.place_labeler import check_savable, save_labeler
 
         check_target(out)
         check_savable(make_labeler(experiment.config))  # not after hours of training
@@ -115,7 +115,7 @@ def run_label(
     with compiled_ahead(stages, n_threads=n_threads):  # before the imports, which take seconds
         from pgm_places.io.atomic import check_writable_folder
         from pgm_places.io.map_server import load_map
-        from pgm_places.place_files import load_labeler
+        from pgm_places.persistence.place_labeler import load_labeler
 
         labeler, record = load_labeler(folder)
         labeler.method(method)  # an unknown method shows before the work

@@ -211,9 +211,9 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
 
 def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
     from pgm_places.models.hmm import HiddenMarkovModel
+    from pgm_places.persistence.trajectory_labeler import load_trajectory_labeler
     from pgm_places.sensing.full_circle import check_missing
     from pgm_places.trained import model_folder
-    from pgm_places.trajectory_files import load_trajectory_labeler
 
     labeler, _ = load_trajectory_labeler(model_folder(options.model))
     if isinstance(labeler.method, HiddenMarkovModel):

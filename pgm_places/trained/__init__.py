@@ -45,6 +45,6 @@ def trained_labeler(name: str | Path = DEFAULT) -> "PlaceLabeler":
     >>> labeler.label_names
     ('corridor', 'room', 'doorway')
     """
-    from pgm_places.place_files import load_labeler
+    from pgm_places.persistence.place_labeler import load_labeler
 
     return load_labeler(model_folder(name))[0]

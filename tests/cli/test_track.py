@@ -18,10 +18,13 @@ from pgm_places.io.trajectories import read_trajectory, write_trajectory
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.place_files import save_labeler
+from pgm_places.persistence.place_labeler import save_labeler
+from pgm_places.persistence.trajectory_labeler import (
+    load_trajectory_labeler,
+    save_trajectory_labeler,
+)
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
 from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run
 from tests.drives import building as made_building

@@ -8,7 +8,7 @@ import pytest
 from pgm_places import PlaceLabeler, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ModelFileError
-from pgm_places.place_files import save_labeler
+from pgm_places.persistence.place_labeler import save_labeler
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from tests.cli.conftest import Run
 

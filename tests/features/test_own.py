@@ -26,8 +26,11 @@ from pgm_places.features.own import (
 )
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.place_files import load_labeler, save_labeler
-from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
+from pgm_places.persistence.place_labeler import load_labeler, save_labeler
+from pgm_places.persistence.trajectory_labeler import (
+    load_trajectory_labeler,
+    save_trajectory_labeler,
+)
 
 NAMES = ("near a wall", "in the open")
 SENSOR = Sensor(n_beams=360, max_range_m=10.0)

@@ -9,11 +9,11 @@ import pytest
 from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, Sensor, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, InputError, LabelError, ModelFileError, NotFittedError
-from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.place_files import load_labeler, save_labeler
+from pgm_places.persistence.model_folder import load_folder, save_folder
+from pgm_places.persistence.place_labeler import load_labeler, save_labeler
 from pgm_places.unary.learning import building_folds, contiguous_blocks
 
 NAMES = ("corridor", "room", "doorway")

@@ -13,11 +13,14 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.place_files import save_labeler
+from pgm_places.persistence.place_labeler import save_labeler
+from pgm_places.persistence.trajectory_labeler import (
+    load_trajectory_labeler,
+    save_trajectory_labeler,
+)
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.trajectory_files import load_trajectory_labeler, save_trajectory_labeler
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
 

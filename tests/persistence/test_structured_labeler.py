@@ -22,9 +22,9 @@ from pgm_places import (
     save_structured_labeler,
 )
 from pgm_places.errors import ModelFileError, NotFittedError, OutputError
-from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
+from pgm_places.persistence.model_folder import load_folder, save_folder
 
 TRUTH = np.repeat([0, 1, 2, 0], 15)
 NAMES = ("rest", "walk", "run")

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.backend_files import get_backend, put_backend
 from pgm_places.errors import ModelFileError, NotFittedError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import n_columns
-from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-from pgm_places.place_files import KIND as PLACES_KIND
-from pgm_places.place_files import (
+from pgm_places.persistence.backend import get_backend, put_backend
+from pgm_places.persistence.model_folder import load_folder, save_folder
+from pgm_places.persistence.place_labeler import KIND as PLACES_KIND
+from pgm_places.persistence.place_labeler import (
     get_features,
     get_labeler,
     get_list,

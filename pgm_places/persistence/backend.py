@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, ModelFileError
 from pgm_places.inference.backends import METHODS, Backend
-from pgm_places.io.model_files import load_folder, save_folder
+from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.plugins import option_values
 
 __all__ = ["get_backend", "load_backend", "put_backend", "save_backend"]

@@ -4,11 +4,11 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from pgm_places.backend_files import Arrays, get_backend, put_backend
 from pgm_places.errors import ConfigError, ModelFileError, NotFittedError
-from pgm_places.estimator_files import get_estimator, put_estimator, unfitted
-from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.labelers.structured_labeler import StructuredLabeler
+from pgm_places.persistence.backend import Arrays, get_backend, put_backend
+from pgm_places.persistence.estimator import get_estimator, put_estimator, unfitted
+from pgm_places.persistence.model_folder import load_folder, save_folder
 
 __all__ = ["load_structured_labeler", "save_structured_labeler"]
 
@@ -26,7 +26,7 @@ def save_structured_labeler(folder: Path | str, labeler: StructuredLabeler) -> P
         Absent, empty, or a model, which is then replaced.
     labeler : StructuredLabeler
         Fitted. Its classifier is None or one whose state is plain numbers: see
-        :data:`pgm_places.estimator_files.ESTIMATORS`.
+        :data:`pgm_places.persistence.estimator.ESTIMATORS`.
 
     Raises
     ------

@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.backend_files import get_backend, put_backend
 from pgm_places.errors import ConfigError, ModelFileError, NotFittedError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import FEATURES, n_columns
 from pgm_places.inference.backends import METHODS
-from pgm_places.io.model_files import load_folder, save_folder
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.persistence.backend import get_backend, put_backend
+from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.plugins import option_values
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.unary.map_model import UnaryModel

@@ -18,7 +18,7 @@ from pgm_places import (
 )
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.inference.backends import BACKENDS, METHODS, Learnable, backend_names
-from pgm_places.io.model_files import load_folder, save_folder
+from pgm_places.persistence.model_folder import load_folder, save_folder
 
 NAMES = ("room", "corridor")
 TRUTH = np.array([0, 0, 0, 1, 1, 1])

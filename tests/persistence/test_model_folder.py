@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import ModelFileError, OutputError
-from pgm_places.io import model_files
-from pgm_places.io.model_files import check_target, is_model, load_folder, save_folder
+from pgm_places.persistence import model_folder as model_files
+from pgm_places.persistence.model_folder import check_target, is_model, load_folder, save_folder
 
 MANIFEST = {"kind": "test", "names": ["grün", "b"], "nested": {"x": [1, 2.5, None, True]}}
 

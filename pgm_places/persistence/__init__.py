@@ -1,0 +1,1 @@
+"""Persistence: what is learned as a folder of data, and back."""
