@@ -24,8 +24,8 @@ import numpy as np
 from benchmarks.labelling import NAMES, map_files
 from benchmarks.memory import peak_bytes
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork

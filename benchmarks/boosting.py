@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from benchmarks import boosting_peers as peers
 from benchmarks.labelling import NAMES, map_files
 from pgm_places.features.extraction import extract
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import score_all

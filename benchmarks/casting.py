@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
 from pgm_places.datasets.tiling import building_tiled
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.kernels.jit import njit
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.occupancy_grid import OccupancyGrid

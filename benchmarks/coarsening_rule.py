@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.coarsening import coarsen
 from tests.reference.coarse_blocks import passable_doors
 

@@ -23,7 +23,7 @@ from benchmarks.features_numpy import features
 from benchmarks.labelling import map_files
 from pgm_places.features.extraction import extract
 from pgm_places.features.laser import LASER_FEATURES
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor
 

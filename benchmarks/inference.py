@@ -24,8 +24,8 @@ from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, i
 from benchmarks.labelling import NAMES, map_files
 from pgm_places.graph.label_graph import EdgeKind, LabelGraph
 from pgm_places.inference.potentials import Potentials
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap

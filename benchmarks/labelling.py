@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from pgm_places.datasets import generate_building
-from pgm_places.io.label_image import load_labels, save_labels
-from pgm_places.io.map_server import load_map, save_map
+from pgm_places.io.maps.label_image import load_labels, save_labels
+from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.place_labeler import load_labeler, save_labeler

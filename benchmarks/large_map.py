@@ -20,8 +20,8 @@ import numpy as np
 
 from benchmarks.memory import peak_bytes
 from pgm_places.datasets import building_tiled, generate_building
-from pgm_places.io.label_image import save_labels
-from pgm_places.io.map_server import load_map, save_map
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap

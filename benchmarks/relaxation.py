@@ -23,8 +23,8 @@ from scipy import ndimage
 from benchmarks.labelling import NAMES, map_files
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.relaxation import Relaxation
 from pgm_places.solvers.grid_relaxation import relax_grid

@@ -21,8 +21,8 @@ from scipy import ndimage
 
 from benchmarks.labelling import NAMES, map_files
 from pgm_places.datasets import generate_building
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.corrections import correct_regions

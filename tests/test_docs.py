@@ -24,7 +24,7 @@ SETUP = {
     "docs/trajectories.md": (
         "import numpy as np\n"
         "from pgm_places import ScanGeometry, Trajectory\n"
-        "from pgm_places.io.trajectories import write_trajectory\n"
+        "from pgm_places.io.logs.trajectories import write_trajectory\n"
         "log = Trajectory(\n"
         "    [0.0, 1.0],\n"
         "    [[0, 0, 0], [1, 0, 0]],\n"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pgm_places.experiment.experiment import Experiment
-    from pgm_places.io.map_server import MapFile
+    from pgm_places.io.maps.map_server import MapFile
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.progress import Progress
 
@@ -114,7 +114,7 @@ def run_label(
     stages = ["features", stage_of_model(folder, method), "topology"]
     with compiled_ahead(stages, n_threads=n_threads):  # before the imports, which take seconds
         from pgm_places.io.atomic import check_writable_folder
-        from pgm_places.io.map_server import load_map
+        from pgm_places.io.maps.map_server import load_map
         from pgm_places.persistence.place_labeler import load_labeler
 
         labeler, record = load_labeler(folder)

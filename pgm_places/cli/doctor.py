@@ -66,7 +66,7 @@ def _kernels() -> None:
 
 def _map(map_yaml: Path) -> None:
     from pgm_places.cli.tables import shares_line
-    from pgm_places.io.map_server import load_map
+    from pgm_places.io.maps.map_server import load_map
 
     loaded = load_map(map_yaml)
     grid = loaded.grid

@@ -31,7 +31,7 @@ def write_places(out: Path, title: str, **options: Any) -> list[Path]:
 
     ``options`` are those of ``topological_map``, the grid among them.
     """
-    from pgm_places.io.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
+    from pgm_places.io.places.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
     from pgm_places.report.topology_output import topology_summary, write_topology
     from pgm_places.topology.from_labels import topological_map
 
@@ -57,9 +57,9 @@ def run_topology(
 ) -> None:
     """``pgm-places topology``."""
     from pgm_places.io.atomic import check_writable_folder
-    from pgm_places.io.label_image import load_labels
-    from pgm_places.io.label_values import listed_names
-    from pgm_places.io.map_server import load_map
+    from pgm_places.io.maps.label_image import load_labels
+    from pgm_places.io.maps.label_values import listed_names
+    from pgm_places.io.maps.map_server import load_map
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
@@ -81,7 +81,7 @@ def run_topology(
             min_width_m=min_width_m,
         )
     if propose_splits_m:
-        from pgm_places.io.topology_files import load_topology
+        from pgm_places.io.places.topology_files import load_topology
 
         for line in _proposals(load_topology(out), propose_splits_m):
             typer.echo(line)
@@ -104,8 +104,8 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
 
 def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:
     """``pgm-places export``."""
-    from pgm_places.io.exports import export
-    from pgm_places.io.topology_files import load_topology
+    from pgm_places.io.places.exports import export
+    from pgm_places.io.places.topology_files import load_topology
 
     topology = load_topology(folder)
     for path in export(topology, to, out or folder, values=_values(values) or None):
@@ -125,7 +125,7 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
 
 def run_where(folder: Path, x_m: float, y_m: float) -> None:
     """``pgm-places where``."""
-    from pgm_places.io.topology_files import load_topology
+    from pgm_places.io.places.topology_files import load_topology
 
     topology = load_topology(folder)
     region = topology.region_at(x_m, y_m)

@@ -78,7 +78,7 @@ def run_simulate(
 ) -> None:
     """``pgm-places simulate``."""
     from pgm_places.io.atomic import check_writable_folder, write_bytes
-    from pgm_places.io.trajectories import check_name, write_trajectory
+    from pgm_places.io.logs.trajectories import check_name, write_trajectory
 
     if (map_yaml is None) is not demo:
         raise InputError("simulate wants a map, or --demo for a generated building: one of them")
@@ -114,9 +114,9 @@ def _users_map(
     map_yaml: Path, labels: Path | None, unknown_value: int | None
 ) -> "tuple[LabelledMap, tuple[str, ...], tuple[str, ...]]":
     """The map, the names of its labels (none without labels), and warnings."""
-    from pgm_places.io.label_image import load_labels
-    from pgm_places.io.label_values import listed_names
-    from pgm_places.io.map_server import load_map
+    from pgm_places.io.maps.label_image import load_labels
+    from pgm_places.io.maps.label_values import listed_names
+    from pgm_places.io.maps.map_server import load_map
     from pgm_places.maps.labelled_map import LabelledMap
 
     loaded = load_map(map_yaml, unknown_value=unknown_value)
@@ -131,8 +131,8 @@ def _users_map(
 def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list[Path]]":
     """A generated building, written beside the log for whoever wants to label it."""
     from pgm_places.datasets.building import generate_building
-    from pgm_places.io.label_image import save_labels
-    from pgm_places.io.map_server import save_map
+    from pgm_places.io.maps.label_image import save_labels
+    from pgm_places.io.maps.map_server import save_map
     from pgm_places.maps.labelled_map import LabelledMap
 
     building = generate_building(seed=seed)

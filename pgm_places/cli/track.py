@@ -46,7 +46,7 @@ class TrackOptions:
 def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
     """Label a log that is complete."""
     from pgm_places.io.atomic import check_writable_folder
-    from pgm_places.io.trajectories import read_trajectory
+    from pgm_places.io.logs.trajectories import read_trajectory
     from pgm_places.labelers.tracking import Track
 
     if out is None:
@@ -124,8 +124,8 @@ def _follow(
     beliefs: list[object],
 ) -> None:
     """A line per scan: time, position, label, probability; scans and beliefs are kept."""
-    from pgm_places.io.carmen import CarmenReader, iter_carmen_scans
-    from pgm_places.io.log_lines import follow_lines
+    from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
+    from pgm_places.io.logs.log_lines import follow_lines
 
     online = None
     names = labeler.label_names
@@ -178,7 +178,7 @@ def _counts(
         return None
     if not names:
         raise ConfigError("this model looks at the laser only; leave --counts out")
-    from pgm_places.io.object_counts import read_object_counts
+    from pgm_places.io.logs.object_counts import read_object_counts
 
     counts = read_object_counts(options.counts)
     missing = [name for name in names if name not in counts.object_names]
@@ -245,7 +245,7 @@ def _with_truth(
     """The trajectory with the true places from a table of as many steps, if one is named."""
     if options.truth is None:
         return trajectory
-    from pgm_places.io.pose_csv import read_pose_csv
+    from pgm_places.io.logs.pose_csv import read_pose_csv
 
     table = read_pose_csv(options.truth, label_names=label_names).trajectory
     if table.labels is None:
@@ -259,7 +259,7 @@ def _with_truth(
 
 
 def _map(options: TrackOptions) -> "OccupancyGrid | None":
-    from pgm_places.io.map_server import load_map
+    from pgm_places.io.maps.map_server import load_map
 
     return None if options.map_yaml is None else load_map(options.map_yaml).grid
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from pgm_places.datasets.building import generate_building
 from pgm_places.io.atomic import write_text
-from pgm_places.io.label_image import save_labels
-from pgm_places.io.map_server import save_map
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import save_map
 
 __all__ = ["write_demo"]
 

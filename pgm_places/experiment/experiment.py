@@ -35,10 +35,10 @@ from pgm_places.experiment.config import (
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.graph.layout import GridLayout
 from pgm_places.io.checks import sha256_of
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
-from pgm_places.io.regions import load_regions
-from pgm_places.io.windows import window_mask
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.regions import load_regions
+from pgm_places.io.maps.windows import window_mask
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap

@@ -7,8 +7,8 @@ import numpy as np
 
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_bytes, write_text
-from pgm_places.io.label_image import save_labels
-from pgm_places.io.map_server import MapFile
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import MapFile
 from pgm_places.labelers.label_map import LabelledPlaces
 
 __all__ = ["write_labels"]

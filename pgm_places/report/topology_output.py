@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pgm_places.io.atomic import write_bytes
-from pgm_places.io.topology_files import save_topology
+from pgm_places.io.places.topology_files import save_topology
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.topological_map import TopologicalMap
 

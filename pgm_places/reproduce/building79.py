@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
-from pgm_places.io.trajectories import read_trajectory
+from pgm_places.io.logs.trajectories import read_trajectory
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.io.map_server import load_map
-from pgm_places.io.regions import load_regions
-from pgm_places.io.trajectories import read_trajectory
+from pgm_places.io.logs.trajectories import read_trajectory
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.regions import load_regions
 from pgm_places.labelers.tracking import Track
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.report.path_pictures import path_map

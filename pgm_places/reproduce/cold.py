@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pgm_places.io.map_server import load_map
-from pgm_places.io.pose_csv import read_pose_csv
-from pgm_places.io.regions import load_regions
+from pgm_places.io.logs.pose_csv import read_pose_csv
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.regions import load_regions
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.trajectory import Trajectory, headings_along

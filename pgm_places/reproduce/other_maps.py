@@ -5,7 +5,7 @@ import numpy as np
 from pgm_places.datasets import generate_building
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.experiment import compare, compare_fitted, load_maps, train
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.tracking import map_of_scans
 from pgm_places.maps.coarsening import coarsen

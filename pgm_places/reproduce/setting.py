@@ -11,7 +11,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import DATA_VARIABLE, Experiment
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.reproduce.stand_ins import STAND_INS, with_stand_ins

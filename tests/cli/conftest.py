@@ -8,8 +8,8 @@ import pytest
 
 from pgm_places.cli.main import main
 from pgm_places.datasets import generate_building
-from pgm_places.io.label_image import save_labels
-from pgm_places.io.map_server import save_map
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import save_map
 
 CONFIG = """\
 [labels]

@@ -8,7 +8,7 @@ import pytest
 
 import pgm_places.datasets.building
 from pgm_places.datasets.building import generate_building
-from pgm_places.io.trajectories import read_trajectory
+from pgm_places.io.logs.trajectories import read_trajectory
 from tests.cli.conftest import Run
 
 DRIVE = ("--length", 4, "--range", 8, "-q")

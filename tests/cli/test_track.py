@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.io.map_server import save_map
-from pgm_places.io.object_counts import write_object_counts
-from pgm_places.io.trajectories import read_trajectory, write_trajectory
+from pgm_places.io.logs.object_counts import write_object_counts
+from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
+from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier

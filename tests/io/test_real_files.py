@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from pgm_places.errors import MapError
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
-from pgm_places.io.regions import load_regions
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.regions import load_regions
 from pgm_places.maps.coarsening import coarsen
 from tests.io.files import write_map
 from tests.real_data import real_data_folder

@@ -10,8 +10,8 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.io.label_image import load_labels
-from pgm_places.io.map_server import load_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.models.relaxation import Relaxation, grid_connectivity
 from pgm_places.plugins import option_fields

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from pgm_places.datasets import generate_building
-from pgm_places.io.label_image import save_labels
-from pgm_places.io.map_server import save_map
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 CUT_COLUMN = 366

@@ -1,0 +1,1 @@
+"""Drives as files: CARMEN logs, CSV files and ROS bags."""

@@ -1,0 +1,307 @@
+"""Trajectories from ROS bags: laser scans, and poses from odometry or the frames' tree."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError, LogError
+from pgm_places.io.logs.bag_access import open_bag, stamp_s
+from pgm_places.io.logs.bag_poses import FrameTree, Lookup, PoseTrack, at_times, planar
+from pgm_places.io.logs.loaded_log import (
+    LoadedLog,
+    code_warnings,
+    kind_warnings,
+    most_frequent_kind,
+    order_warnings,
+)
+from pgm_places.trajectories.scan import Scan, ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["read_bag"]
+
+_SCANS = "sensor_msgs/msg/LaserScan"
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_POSES = (
+    _ODOMETRY,
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+)
+_ORIGIN = np.zeros(3)
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """Where poses come from: a chain of tracks down to the laser, and words for messages."""
+
+    chain: list[PoseTrack]
+    source: str
+    warnings: tuple[str, ...] = ()
+
+
+def read_bag(
+    path: Path | str,
+    *,
+    scan_topic: str | None = None,
+    pose_topic: str | None = None,
+    fixed_frame: str | None = None,
+    lookup: Lookup = "interpolated",
+    max_gap_s: float = 0.5,
+    range_max_m: float | None = None,
+) -> LoadedLog:
+    """The trajectory in a ROS 1 bag, a ROS 2 bag (sqlite3, MCAP) or an MCAP file.
+
+    Parameters
+    ----------
+    path : path
+        A ``.bag`` or ``.mcap`` file, or a ROS 2 bag's folder.
+    scan_topic : str, optional
+        Topic of ``LaserScan`` messages; the only one by default.
+    pose_topic : str, optional
+        Topic of ``Odometry``, ``PoseStamped`` or ``PoseWithCovarianceStamped`` messages to take
+        the poses from.
+    fixed_frame : str, optional
+        Take the poses from the frames' tree (``/tf``, ``/tf_static``) instead: of the laser in
+        this frame.
+    lookup : {"interpolated", "nearest"}
+        How a pose is found for the time of a scan.
+    max_gap_s : float
+        Interpolate only between poses at most so far apart; the nearest may be so far away. A scan
+        without a pose is dropped, and counted in a warning.
+    range_max_m : float, optional
+        From which reading on a beam has met nothing; what the messages say by default.
+
+    Where neither topic nor frame is named, poses come from the tree if that connects ``map`` with
+    the laser, else from the only odometry topic, else from the tree with ``odom``. Odometry
+    beside poses in ``map`` is kept as the trajectory's odometry. Where the tree knows how the
+    laser is mounted on the robot, poses are the laser's, and a laser that hangs upside down has
+    its beams turned round.
+
+    Raises
+    ------
+    LogError
+        The bag is damaged, has no scans or no poses, or there are several and none was chosen.
+    InputError
+        An option is wrong, or ``rosbags`` is not installed.
+    """
+    if lookup not in ("interpolated", "nearest"):
+        raise InputError(f'lookup must be "interpolated" or "nearest", got {lookup!r}')
+    if not (isfinite(max_gap_s) and max_gap_s >= 0):
+        raise InputError(f"max_gap_s must be at least 0 seconds, got {max_gap_s}")
+    if pose_topic is not None and fixed_frame is not None:
+        raise InputError("poses come from pose_topic or from fixed_frame: give one of them")
+    with open_bag(path) as reader:
+        bag = _Bag(Path(path), reader)
+        scans, frame = _read_scans(bag, bag.topic("scan_topic", scan_topic, (_SCANS,)), range_max_m)
+        tree = _read_tree(bag)
+        poses = _choose_poses(bag, tree, frame, pose_topic, fixed_frame)
+        wheels = _wheels(bag, tree, frame) if poses.source == "map" else None
+    kept = most_frequent_kind(scans)
+    warnings = kind_warnings(scans, kept) + list(poses.warnings)
+    times = np.array([scan.time_s for scan in kept])
+    found, known, mirrored = at_times(poses.chain, times, lookup, max_gap_s)
+    trajectory = replace(Trajectory.from_scans(kept, name=Path(path).stem), poses=found)
+    if mirrored:
+        trajectory = _turned_round(trajectory)
+    if wheels is not None:
+        odometry, odometry_known, _ = at_times(wheels.chain, times, lookup, max_gap_s)
+        trajectory = replace(trajectory, odometry=odometry)
+        known &= odometry_known
+    if not known.all():
+        warnings.append(_drop_message(known, poses.source, max_gap_s))
+    if not known.any():
+        raise LogError(f"{path}: {warnings[-1]}; other poses, or a larger max_gap_s?")
+    trajectory = trajectory.subset(known)
+    if range_max_m is None:
+        warnings += code_warnings(trajectory)
+    warnings += order_warnings(trajectory)
+    return LoadedLog(trajectory, Path(path), tuple(warnings), bag.counts)
+
+
+class _Bag:
+    """An open bag: its topics, and the messages of one of them."""
+
+    def __init__(self, path: Path, reader: Any) -> None:
+        self.path = path
+        self.reader = reader
+        self.types: dict[str, str] = {c.topic: c.msgtype for c in reader.connections}
+        self.counts: dict[str, int] = {}
+        for connection in reader.connections:
+            topic = connection.topic
+            self.counts[topic] = self.counts.get(topic, 0) + connection.msgcount
+
+    def of_type(self, kinds: Sequence[str]) -> list[str]:
+        """The topics of some message types that hold messages, sorted."""
+        return sorted(t for t, kind in self.types.items() if kind in kinds and self.counts[t])
+
+    def topic(self, option: str, wanted: str | None, kinds: Sequence[str]) -> str:
+        """The topic that was asked for, or the only one of its kinds."""
+        names = " or ".join(kind.rpartition("/")[2] for kind in kinds)
+        if wanted is None:
+            found = self.of_type(kinds)
+            if len(found) == 1:
+                return found[0]
+            if found:
+                raise LogError(
+                    f"{self.path} has several topics of {names}: {', '.join(found)}; choose one "
+                    f"as {option}"
+                )
+            raise LogError(f"{self.path} has no {names} messages; {self._holds()}")
+        if wanted not in self.types:
+            raise LogError(f"{self.path} has no topic {wanted}; {self._holds()}")
+        if self.types[wanted] not in kinds:
+            raise LogError(
+                f"{self.path}: {wanted} holds {self.types[wanted]} messages, but {option} wants "
+                f"{names}"
+            )
+        return wanted
+
+    def _holds(self) -> str:
+        topics = [f"{topic} ({kind})" for topic, kind in sorted(self.types.items())]
+        return f"it holds {', '.join(topics) or 'nothing'}"
+
+    def messages(self, *topics: str) -> Any:
+        """(topic, time recorded in nanoseconds, message) in the order of recording."""
+        chosen = [c for c in self.reader.connections if c.topic in topics]
+        if not chosen:  # an empty choice would mean every topic
+            return
+        for connection, recorded_ns, raw in self.reader.messages(connections=chosen):
+            message = self.reader.deserialize(raw, connection.msgtype)
+            yield connection.topic, recorded_ns, message
+
+
+def _read_scans(bag: _Bag, topic: str, range_max_m: float | None) -> tuple[list[Scan], str]:
+    """The scans, their poses yet unknown, and the frame of the laser."""
+    geometries: dict[tuple[float, ...], ScanGeometry] = {}
+    scans = []
+    frame = ""
+    for _, recorded_ns, message in bag.messages(topic):
+        frame = frame or message.header.frame_id.lstrip("/")
+        geometry = _geometry(bag, message, range_max_m, geometries)
+        ranges = geometry.cleaned(message.ranges)
+        scans.append(Scan(stamp_s(message, recorded_ns), _ORIGIN, ranges, geometry))
+    if not scans:
+        raise LogError(f"{bag.path}: the topic {topic} holds no scan")
+    return scans, frame
+
+
+def _geometry(
+    bag: _Bag,
+    message: Any,
+    range_max_m: float | None,
+    known: dict[tuple[float, ...], ScanGeometry],
+) -> ScanGeometry:
+    n_beams = len(message.ranges)
+    low, high = _shortest(message.range_min), _shortest(message.range_max)
+    reach = high if range_max_m is None else range_max_m
+    start, spacing = float(message.angle_min), float(message.angle_increment)
+    # Drivers compute the angles anew for each message; a thousandth of a radian is no other beam.
+    key = (n_beams, round(start, 3), round(spacing * n_beams, 3), low, reach)
+    if key not in known:
+        angles = start + spacing * np.arange(n_beams, dtype=np.float64)
+        try:
+            known[key] = ScanGeometry(angles, reach, low)
+        except InputError as error:
+            raise LogError(
+                f"{bag.path}: a scan of {n_beams} beams says range_min {low:g} and range_max "
+                f"{high:g}: {error}; range_max_m can say it better"
+            ) from None
+    return known[key]
+
+
+def _shortest(value: float) -> float:
+    """The shortest decimal of a single-precision number: 81.83, not 81.83000183105469."""
+    return float(str(np.float32(value)))
+
+
+def _read_tree(bag: _Bag) -> FrameTree:
+    entries: dict[tuple[str, str], list[tuple[float, float, float, float, bool]]] = {}
+    static: dict[tuple[str, str], bool] = {}
+    for topic, recorded_ns, message in bag.messages(*bag.of_type(_TRANSFORMS)):
+        for item in message.transforms:
+            edge = (item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/"))
+            place = planar(item.transform.translation, item.transform.rotation)
+            entries.setdefault(edge, []).append((stamp_s(item, recorded_ns), *place))
+            static[edge] = topic.endswith("static")
+    tracks = {
+        edge: PoseTrack.from_entries(values, is_static=static[edge])
+        for edge, values in entries.items()
+    }
+    return FrameTree(tracks)
+
+
+def _choose_poses(
+    bag: _Bag, tree: FrameTree, frame: str, pose_topic: str | None, fixed_frame: str | None
+) -> _Poses:
+    if pose_topic is not None:
+        return _topic_poses(bag, tree, frame, bag.topic("pose_topic", pose_topic, _POSES))
+    if fixed_frame is not None:
+        chain = tree.chain(fixed_frame, frame)
+        if chain is None:
+            frames = ", ".join(tree.frames) or "none"
+            raise LogError(
+                f"{bag.path}: no transforms lead from {fixed_frame!r} to the laser's frame "
+                f"{frame!r}; frames: {frames}"
+            )
+        return _Poses(chain, fixed_frame)
+    chain = tree.chain("map", frame)
+    if chain is not None:
+        return _Poses(chain, "map")
+    if bag.of_type((_ODOMETRY,)):
+        return _topic_poses(bag, tree, frame, bag.topic("pose_topic", None, (_ODOMETRY,)))
+    chain = tree.chain("odom", frame)
+    if chain is not None:
+        return _Poses(chain, "odom")
+    others = bag.of_type(_POSES)
+    hint = f"; {', '.join(others)} can be chosen as pose_topic" if others else ""
+    frames = f"; the frames are {', '.join(tree.frames)}, choose fixed_frame" if tree.frames else ""
+    raise LogError(
+        f"{bag.path} has no odometry, and no transforms from map or odom to the laser's frame "
+        f"{frame!r}{hint}{frames}"
+    )
+
+
+def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
+    """The poses of a topic, with the way from the robot to its laser where the tree knows it."""
+    entries = []
+    robot = "base_link"
+    for _, recorded_ns, message in bag.messages(topic):
+        robot = getattr(message, "child_frame_id", "").lstrip("/") or robot
+        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+        entries.append((stamp_s(message, recorded_ns), *planar(pose.position, pose.orientation)))
+    track = PoseTrack.from_entries(entries)
+    mount = tree.chain(robot, frame)
+    warnings: tuple[str, ...] = ()
+    if mount is None:
+        warnings = (
+            f"no transforms lead from {robot!r} to the laser's frame {frame!r}; the laser is taken "
+            "to sit at the robot's centre and to look ahead",
+        )
+    return _Poses([track, *(mount or [])], topic, warnings)
+
+
+def _wheels(bag: _Bag, tree: FrameTree, frame: str) -> _Poses | None:
+    """The only odometry topic's poses of the laser, or None."""
+    topics = bag.of_type((_ODOMETRY,))
+    return _topic_poses(bag, tree, frame, topics[0]) if len(topics) == 1 else None
+
+
+def _turned_round(trajectory: Trajectory) -> Trajectory:
+    """With the beams of a laser that hangs upside down pointing where they really point."""
+    if trajectory.ranges_m is None or trajectory.geometry is None:
+        return trajectory
+    geometry = replace(trajectory.geometry, angles_rad=-trajectory.geometry.angles_rad[::-1])
+    return trajectory.with_scans(trajectory.ranges_m[:, ::-1], geometry)
+
+
+def _drop_message(known: NDArray[np.bool_], source: str, max_gap_s: float) -> str:
+    dropped = len(known) - int(known.sum())
+    return (
+        f"{dropped} of {len(known)} scans have no pose from {source} within {max_gap_s:g} s and "
+        "are dropped"
+    )

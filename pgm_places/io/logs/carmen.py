@@ -1,0 +1,267 @@
+"""CARMEN logs: one message a line, the format of most public laser data sets.
+
+Lines that carry poses or scans (the last three fields of each are two time stamps with the
+computer's name between them)::
+
+    FLASER  n r_1 ... r_n  x y heading  odom_x odom_y odom_heading  time host logged
+    RLASER  the same, of a laser that looks back
+    ROBOTLASER1 type start fov step max_range accuracy remission n r_1 ... r_n k s_1 ... s_k
+                laser_x laser_y laser_heading robot_x robot_y robot_heading
+                tv rv forward_safety side_safety turn_axis  time host logged
+    ROBOTLASER2 the same, of a laser that looks back
+    ODOM    x y heading tv rv accel  time host logged
+    PARAM   name value  time host logged
+
+Every other line is counted and skipped.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError, LogError
+from pgm_places.io.logs.loaded_log import (
+    LoadedLog,
+    code_warnings,
+    kind_warnings,
+    most_frequent_kind,
+    order_warnings,
+)
+from pgm_places.io.logs.log_lines import LogLines
+from pgm_places.trajectories.scan import Scan, ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["CarmenReader", "iter_carmen_scans", "read_carmen"]
+
+Laser = Literal["front", "rear"]
+
+_LASERS: dict[Laser, tuple[bytes, bytes]] = {
+    "front": (b"FLASER", b"ROBOTLASER1"),
+    "rear": (b"RLASER", b"ROBOTLASER2"),
+}
+_KNOWN = {b"ODOM", b"PARAM", *(kind for kinds in _LASERS.values() for kind in kinds)}
+_LONGEST_M = 81.83
+"""The SICK LMS in centimetre mode: readings from 8183 on are codes for errors and no return."""
+
+
+@dataclass
+class CarmenReader:
+    """Understands a log line by line; what it could not use is counted.
+
+    Parameters
+    ----------
+    laser : {"front", "rear"}
+        Which of the robot's lasers is wanted.
+    range_max_m : float or None
+        From which reading on a beam has met nothing. None takes it from the message
+        (``ROBOTLASER1``), else from the log's parameter ``robot_front_laser_max`` (or ``rear``),
+        else 81.83 m.
+
+    Examples
+    --------
+    >>> reader = CarmenReader()
+    >>> scan = reader.scan(b"FLASER 3 1.5 2.0 81.91 0.1 0.2 0.3 0.1 0.2 0.3 7.5 host 7.5")
+    >>> scan.ranges_m, scan.time_s
+    (array([ 1.5 ,  2.  , 81.83], dtype=float32), 7.5)
+    >>> reader.scan(b"SYNC laser"), dict(reader.counts)
+    (None, {'FLASER': 1, 'SYNC': 1})
+    """
+
+    laser: Laser = "front"
+    range_max_m: float | None = None
+    counts: Counter[str] = field(default_factory=Counter)
+    """Lines per first word, comments and empty lines left out."""
+    n_damaged: int = 0
+    """Lines of a known kind whose fields could not be read."""
+    odometry: list[tuple[float, float, float, float]] = field(default_factory=list, repr=False)
+    """(time, x, y, heading) of the ODOM lines, where :attr:`keep_odometry` is set."""
+    keep_odometry: bool = False
+    _limit_m: float | None = None
+    _geometries: dict[tuple[float | int, ...], ScanGeometry] = field(
+        default_factory=dict, repr=False
+    )
+
+    def __post_init__(self) -> None:
+        if self.laser not in _LASERS:
+            raise InputError(f'laser must be "front" or "rear", got {self.laser!r}')
+        limit = self.range_max_m
+        if limit is not None and not (isfinite(limit) and limit > 0):
+            raise InputError(f"range_max_m must be positive metres, got {limit}")
+
+    def scan(self, line: bytes) -> Scan | None:
+        """The scan of a line, or None where the line is something else or cannot be read."""
+        fields = line.split()
+        if not fields or fields[0].startswith(b"#"):
+            return None
+        kind = fields[0]
+        self.counts[kind.decode("ascii", "replace")] += 1
+        if kind not in _KNOWN:
+            return None
+        plain, described = _LASERS[self.laser]
+        try:
+            if kind == plain:
+                return self._plain_scan(fields)
+            if kind == described:
+                return self._described_scan(fields)
+            if kind == b"PARAM":
+                self._take_parameter(fields)
+            elif kind == b"ODOM" and self.keep_odometry:
+                x, y, heading = _finite(fields[1:4])
+                self.odometry.append((_finite(fields[7:8])[0], x, y, heading))
+        except (ValueError, IndexError):
+            self.n_damaged += 1
+        return None
+
+    def _take_parameter(self, fields: list[bytes]) -> None:
+        if fields[1] == f"robot_{self.laser}_laser_max".encode():
+            limit = float(fields[2])
+            self._limit_m = limit if isfinite(limit) and limit > 0 else None
+
+    def _plain_scan(self, fields: list[bytes]) -> Scan:
+        n_beams = int(fields[1])
+        limit = self.range_max_m or self._limit_m or _LONGEST_M
+        rest = fields[2 + n_beams :]
+        if n_beams < 1 or len(rest) < 7:
+            raise ValueError
+        key = (n_beams, limit)
+        if key not in self._geometries:
+            self._geometries[key] = ScanGeometry.half_circle(n_beams, range_max_m=limit)
+        return _scan(self._geometries[key], fields[2 : 2 + n_beams], rest[:6], rest[6])
+
+    def _described_scan(self, fields: list[bytes]) -> Scan:
+        start, _, spacing, reach = _finite(fields[2:6])
+        n_beams = int(fields[8])
+        n_remissions = int(fields[9 + n_beams])
+        rest = fields[10 + n_beams + n_remissions :]
+        if n_beams < 1 or n_remissions < 0 or len(rest) < 12:
+            raise ValueError
+        limit = self.range_max_m or reach
+        key = (n_beams, limit, start, spacing)
+        if key not in self._geometries:
+            angles = start + spacing * np.arange(n_beams, dtype=np.float64)
+            self._geometries[key] = ScanGeometry(angles, range_max_m=limit)
+        return _scan(self._geometries[key], fields[9 : 9 + n_beams], rest[:6], rest[11])
+
+
+def _finite(fields: list[bytes]) -> tuple[float, ...]:
+    numbers = tuple(map(float, fields))
+    if not all(map(isfinite, numbers)):
+        raise ValueError
+    return numbers
+
+
+def _scan(geometry: ScanGeometry, readings: list[bytes], poses: list[bytes], time: bytes) -> Scan:
+    numbers = _finite(poses)
+    ranges = geometry.cleaned(list(map(float, readings)))
+    return Scan(
+        _finite([time])[0],
+        np.array(numbers[:3]),
+        ranges,
+        geometry,
+        np.array(numbers[3:]),
+    )
+
+
+def iter_carmen_scans(
+    lines: Iterable[bytes], *, reader: CarmenReader | None = None
+) -> Iterator[Scan]:
+    """The scans among the lines of a log, one by one as the lines come.
+
+    Parameters
+    ----------
+    lines : iterable of bytes
+        A file opened in binary mode, :class:`~pgm_places.io.logs.log_lines.LogLines`, or the lines
+        of a growing file (:func:`~pgm_places.io.logs.log_lines.follow_lines`).
+    reader : CarmenReader, optional
+        Which laser, which limit; it also counts the lines that are no scans.
+
+    Scans may differ in their number of beams: each carries its own geometry.
+    """
+    reader = reader or CarmenReader()
+    for line in lines:
+        scan = reader.scan(line)
+        if scan is not None:
+            yield scan
+
+
+def read_carmen(
+    path: Path | str,
+    *,
+    laser: Laser = "front",
+    range_max_m: float | None = None,
+) -> LoadedLog:
+    """The trajectory in a CARMEN log, plain or gzip, with what there is to say about the file.
+
+    Parameters
+    ----------
+    path : path
+        The log.
+    laser : {"front", "rear"}
+        Which of the robot's lasers.
+    range_max_m : float, optional
+        From which reading on a beam has met nothing; see :class:`CarmenReader`.
+
+    Poses are the laser's. The odometry of the same lines is kept where it differs from them.
+    What could be read is kept, with a warning each: the part before the place where compressed
+    data are cut off or damaged; the scans of the most frequent kind where the number of beams
+    changes; the ``ODOM`` lines as a trajectory without scans where there is no scan.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, or holds neither scans nor odometry.
+    InputError
+        An option is wrong.
+    """
+    lines = LogLines(path)
+    reader = CarmenReader(laser, range_max_m, keep_odometry=True)
+    scans = list(iter_carmen_scans(lines, reader=reader))
+    warnings = []
+    if lines.damage:
+        warnings.append(f"{lines.damage}; what came before was read ({len(scans)} scans)")
+    if reader.n_damaged:
+        warnings.append(f"{_lines(reader.n_damaged)} could not be read and left out")
+    name = Path(path).name.removesuffix(".gz").removesuffix(".log")
+    if scans:
+        kept = most_frequent_kind(scans)
+        warnings += kind_warnings(scans, kept)
+        trajectory = _with_real_odometry(Trajectory.from_scans(kept, name=name))
+        if range_max_m is None:
+            warnings += code_warnings(trajectory)
+    else:
+        trajectory = _odometry_only(reader, path, name)
+        kinds = " and ".join(kind.decode() for kind in _LASERS[laser])
+        warnings.append(
+            f"no scans of the {laser} laser ({kinds} lines); the {len(trajectory)} ODOM lines make "
+            "a trajectory without scans"
+        )
+    warnings += order_warnings(trajectory)
+    return LoadedLog(trajectory, Path(path), tuple(warnings), reader.counts)
+
+
+def _lines(n: int) -> str:
+    return "1 damaged line" if n == 1 else f"{n} damaged lines"
+
+
+def _with_real_odometry(trajectory: Trajectory) -> Trajectory:
+    """Without odometry where it only repeats the poses, as in logs that were corrected."""
+    odometry = trajectory.odometry
+    repeats = odometry is not None and np.array_equal(odometry, trajectory.poses)
+    return replace(trajectory, odometry=None) if repeats else trajectory
+
+
+def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Trajectory:
+    if not reader.odometry:
+        found = ", ".join(f"{count} {kind[:20]}" for kind, count in reader.counts.most_common(5))
+        raise LogError(
+            f"{path} holds neither laser scans nor odometry that could be read "
+            f"(lines: {found or 'none'}); is it a CARMEN log, and whole?"
+        )
+    rows: NDArray[np.float64] = np.array(reader.odometry)
+    return Trajectory(rows[:, 0], rows[:, 1:], name=name)

@@ -1,0 +1,218 @@
+"""Label images: ground truth or results as a picture on the map image's own raster, with names."""
+
+import io
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import label_raster
+from pgm_places.errors import LabelError
+from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.maps.label_values import LabelValues, default_values, read_label_values
+from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, Strip, open_image
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+
+__all__ = ["LABEL_COLOURS", "load_labels", "save_labels"]
+
+_log = logging.getLogger(__name__)
+
+# Okabe and Ito's colours that tell apart with every kind of colour vision; black is left out, it
+# stands for "no label".
+LABEL_COLOURS = (
+    (0, 114, 178),
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (86, 180, 233),
+    (213, 94, 0),
+    (240, 228, 66),
+)
+# Labels on free cells: below the first share the picture is suspected, above the second one the
+# picture turned upside down is believed to be right.
+_FEW_ON_FREE, _MOST_ON_FREE = 0.8, 0.95
+
+
+def load_labels(
+    image_path: Path | str,
+    label_names: Sequence[str],
+    *,
+    grid: OccupancyGrid,
+    names_path: Path | str | None = None,
+) -> NDArray[np.int16]:
+    """(H, W) label of each cell of ``grid`` (row 0 at the bottom); -1 where there is none.
+
+    Parameters
+    ----------
+    image_path : Path
+        PNG, PGM, BMP or TIFF of the size of the map's image. Greys are compared with the values of
+        the names file; in an indexed image the palette's greys, or the indices where its palette
+        has other colours. Fully transparent pixels have no label.
+    label_names : sequence of str
+        The labels to read; label ``k`` of the result is ``label_names[k]``.
+    grid : OccupancyGrid
+        The map that the labels belong to.
+    names_path : Path, optional
+        YAML file with ``values: {room: 77, ...}`` and ``ignore: 0`` (a value or a list); by
+        default ``<image>.yaml`` beside the image, else ``labels.yaml`` there.
+
+    Raises
+    ------
+    LabelError
+        Where a file is missing or damaged, the sizes differ, a value has no name, a name is not
+        among ``label_names`` or the other way round, or the image is upside down.
+    """
+    path = Path(image_path).expanduser()
+    values = read_label_values(path, label_names, names_path)
+    with open_image(path, LabelError, max_pixels=max(MAX_PIXELS, grid.cells.size)) as image:
+        if image.shape != grid.shape:
+            raise LabelError(
+                f"{path}: the labels have {image.shape[0]} rows x {image.shape[1]} columns, the "
+                f"map has {grid.shape[0]} x {grid.shape[1]}; draw the labels on the map's own image"
+            )
+        if image.is_deep:
+            raise LabelError(
+                f"{path}: greys of 16 bits; label values are 0 to 255, save it with 8 bits"
+            )
+        raster = _raster(image, values)
+    _check_orientation(path, raster, grid)
+    return raster
+
+
+def save_labels(
+    path: Path | str, raster: ArrayLike, label_names: Sequence[str]
+) -> tuple[Path, Path]:
+    """Write labels as an indexed PNG with its names beside it; ``load_labels`` reads them back.
+
+    Parameters
+    ----------
+    path : Path
+        The PNG; the names go to the same path with the suffix ``.yaml``.
+    raster : (H, W) int
+        Label of each cell, row 0 at the bottom; -1 where there is none.
+    label_names : sequence of str
+        At most 255 names. Label ``k`` of K gets the index ``(k + 1) * (255 // K)``; no label is 0.
+
+    Returns
+    -------
+    (Path, Path)
+        The image and the names file.
+
+    Raises
+    ------
+    OutputError
+        Where a file cannot be written.
+    """
+    target = Path(path)
+    names = [str(name) for name in label_names]
+    values = default_values(names)
+    labels = label_raster("raster", raster, ("H", "W"), n_labels=len(names))
+    table = np.zeros(len(names) + 1, np.uint8)  # the last entry is that of label -1
+    table[: len(names)] = list(values.values())
+    write_bytes(target, _indexed_png(table[labels][::-1], values))
+    names_path = target.with_suffix(".yaml")
+    listed = "".join(f"  {_quoted(name)}: {value}\n" for name, value in values.items())
+    write_text(names_path, f"ignore: 0\nvalues:\n{listed}")
+    return target, names_path
+
+
+def _raster(image: RasterImage, values: LabelValues) -> NDArray[np.int16]:
+    height = image.shape[0]
+    raster = np.empty(image.shape, np.int16)
+    counts = np.zeros(256, np.int64)
+    by_index = image.is_indexed and not _grey_palette(image)
+    table = values.table()
+    for strip in image.strips(indices=by_index):
+        stored = _single_channel(strip, image.path)
+        labels = table[stored]
+        seen = stored
+        if strip.alpha is not None:
+            labels[strip.alpha == 0] = -1
+            seen = stored[strip.alpha > 0]
+        counts += np.bincount(seen.ravel(), minlength=256)
+        raster[height - strip.row - len(stored) : height - strip.row] = labels[::-1]
+    _check_values(image.path, counts, values)
+    return raster
+
+
+def _grey_palette(image: RasterImage) -> bool:
+    """Whether every colour that the image uses is a grey."""
+    palette = image.palette_rgb()
+    used = np.zeros(256, np.bool_)
+    for strip in image.strips(indices=True):
+        used[np.unique(strip.channels)] = True
+    colours = palette[np.flatnonzero(used[: len(palette)])]
+    return bool((colours == colours[:, :1]).all())
+
+
+def _single_channel(strip: Strip, path: Path) -> NDArray[np.uint8]:
+    channels = strip.channels
+    if channels.shape[2] > 1:
+        coloured = (channels != channels[:, :, :1]).any(axis=2)
+        if strip.alpha is not None:
+            coloured &= strip.alpha > 0
+        if coloured.any():
+            row, column = (int(i) for i in np.argwhere(coloured)[0])
+            raise LabelError(
+                f"{path}: the label image is in colours, e.g. {channels[row, column].tolist()} at "
+                f"row {strip.row + row} from the top, column {column}; save it as greyscale or as "
+                "an indexed image"
+            )
+    return channels[:, :, 0]
+
+
+def _check_values(path: Path, counts: NDArray[np.int64], values: LabelValues) -> None:
+    unnamed = [value for value in np.flatnonzero(counts) if value not in values.known]
+    if unnamed:
+        shown = ", ".join(f"{value} ({counts[value]} pixels)" for value in unnamed[:8])
+        more = f" and {len(unnamed) - 8} more" if len(unnamed) > 8 else ""
+        raise LabelError(
+            f"{path}: grey values without a name: {shown}{more}. {values.path} names "
+            f"{values.listed()}; add them under 'values', or under 'ignore' if they are no labels"
+        )
+
+
+def _check_orientation(path: Path, raster: NDArray[np.int16], grid: OccupancyGrid) -> None:
+    labelled = raster >= 0
+    n_labelled = int(np.count_nonzero(labelled))
+    if n_labelled == 0:
+        raise LabelError(f"{path}: no pixel has a label; are all its values under 'ignore'?")
+    upright = np.count_nonzero(labelled & grid.free) / n_labelled
+    if upright >= _FEW_ON_FREE:
+        return
+    flipped = np.count_nonzero(labelled[::-1] & grid.free) / n_labelled
+    shares = f"{100 * upright:.0f} % of the labelled pixels lie on free cells of the map"
+    if flipped >= _MOST_ON_FREE:
+        raise LabelError(
+            f"{path}: the label image is upside down: only {shares}, turned over it is "
+            f"{100 * flipped:.0f} %; flip it vertically"
+        )
+    _log.warning("%s: only %s; do the labels belong to this map?", path, shares)
+
+
+def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
+    from PIL import Image
+
+    palette = np.zeros((256, 3), np.uint8)
+    for k, value in enumerate(values.values()):
+        palette[value] = _colour(k)
+    picture = Image.frombytes("P", stored.shape[::-1], np.ascontiguousarray(stored).tobytes())
+    picture.putpalette(palette.ravel().tolist())
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _colour(k: int) -> tuple[int, int, int]:
+    """The k-th colour; after the first seven, the same ones darkened step by step, never grey."""
+    red, green, blue = LABEL_COLOURS[k % len(LABEL_COLOURS)]
+    shade = 1 / (1 + 0.5 * (k // len(LABEL_COLOURS)))
+    return round(red * shade), round(green * shade), round(blue * shade)
+
+
+def _quoted(name: str) -> str:
+    import json
+
+    return json.dumps(name, ensure_ascii=False)  # a JSON string is a YAML string

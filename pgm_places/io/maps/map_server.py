@@ -1,0 +1,298 @@
+"""Maps of ROS's map_server: a YAML description beside an image, read exactly as Nav2 reads them."""
+
+import io
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import frozen, nearest_name
+from pgm_places.errors import MapError
+from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.maps.pixel_rules import Compat, Mode, PixelRules, grey_of
+from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
+from pgm_places.io.strict_yaml import YamlFile, YamlValue, read_yaml
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+__all__ = ["Fractions", "MapFile", "load_map", "save_map"]
+
+_log = logging.getLogger(__name__)
+
+# The greys that map savers write, and the thresholds that tell them apart (Nav2 and ROS 1).
+FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
+FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
+# Fewer pixels of grey 205 than this share are walls' edges, not the outside of a building.
+_MANY = 0.01
+
+
+class Fractions(NamedTuple):
+    """Shares of a map's cells; they sum to 1."""
+
+    free: float
+    occupied: float
+    unknown: float
+
+
+@dataclass(frozen=True, eq=False)
+class MapFile:
+    """A map as it was read.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        Free, occupied and unknown cells; row 0 is the bottom of the image.
+    yaml_path, image_path : Path
+        What was opened.
+    image_shape : (int, int)
+        Rows and columns of the image, equal to the grid's.
+    fractions : Fractions
+        Shares of free, occupied and unknown cells.
+    warnings : tuple of str
+        What looks wrong though it could be read, each with what to do.
+    occupancy : (H, W) int8
+        Occupancy from 0 to 100 or -1, in the grid's order, as map_server would publish it; in
+        trinary mode the grid's cells themselves.
+    rules : PixelRules
+        Mode, thresholds and negation of the YAML file.
+    """
+
+    grid: OccupancyGrid
+    yaml_path: Path
+    image_path: Path
+    image_shape: tuple[int, int]
+    fractions: Fractions
+    warnings: tuple[str, ...]
+    occupancy: NDArray[np.int8]
+    rules: PixelRules
+
+
+def load_map(
+    path: Path | str,
+    *,
+    compat: Compat = "nav2",
+    unknown_value: int | None = None,
+    max_pixels: int = MAX_PIXELS,
+) -> MapFile:
+    """The map that a YAML file describes.
+
+    Parameters
+    ----------
+    path : Path
+        The YAML file; ``image`` is found relative to its folder unless absolute.
+    compat : {"nav2", "ros1"}
+        Whose rules: current Nav2's, or those of ROS 1 and of older Nav2 (mean of the colour
+        channels and alpha, strict comparisons).
+    unknown_value : int, optional
+        Grey from 0 to 255 that is unknown whatever the thresholds say: 205 for maps whose
+        ``free_thresh`` is too large to tell it from free.
+    max_pixels : int
+        Largest width x height that is decoded.
+
+    Raises
+    ------
+    MapError
+        Where the YAML file or the image is missing, damaged, inconsistent or too large.
+    """
+    yaml_path = Path(path).expanduser()
+    if compat not in get_args(Compat):
+        raise MapError(f"compat {compat!r}: {nearest_name(str(compat), list(get_args(Compat)))}")
+    if unknown_value is not None and not 0 <= unknown_value <= 255:
+        raise MapError(f"unknown_value must be a grey value from 0 to 255, got {unknown_value}")
+    file = read_yaml(yaml_path, MapError, "map description")
+    warnings: list[str] = []
+    rules = _rules(file, compat)
+    resolution_m = file.number("resolution")
+    if resolution_m <= 0:
+        raise file.fail(f"resolution must be positive metres per pixel, got {resolution_m:g}")
+    x, y, yaw = _origin(file, warnings)
+    image_path = _image_path(file)
+    with open_image(image_path, MapError, max_pixels=max_pixels) as image:
+        shape = image.shape
+        pixels = _Pixels.read(image, rules, unknown_value)
+    warnings += pixels.suspicions(rules, unknown_value, yaml_path)
+    grid = OccupancyGrid(pixels.cells, resolution_m, (x, y), yaw)
+    occupancy = grid.cells if pixels.occupancy is None else frozen(pixels.occupancy)
+    for message in warnings:
+        _log.info("%s: %s", yaml_path, message)
+    return MapFile(
+        grid, yaml_path, image_path, shape, pixels.fractions, tuple(warnings), occupancy, rules
+    )
+
+
+def _rules(file: YamlFile, compat: Compat) -> PixelRules:
+    mode = file.text("mode") if "mode" in file else "trinary"
+    if mode not in get_args(Mode):
+        raise file.fail(f"mode {mode!r} is unknown; {nearest_name(mode, list(get_args(Mode)))}")
+    free, occupied = file.number("free_thresh"), file.number("occupied_thresh")
+    if not 0 <= free <= occupied <= 1 or (mode == "scale" and free == occupied):
+        raise file.fail(
+            "the thresholds must satisfy 0 <= free_thresh <= occupied_thresh <= 1 (and differ in "
+            "mode scale), got "
+            f"free_thresh {free:g} and occupied_thresh {occupied:g}"
+        )
+    # get_args(Mode) holds exactly the literals of Mode, which a checker cannot see
+    return PixelRules(mode, file.flag("negate"), free, occupied, compat)  # type: ignore[arg-type]
+
+
+def _origin(file: YamlFile, warnings: list[str]) -> tuple[float, float, float]:
+    origin: YamlValue = file.value("origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise file.fail(f"origin must be three numbers [x, y, yaw], got {origin!r}")
+    x = file.as_number(origin[0], "origin x")
+    y = file.as_number(origin[1], "origin y")
+    yaw = file.as_number(origin[2], "origin yaw", allow_nan=True)
+    if math.isnan(yaw):
+        warnings.append(
+            f"the yaw of the origin is {origin[2]} (some map savers write that); read as 0. Write "
+            "a number into the YAML file if the map is rotated"
+        )
+        yaw = 0.0
+    return x, y, yaw
+
+
+def _image_path(file: YamlFile) -> Path:
+    name = file.text("image")
+    path = file.path.parent / name  # an absolute name stands for itself
+    try:
+        there = path.is_file()
+    except OSError:  # a folder that may not be entered, a name that is too long
+        there = False
+    if not there:
+        raise MapError(
+            f"{file.path}: its image {name!r} is not there: no file {path}; correct the key "
+            "'image' or put the image there"
+        )
+    return path
+
+
+@dataclass
+class _Pixels:
+    """The decoded image in grid order, with counts of what was seen."""
+
+    cells: NDArray[np.int8]
+    occupancy: NDArray[np.int8] | None  # None: the same as cells
+    grey_counts: NDArray[np.int64]  # (256,) opaque pixels of each grey value
+
+    @classmethod
+    def read(cls, image: RasterImage, rules: PixelRules, unknown_value: int | None) -> "_Pixels":
+        height, width = image.shape
+        cells = np.empty((height, width), np.int8)
+        occupancy = None if rules.mode == "trinary" else np.empty((height, width), np.int8)
+        counts = np.zeros(256, np.int64)
+        for row, channels, alpha in image.strips():
+            grey = grey_of(channels)
+            values, kinds = rules.read(channels, alpha)
+            if unknown_value is not None:
+                values[grey == unknown_value] = UNKNOWN
+                kinds[grey == unknown_value] = UNKNOWN
+            # row 0 of the image is the top, row 0 of the grid the bottom
+            rows = slice(height - row - len(grey), height - row)
+            cells[rows] = kinds[::-1]
+            if occupancy is not None:
+                occupancy[rows] = values[::-1]
+            counts += np.bincount(
+                (grey if alpha is None else grey[alpha == 255]).ravel(), minlength=256
+            )
+        cells.setflags(write=False)
+        return cls(cells, occupancy, counts)
+
+    @property
+    def fractions(self) -> Fractions:
+        """Shares of the cells."""
+        n_free = int(np.count_nonzero(self.cells == FREE))
+        n_occupied = int(np.count_nonzero(self.cells == OCCUPIED))
+        size = self.cells.size
+        return Fractions(n_free / size, n_occupied / size, (size - n_free - n_occupied) / size)
+
+    def suspicions(
+        self, rules: PixelRules, unknown_value: int | None, yaml_path: Path
+    ) -> list[str]:
+        """What looks wrong: unknown read as free, nothing free, no walls."""
+        found = []
+        share = float(self.grey_counts[UNKNOWN_GREY]) / self.cells.size
+        _, kinds = rules.tables()
+        if share >= _MANY and kinds[UNKNOWN_GREY] == FREE and unknown_value != UNKNOWN_GREY:
+            found.append(
+                f"{100 * share:.1f} % of the pixels have grey {UNKNOWN_GREY}, which map savers "
+                f"write for unknown, but free_thresh {rules.free_thresh:g} reads it as free "
+                f"(50/255 = 0.196). If it means unknown, set free_thresh: {FREE_THRESH} in "
+                f"{yaml_path.name}, or force it with unknown_value = {UNKNOWN_GREY} "
+                f"(--unknown-value {UNKNOWN_GREY})"
+            )
+        shares = self.fractions
+        if shares.free == 0:
+            found.append(
+                "no cell is free, so there is nothing to label; check negate and the thresholds"
+            )
+        elif shares.occupied == 0:
+            found.append(
+                "no cell is occupied: a map without walls; check negate and the thresholds"
+            )
+        elif shares.occupied > max(0.5, shares.free):
+            found.append(
+                f"{100 * shares.occupied:.0f} % of the cells are occupied, more than are free; "
+                "check negate and the thresholds"
+            )
+        return found
+
+
+def save_map(
+    grid: OccupancyGrid, stem: Path | str, *, image_format: Literal["png", "pgm"] = "png"
+) -> Path:
+    """Write ``<stem>.yaml`` and its image as Nav2's map saver does in trinary mode.
+
+    Greys 254 (free), 205 (unknown) and 0 (occupied) with ``free_thresh: 0.196``, so that current
+    and older readers agree. All digits of resolution and origin are kept (Nav2's saver rounds the
+    origin to millimetres).
+
+    Returns
+    -------
+    Path
+        The YAML file, which is written last: where it stands, its image does too.
+
+    Raises
+    ------
+    OutputError
+        Where a file cannot be written.
+    """
+    target = Path(stem)
+    if image_format not in ("png", "pgm"):
+        raise MapError(f"image_format must be 'png' or 'pgm', got {image_format!r}")
+    image_path = target.with_name(f"{target.name}.{image_format}")
+    yaml_path = target.with_name(f"{target.name}.yaml")
+    grey = np.full(grid.shape, UNKNOWN_GREY, np.uint8)
+    grey[grid.cells == FREE] = FREE_GREY
+    grey[grid.cells == OCCUPIED] = OCCUPIED_GREY
+    write_bytes(image_path, _encoded(grey[::-1], image_format))
+    x, y = grid.origin_xy_m
+    write_text(
+        yaml_path,
+        f"image: {_quoted(image_path.name)}\n"
+        "mode: trinary\n"
+        f"resolution: {grid.resolution_m!r}\n"
+        f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
+        "negate: 0\n"
+        f"occupied_thresh: {OCCUPIED_THRESH}\n"
+        f"free_thresh: {FREE_THRESH}\n",
+    )
+    return yaml_path
+
+
+def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:
+    if image_format == "pgm":
+        height, width = grey.shape
+        return f"P5\n{width} {height}\n255\n".encode("ascii") + grey.tobytes()
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(grey)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _quoted(name: str) -> str:
+    """A file name as a YAML text that no parser takes for anything else."""
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,0 +1,246 @@
+"""Images as strips of grey values: PNG, PGM/PPM, BMP and TIFF, checked before they are decoded."""
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.io.maps.portable_graymap import MAGIC, Graymap, read_header
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+__all__ = ["MAX_PIXELS", "RasterImage", "Strip", "open_image"]
+
+# A map of 10 000 x 10 000 cells passes with a factor of 2 to spare; one byte per pixel is held.
+MAX_PIXELS = 200_000_000
+_STRIP_PIXELS = 1 << 20
+# zlib shrinks no input by more than this factor (its documentation: 1032 : 1).
+_DEFLATE_LIMIT = 1040
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+_MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L", "I;16N"}
+_DAMAGED = (OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError)
+
+
+class Strip(NamedTuple):
+    """Rows of an image from ``row`` (0 = top) on, 16-bit values rounded to 8 bits."""
+
+    row: int
+    channels: NDArray[np.uint8]  # (h, W, C): C = 1 grey, 3 red, green, blue
+    alpha: NDArray[np.uint8] | None  # (h, W), 255 = opaque; None: no transparency in the image
+
+
+@dataclass
+class RasterImage:
+    """An open image whose size is known and allowed; ``strips`` decodes it from top to bottom."""
+
+    path: Path
+    shape: tuple[int, int]
+    _error: type[InputError]
+    _picture: "Image | None" = None
+    _graymap: Graymap | None = None
+    _png_bits: int = 0
+
+    @property
+    def is_indexed(self) -> bool:
+        """Whether pixels are indices into a palette."""
+        return self._picture is not None and self._picture.mode == "P"
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether greys have more than 8 bits in the file."""
+        if self._graymap is not None:
+            return self._graymap.maximum > 255
+        return self._picture is not None and self._picture.mode.startswith("I")
+
+    def palette_rgb(self) -> NDArray[np.uint8]:
+        """(n, 3) colours of an indexed image; none for others."""
+        with self._reported():
+            colours = self._picture.getpalette("RGB") if self._picture is not None else None
+        return np.array(colours or [], np.uint8).reshape(-1, 3)
+
+    def strips(self, *, indices: bool = False) -> Iterator[Strip]:
+        """Strips of whole rows, about a million pixels each.
+
+        With ``indices`` a palette image yields its indices as one channel, not its colours.
+        """
+        height, width = self.shape
+        rows = max(1, _STRIP_PIXELS // width)
+        for top in range(0, height, rows):
+            with self._reported():
+                strip = self._decoded(top, min(top + rows, height), indices)
+            yield strip
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Whatever a decoder raises, as the one error that this image reports."""
+        try:
+            yield
+        except MemoryError:
+            height, width = self.shape
+            raise self._error(
+                f"{self.path}: not enough memory to decode {width} x {height} pixels; "
+                "crop the map or coarsen it"
+            ) from None
+        except _DAMAGED as problem:
+            raise self._error(
+                f"{self.path}: the image is damaged or truncated ({problem}); save it again"
+            ) from None
+
+    def _decoded(self, top: int, bottom: int, indices: bool) -> Strip:
+        if self._graymap is not None:
+            return Strip(top, self._graymap.rows(top, bottom)[:, :, None], None)
+        picture = self._picture
+        if picture is None:
+            raise ValueError("it was closed")
+        part = picture.crop((0, top, self.shape[1], bottom))
+        if indices and self.is_indexed:
+            return Strip(top, np.asarray(part)[:, :, None], None)
+        channels, alpha = _channels(part)
+        return Strip(top, channels, alpha)
+
+
+@contextmanager
+def open_image(
+    path: Path, error: type[InputError], *, max_pixels: int = MAX_PIXELS
+) -> Iterator[RasterImage]:
+    """An image whose header was checked against ``max_pixels`` and the file's length.
+
+    Parameters
+    ----------
+    path : Path
+        A PNG, PGM/PBM/PPM, BMP or TIFF file; its first bytes decide, not its name.
+    error : type
+        The exception to raise for everything that is wrong.
+    max_pixels : int
+        Largest width x height that is accepted.
+
+    Raises
+    ------
+    error
+        Where the file is missing, of another format, larger than allowed, or too short for the
+        size its header states.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    with file:
+        image = _opened(path, file, error)
+        height, width = image.shape
+        if height < 1 or width < 1:
+            raise error(f"{path}: the image has no pixels ({width} x {height})")
+        if height * width > max_pixels:
+            raise error(
+                f"{path}: the image's header states {width} x {height} = {height * width} pixels, "
+                f"more than the limit of {max_pixels}; raise max_pixels if the map is really so "
+                "large"
+            )
+        _check_length(image, path.stat().st_size, error)
+        try:
+            yield image
+        finally:
+            image._picture = image._graymap = None  # four bytes a pixel, for colour
+
+
+def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage:
+    head = file.read(32)
+    file.seek(0)
+    if head[:2] in MAGIC:
+        graymap = read_header(path, file, error)
+        if graymap is not None:
+            return RasterImage(path, graymap.shape, error, _graymap=graymap)
+    picture = _picture(path, file, head, error)
+    if picture.mode not in _MODES:
+        raise error(
+            f"{path}: pixels of kind {picture.mode} cannot be read; save the image as greyscale, "
+            "RGB or indexed, with at most 16 bits a channel"
+        )
+    width, height = picture.size
+    image = RasterImage(path, (height, width), error, _picture=picture)
+    if picture.format == "PNG":  # bit depth and colour type of the IHDR chunk
+        image._png_bits = head[24] * _PNG_CHANNELS.get(head[25], 1)
+    return image
+
+
+def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) -> "Image":
+    """The header as Pillow reads it; one named decoder, never Pillow's guess among dozens.
+
+    The plugin is called by its class: ``Image.open`` would hold maps of more than 89 million pixels
+    for an attack, by a limit that is global to the process.
+    """
+    try:
+        if head.startswith(b"\x89PNG\r\n\x1a\n"):
+            from PIL.PngImagePlugin import PngImageFile
+
+            return PngImageFile(file)
+        if head[:2] in MAGIC:
+            from PIL.PpmImagePlugin import PpmImageFile
+
+            return PpmImageFile(file)
+        if head.startswith(b"BM"):
+            from PIL.BmpImagePlugin import BmpImageFile
+
+            return BmpImageFile(file)
+        if head[:4] in (b"II*\0", b"MM\0*"):
+            from PIL.TiffImagePlugin import TiffImageFile
+
+            return TiffImageFile(file)
+    except (*_DAMAGED, struct.error) as problem:
+        raise error(f"{path}: the image's header is damaged ({problem}); save it again") from None
+    raise error(f"{path}: not a PNG, PGM, BMP or TIFF image; save it in one of these formats")
+
+
+def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> None:
+    """Refuse a header that promises more pixels than the file can hold."""
+    height, width = image.shape
+    picture = image._picture
+    if picture is None:
+        return  # checked with the header
+    if picture.format == "PPM":  # plain ones (P1 to P3) take at least a character for each number
+        bits = {"1": 1, "RGB": 24}.get(picture.mode, 8)
+        least = height * ((width * bits + 7) // 8)
+    elif picture.format == "PNG":
+        least = height * ((width * image._png_bits + 7) // 8) // _DEFLATE_LIMIT
+    else:
+        return
+    if n_bytes < least:
+        raise error(
+            f"{image.path}: the header states {width} x {height} pixels, which take at least "
+            f"{least} bytes, but the file has {n_bytes}; it is truncated or its header is wrong"
+        )
+
+
+def _channels(part: "Image") -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """(h, W, C) colour or grey channels and (h, W) alpha of a decoded strip, as 8 bits."""
+    if part.mode.startswith("I"):
+        return _eight_bits(part)
+    transparent = "transparency" in part.info or part.mode in ("LA", "PA", "RGBA", "RGBa", "La")
+    if part.mode in ("1", "L", "LA"):
+        target = "LA" if transparent else "L"
+    else:
+        target = "RGBA" if transparent else "RGB"
+    if part.mode == "1" and transparent:
+        part = part.convert("L")
+    data = np.asarray(part if part.mode == target else part.convert(target))
+    data = data.reshape(*data.shape[:2], -1)
+    if not transparent:
+        return data, None
+    return data[:, :, :-1], data[:, :, -1]
+
+
+def _eight_bits(part: "Image") -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+    """Grey values of 16 bits, rounded to 8 (65535 becomes 255), with the transparent one if any."""
+    values = np.asarray(part).astype(np.int64)
+    if values.min() < 0 or values.max() > 65535:
+        raise ValueError("grey values outside 0..65535")
+    grey = ((values + 128) // 257).astype(np.uint8)
+    clear = part.info.get("transparency")
+    alpha = None if clear is None else np.where(values == clear, 0, 255).astype(np.uint8)
+    return grey[:, :, None], alpha

@@ -1,0 +1,1 @@
+"""Labelled places as files: the topological map and its exports."""

@@ -1,0 +1,64 @@
+"""Every format that a topological map is exported to, by name."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import InputError
+from pgm_places.io.maps.geotiff import write_geotiff
+from pgm_places.io.places.filter_masks import FilterKind, write_filter_mask
+from pgm_places.io.places.graph_files import write_dot, write_graphml, write_node_link
+from pgm_places.io.places.nav2_route import write_nav2_route
+from pgm_places.io.places.place_bag import write_place_bag
+from pgm_places.io.places.region_features import write_region_features
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["EXPORTS", "export"]
+
+Values: TypeAlias = Mapping[str, int] | None
+Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
+
+EXPORTS: dict[str, Writer] = {
+    "nav2-route": lambda folder, t: [write_nav2_route(folder / "nav2_route.geojson", t)],
+    "regions": lambda folder, t: [write_region_features(folder / "regions.geojson", t)],
+    "graphml": lambda folder, t: [write_graphml(folder / "places.graphml", t)],
+    "node-link": lambda folder, t: [write_node_link(folder / "places.json", t)],
+    "dot": lambda folder, t: [write_dot(folder / "places.dot", t)],
+    "geotiff": lambda folder, t: [
+        write_geotiff(folder / "regions.tif", t, what="regions"),
+        write_geotiff(folder / "labels.tif", t, what="labels"),
+    ],
+    "mcap": lambda folder, t: write_place_bag(folder / "places", t),
+}
+"""Formats that need nothing but the map."""
+
+MASKS: dict[str, FilterKind] = {
+    "zones": "zones",
+    "keepout": "keepout",
+    "speed-percent": "speed-percent",
+    "speed-m-s": "speed-m-s",
+    "binary": "binary",
+}
+
+
+def export(topology: TopologicalMap, to: str, folder: Path, *, values: Values = None) -> list[Path]:
+    """Write a topological map in the format ``to``; the paths.
+
+    ``values`` are those of a filter mask, by class or name of place.
+
+    Raises
+    ------
+    InputError
+        An unknown format, or values that it has no use for.
+    OutputError
+        Where a file cannot be written.
+    """
+    if to in MASKS:
+        stem = folder / to.replace("-", "_")
+        return write_filter_mask(stem, topology, MASKS[to], values=values)
+    if to not in EXPORTS:
+        raise InputError(f"no export is called {to!r}; {nearest_name(to, [*EXPORTS, *MASKS])}")
+    if values:
+        raise InputError(f"the export {to!r} has no values to set; masks have: {', '.join(MASKS)}")
+    return EXPORTS[to](folder, topology)

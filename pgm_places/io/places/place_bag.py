@@ -1,0 +1,126 @@
+"""The places as a ROS 2 bag in MCAP: a grid of classes and markers, for Foxglove and RViz."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._extras import needed
+from pgm_places.io.atomic import atomic_folder
+from pgm_places.io.places.place_markers import ROS, place_markers
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["class_grid", "write_place_bag"]
+
+GRID_TOPIC, MARKER_TOPIC = "/place_classes", "/places"
+_METADATA_VERSION = 9
+_GRID_TYPE, _MARKER_TYPE = "nav_msgs/msg/OccupancyGrid", "visualization_msgs/msg/MarkerArray"
+
+
+def class_grid(topology: TopologicalMap) -> NDArray[np.int8]:
+    """(H, W) number of the class of each cell, from 1 in the order of the labels; -1 elsewhere.
+
+    Numbers above 100 have no meaning in an OccupancyGrid, so classes from the 100th on share 100.
+    """
+    highest = max((region.id for region in topology.regions), default=0)
+    table = np.full(highest + 1, -1, np.int8)
+    for region in topology.regions:
+        table[region.id] = min(1 + topology.label_names.index(region.label), 100)
+    values: NDArray[np.int8] = table[topology.region]
+    return values
+
+
+def write_place_bag(
+    folder: Path | str, topology: TopologicalMap, *, frame: str = "map"
+) -> list[Path]:
+    """Write a bag, a folder with an MCAP file and its ``metadata.yaml``; the paths.
+
+    Topics: ``/place_classes`` (``nav_msgs/OccupancyGrid``, the class of each cell from 1, with the
+    map's origin and yaw) and ``/places`` (``visualization_msgs/MarkerArray``: areas, outlines,
+    names, ways). Each has one message at time 0, latched when played. A bag that stands there is
+    replaced. Foxglove opens the MCAP file; ``ros2 bag play`` the folder.
+
+    Parameters
+    ----------
+    folder : Path
+    topology : TopologicalMap
+    frame : str
+        Name of the map's frame.
+
+    Raises
+    ------
+    InputError
+        The extra ``bags`` is not installed.
+    OutputError
+        The folder cannot be written, or holds other files.
+    """
+    target = Path(folder)
+    purpose = "writing MCAP"
+    rosbag2 = needed("rosbags.rosbag2", extra="bags", purpose=purpose)
+    typesys = needed("rosbags.typesys", extra="bags", purpose=purpose)
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    ros = ROS(store.types, frame)
+    messages = {
+        GRID_TOPIC: _occupancy_grid(ros, topology),
+        MARKER_TOPIC: place_markers(ros, topology),
+    }
+    with atomic_folder(target, replaces=_is_bag) as temporary:
+        inner = temporary / target.name  # the writer names its file after its folder
+        plugin = rosbag2.StoragePlugin.MCAP
+        with rosbag2.Writer(inner, version=_METADATA_VERSION, storage_plugin=plugin) as writer:
+            for topic, message in messages.items():
+                connection = writer.add_connection(
+                    topic, message.__msgtype__, typestore=store, offered_qos_profiles=[_latched()]
+                )
+                writer.write(connection, 0, store.serialize_cdr(message, message.__msgtype__))
+        for file in inner.iterdir():
+            file.rename(temporary / file.name)
+        inner.rmdir()
+    return [target / "metadata.yaml", target / f"{target.name}.mcap"]
+
+
+def _is_bag(folder: Path) -> bool:
+    """Whether a folder holds nothing but a bag of this package."""
+    return {path.name for path in folder.iterdir()} == {"metadata.yaml", f"{folder.name}.mcap"}
+
+
+def _latched() -> Any:
+    """Quality of service of a map: whoever subscribes later still gets the last message."""
+    kinds = needed("rosbags.interfaces", extra="bags", purpose="writing MCAP")
+    forever = kinds.QosTime(9223372036, 854775807)
+    return kinds.Qos(
+        kinds.QosHistory.KEEP_LAST,
+        1,
+        kinds.QosReliability.RELIABLE,
+        kinds.QosDurability.TRANSIENT_LOCAL,
+        forever,
+        forever,
+        kinds.QosLiveliness.AUTOMATIC,
+        forever,
+        False,
+    )
+
+
+def _occupancy_grid(ros: ROS, topology: TopologicalMap) -> Any:
+    grid = topology.grid
+    height, width = grid.shape
+    x, y = grid.origin_xy_m
+    origin = ros.new(
+        "geometry_msgs/msg/Pose",
+        position=ros.point(x, y, 0.0),
+        orientation=ros.turn(grid.yaw_rad),
+    )
+    return ros.new(
+        _GRID_TYPE,
+        header=ros.header(),
+        info=ros.new(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=ros.no_time(),
+            resolution=grid.resolution_m,
+            width=width,
+            height=height,
+            origin=origin,
+        ),
+        data=class_grid(topology).ravel(),
+    )

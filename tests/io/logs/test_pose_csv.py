@@ -1,0 +1,126 @@
+"""Tables of poses: names of columns, what is missing, what is wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places import ScanGeometry
+from pgm_places.errors import LabelError, LogError
+from pgm_places.io.logs.pose_csv import read_pose_csv, write_pose_csv
+from tests.io.logs.log_files import drive
+from tests.real_data import real_data_folder
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_columns_are_found_by_name_in_any_order(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "y_m,other,label,t_s,x_m,heading_rad\n2,?,room,5,1,0.5\n")
+    found = read_pose_csv(path).trajectory
+    assert found.times_s.tolist() == [5.0]
+    assert found.poses.tolist() == [[1.0, 2.0, 0.5]]
+    assert (found.label_names, found.name) == (("room",), "a")
+
+
+def test_what_is_missing_is_derived(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "x,y\n0,0\n0,1\n0,2\n")
+    found = read_pose_csv(path).trajectory
+    assert found.times_s.tolist() == [0, 1, 2]
+    np.testing.assert_allclose(found.poses[:, 2], np.pi / 2, rtol=0, atol=1e-12)
+    assert found.labels is None
+
+
+def test_degrees_become_radians_and_a_byte_order_mark_is_no_name(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "\ufeffx,y,yaw_deg\n0,0,180\n")
+    np.testing.assert_allclose(
+        read_pose_csv(path).trajectory.poses[0, 2], np.pi, rtol=0, atol=1e-12
+    )
+
+
+def test_labels_may_come_from_any_column_in_any_order(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "x,y,place,kind\n0,0,room,B\n1,0,,A\n2,0,corridor,B\n")
+    found = read_pose_csv(path).trajectory
+    assert (found.label_names, found.labels.tolist()) == (  # type: ignore[union-attr]
+        ("corridor", "room"),
+        [1, -1, 0],
+    )
+    found = read_pose_csv(path, label_column="kind", label_names=["B", "A", "C"]).trajectory
+    assert (found.label_names, found.labels.tolist()) == (  # type: ignore[union-attr]
+        ("B", "A", "C"),
+        [0, 1, 0],
+    )
+
+
+def test_an_unknown_place_is_refused_where_the_labels_are_given(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", "x,y,label\n0,0,room\n1,0,attic\n")
+    with pytest.raises(LabelError, match=r"row 2 .* label is 'attic', but the labels are room"):
+        read_pose_csv(path, label_names=["room"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty; wanted a line of column names"),
+        ("x,y\n", "has column names but no rows"),
+        ("x,t\n1,2\n", "no column for y in metres: wanted y_m or y, the columns are x, t"),
+        ("x,y,x\n1,2,3\n", "the column 'x' comes twice"),
+        ("x,y\n1\n", "row 1 after the heading: 1 fields, but there are 2 columns"),
+        ("x,y\n1,2\nnan,2\n", "row 2 after the heading: x must be a finite number, got 'nan'"),
+        ("x,y\n1,two\n", "y must be a finite number, got 'two'"),
+        ('x,y\n"1,2\n', "no table of comma-separated values"),
+    ],
+)
+def test_what_is_no_such_table_is_one_message(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(LogError) as caught:
+        read_pose_csv(write(tmp_path / "a.csv", text))
+    assert message in str(caught.value)
+
+
+def test_a_wanted_label_column_must_be_there(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no column for the places: wanted kind"):
+        read_pose_csv(write(tmp_path / "a.csv", "x,y\n1,2\n"), label_column="kind")
+
+
+def test_a_file_that_is_no_text_is_one_message(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(b"x,y\n\xff\xfe,1\n")
+    with pytest.raises(LogError, match="is no table of comma-separated values"):
+        read_pose_csv(tmp_path / "a.csv")
+    with pytest.raises(LogError, match="cannot read"):
+        read_pose_csv(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_written_table_reads_back(tmp_path: Path, labelled: bool) -> None:
+    path = drive(ScanGeometry.half_circle(4), 9)
+    if not labelled:
+        path = type(path)(path.times_s, path.poses)
+    again = read_pose_csv(
+        write_pose_csv(tmp_path / "a.csv", path), label_names=path.label_names
+    ).trajectory
+    assert (again.times_s == path.times_s).all()
+    assert (again.poses == path.poses).all()
+    if labelled:
+        assert (again.labels == path.labels).all()  # type: ignore[union-attr]
+    else:
+        assert again.labels is None
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(("column", "n_labels"), [(None, 3), ("category", 7)])
+def test_real_labels_of_building_79(column: str | None, n_labels: int) -> None:
+    path = real_data_folder("freiburg079") / "scan_labels.csv"
+    found = read_pose_csv(path, label_column=column).trajectory
+    assert len(found) == 4791
+    assert found.label_names is not None
+    assert len(found.label_names) == n_labels
+
+
+@pytest.mark.real_data
+def test_real_cold_trajectory_has_places_but_no_headings() -> None:
+    path = real_data_folder("cold_freiburg_seq1") / "trajectory_sunny1.csv"
+    found = read_pose_csv(path).trajectory
+    assert found.label_names == ("2PO", "BA", "CR", "DW", "PT", "ST")
+    assert (found.poses[:, 2] != 0).all()

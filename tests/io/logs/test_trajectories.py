@@ -1,0 +1,35 @@
+"""Trajectories from files: the reader that fits, and one message where none does."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places import ScanGeometry
+from pgm_places.errors import InputError, LogError
+from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
+from tests.io.logs.log_files import drive
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.log.gz", "a.csv", "a.bag", "a.mcap", "a"])
+def test_every_format_reads_back_by_its_name(tmp_path: Path, name: str) -> None:
+    if name in ("a", "a.bag", "a.mcap"):
+        pytest.importorskip("rosbags", reason="the extra 'bags' is not installed")
+    path = drive(ScanGeometry.half_circle(5, range_max_m=9.0))
+    again = read_trajectory(write_trajectory(tmp_path / name, path)).trajectory
+    np.testing.assert_allclose(again.poses, path.poses, rtol=0, atol=1e-9)
+
+
+def test_other_names_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"the name is 'a\.txt'"):
+        write_trajectory(tmp_path / "a.txt", drive(ScanGeometry.half_circle(5)))
+
+
+def test_a_missing_file_is_one_message(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="there is no such file; check the path"):
+        read_trajectory(tmp_path / "none.log")
+
+
+def test_a_folder_that_is_no_bag_is_one_message(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="no ROS 2 bag"):
+        read_trajectory(tmp_path)

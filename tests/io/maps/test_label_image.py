@@ -1,0 +1,263 @@
+"""Label images and their names files: round trips, conventions, refusals."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from pgm_places import OccupancyGrid
+from pgm_places.errors import LabelError
+from pgm_places.io.maps.label_image import LABEL_COLOURS, load_labels, save_labels
+from pgm_places.io.maps.label_values import default_values
+
+NAMES = ["corridor", "room"]
+PIXELS = np.array([[77, 77, 0], [115, 0, 0]], np.uint8)  # the top row first
+LABELS = [[0, -1, -1], [1, 1, -1]]  # the bottom row first
+VALUES = "ignore: 0\nvalues: {room: 77, corridor: 115}\n"
+
+
+def free_grid(*shape: int) -> OccupancyGrid:
+    return OccupancyGrid(np.zeros(shape, np.int8), 0.05)
+
+
+def write(folder: Path, pixels: Any = PIXELS, text: str = VALUES, name: str = "labels.png") -> Path:
+    picture = pixels if isinstance(pixels, Image.Image) else Image.fromarray(np.asarray(pixels))
+    picture.save(folder / name)
+    (folder / "labels.yaml").write_text(text)
+    return folder / name
+
+
+def test_labels_are_read_in_the_grids_order(tmp_path: Path) -> None:
+    labels = load_labels(write(tmp_path), NAMES, grid=free_grid(2, 3))
+    assert labels.tolist() == LABELS
+    assert labels.dtype == np.int16
+
+
+@pytest.mark.parametrize("suffix", ["png", "pgm", "bmp", "tiff"])
+def test_any_format_will_do(tmp_path: Path, suffix: str) -> None:
+    path = write(tmp_path, name=f"truth.{suffix}")
+    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA"])
+def test_grey_in_colour_channels_will_do(tmp_path: Path, mode: str) -> None:
+    path = write(tmp_path, Image.fromarray(PIXELS).convert(mode))
+    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+
+
+def test_transparent_pixels_have_no_label(tmp_path: Path) -> None:
+    picture = Image.fromarray(np.array([[77, 77, 9], [115, 0, 0]], np.uint8)).convert("LA")
+    alpha = np.array([[255, 0, 0], [255, 255, 255]], np.uint8)
+    picture.putalpha(Image.fromarray(alpha))
+    labels = load_labels(write(tmp_path, picture), NAMES, grid=free_grid(2, 3))
+    assert labels.tolist() == [[0, -1, -1], [1, -1, -1]]
+
+
+def test_an_indexed_image_counts_by_its_greys_or_else_by_its_indices(tmp_path: Path) -> None:
+    indices = np.array([[1, 1, 0], [2, 0, 0]], np.uint8)
+    grey = Image.fromarray(indices).convert("P")
+    grey.putpalette([0, 0, 0, 77, 77, 77, 115, 115, 115, 255, 0, 0])
+    assert load_labels(write(tmp_path, grey), NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+    coloured = Image.fromarray(indices).convert("P")
+    coloured.putpalette([0, 0, 0, 255, 0, 0, 0, 0, 255])
+    path = write(tmp_path, coloured, "ignore: 0\nvalues: {room: 1, corridor: 2}\n")
+    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+
+
+def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path: Path) -> None:
+    path = write(tmp_path, name="truth.png")
+    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+    swapped = [[1, -1, -1], [0, 0, -1]]
+    (tmp_path / "truth.yaml").write_text("ignore: [0]\nvalues: {room: 115, corridor: 77}\n")
+    assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == swapped
+    given_path = tmp_path / "labels.yaml"
+    labels = load_labels(path, NAMES, grid=free_grid(2, 3), names_path=given_path)
+    assert labels.tolist() == LABELS
+    (tmp_path / "truth.yaml").unlink()
+    given_path.unlink()
+    with pytest.raises(LabelError) as caught:
+        load_labels(path, NAMES, grid=free_grid(2, 3))
+    assert str(caught.value) == (
+        f"{path}: no names for its grey values: neither truth.yaml nor labels.yaml is beside it. "
+        "Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("ignore: 0\nvalues: {room: 77}\n", "the configured label 'corridor' has no grey value"),
+        (
+            "ignore: 0\nvalues: {rooms: 77, corridor: 115}\n",
+            "label 'rooms' is not among the configured labels; did you mean 'room'? Known: "
+            "corridor, room. Correct the name, or move its value under 'ignore'",
+        ),
+        ("ignore: 0\n", "key 'values' is missing"),
+        ("values: [77]\n", "key 'values' must map label names to grey values, e.g. {room: 77}"),
+        ("values: {room: 77.5, corridor: 1}\n", "the grey value of 'room' must be a whole number"),
+        ("values: {room: 256, corridor: 1}\n", "must be a whole number from 0 to 255, got '256'"),
+        ("values: {room: 7, corridor: 7}\n", "grey value 7 stands for 'corridor' and for 'room'"),
+        ("ignore: [0, 77]\n" + VALUES[10:], "grey value 77 stands for 'room' and for 'ignore'"),
+        ("ignore: no\n" + VALUES[10:], "key 'ignore' must be a whole number from 0 to 255"),
+        ("ignored: 0\n" + VALUES[10:], "key 'ignored' is unknown; did you mean 'ignore'?"),
+    ],
+)
+def test_bad_names_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(LabelError) as caught:
+        load_labels(write(tmp_path, text=text), NAMES, grid=free_grid(2, 3))
+    assert str(caught.value).startswith(f"{tmp_path / 'labels.yaml'}: ")
+    assert message in str(caught.value)
+
+
+def test_labels_of_another_size_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    with pytest.raises(LabelError) as caught:
+        load_labels(path, NAMES, grid=free_grid(3, 2))
+    assert str(caught.value) == (
+        f"{path}: the labels have 2 rows x 3 columns, the map has 3 x 2; draw the labels on the "
+        "map's own image"
+    )
+
+
+def test_greys_without_a_name_are_listed_with_their_count(tmp_path: Path) -> None:
+    path = write(tmp_path, np.array([[77, 78, 78], [115, 116, 0]], np.uint8))
+    with pytest.raises(LabelError) as caught:
+        load_labels(path, NAMES, grid=free_grid(2, 3))
+    assert str(caught.value) == (
+        f"{path}: grey values without a name: 78 (2 pixels), 116 (1 pixels). "
+        f"{tmp_path / 'labels.yaml'} names corridor = 115, room = 77; ignored: 0; add them under "
+        "'values', or under 'ignore' if they are no labels"
+    )
+
+
+def test_a_smoothed_image_lists_only_some_of_its_greys(tmp_path: Path) -> None:
+    path = write(tmp_path, np.arange(12, dtype=np.uint8).reshape(3, 4))
+    with pytest.raises(LabelError, match=r"8 \(1 pixels\) and 3 more\. "):
+        load_labels(path, NAMES, grid=free_grid(3, 4))
+
+
+@pytest.mark.parametrize(
+    ("pixels", "message"),
+    [
+        (
+            np.array([[[77, 77, 77], [9, 8, 7]]], np.uint8),
+            "the label image is in colours, e.g. [9, 8, 7] at row 0 from the top, column 1; save",
+        ),
+        (np.array([[77, 115]], np.uint16), "greys of 16 bits; label values are 0 to 255"),
+        (np.array([[0, 0]], np.uint8), "no pixel has a label; are all its values under 'ignore'?"),
+    ],
+)
+def test_bad_images_are_refused(tmp_path: Path, pixels: Any, message: str) -> None:
+    path = write(tmp_path, pixels)
+    with pytest.raises(LabelError) as caught:
+        load_labels(path, NAMES, grid=free_grid(1, 2))
+    assert str(caught.value).startswith(f"{path}: {message}")
+
+
+def test_a_missing_image_is_named(tmp_path: Path) -> None:
+    write(tmp_path)
+    with pytest.raises(LabelError, match=r"absent\.png: cannot be read: No such file"):
+        load_labels(tmp_path / "absent.png", NAMES, grid=free_grid(2, 3))
+
+
+def l_shaped() -> tuple[OccupancyGrid, np.ndarray]:
+    """A map that differs from its mirror image, and labels on all its free cells."""
+    cells = np.full((10, 10), 100, np.int8)
+    cells[1:3, 1:9] = cells[1:6, 1:3] = 0
+    return OccupancyGrid(cells, 0.05), np.where(cells == 0, 0, -1)
+
+
+def test_an_image_upside_down_is_refused(tmp_path: Path) -> None:
+    grid, labels = l_shaped()
+    save_labels(tmp_path / "up.png", labels, NAMES)
+    assert (load_labels(tmp_path / "up.png", NAMES, grid=grid) == labels).all()
+    save_labels(tmp_path / "down.png", labels[::-1], NAMES)
+    with pytest.raises(LabelError) as caught:
+        load_labels(tmp_path / "down.png", NAMES, grid=grid)
+    assert str(caught.value) == (
+        f"{tmp_path / 'down.png'}: the label image is upside down: only 18 % of the labelled "
+        "pixels lie on free cells of the map, turned over it is 100 %; flip it vertically"
+    )
+
+
+def test_labels_of_another_map_are_warned_about(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    grid, labels = l_shaped()
+    save_labels(tmp_path / "x.png", np.roll(labels, 2, axis=0)[:, ::-1], NAMES)
+    with caplog.at_level(logging.WARNING):
+        load_labels(tmp_path / "x.png", NAMES, grid=grid)
+    assert "of the labelled pixels lie on free cells of the map; do the labels bel" in caplog.text
+
+
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
+)
+@given(
+    shape=st.tuples(st.integers(1, 6), st.integers(1, 6)),
+    n_labels=st.one_of(st.integers(1, 9), st.just(40)),
+    seed=st.integers(0, 1000),
+)
+def test_what_is_saved_reads_back(
+    tmp_path: Path, shape: tuple[int, int], n_labels: int, seed: int
+) -> None:
+    names = [f"label {k}: é" for k in range(n_labels)]
+    labels = np.random.default_rng(seed).integers(-1, n_labels, shape)
+    labels[0, 0] = 0
+    image, text = save_labels(tmp_path / "labels.png", labels, names)
+    assert text == tmp_path / "labels.yaml"
+    assert (load_labels(image, names, grid=free_grid(*shape)) == labels).all()
+    backwards = load_labels(image, names[::-1], grid=free_grid(*shape))
+    assert (backwards == np.where(labels < 0, -1, n_labels - 1 - labels)).all()
+
+
+def test_the_picture_is_indexed_in_distinct_colours_on_the_images_own_raster(
+    tmp_path: Path,
+) -> None:
+    names = [f"label {k}" for k in range(20)]
+    save_labels(tmp_path / "x.png", [[-1, 0], [1, 19]], names)
+    with Image.open(tmp_path / "x.png") as picture:
+        assert picture.mode == "P"
+        colours = np.asarray(picture.convert("RGB"))
+        assert np.asarray(picture).tolist() == [[24, 240], [0, 12]]
+    assert tuple(colours[1, 1]) == LABEL_COLOURS[0]
+    assert tuple(colours[1, 0]) == (0, 0, 0)
+    values = default_values([str(k) for k in range(20)])
+    save_labels(tmp_path / "all.png", np.arange(20)[None], names)
+    with Image.open(tmp_path / "all.png") as picture:
+        assert np.asarray(picture).tolist() == [list(values.values())]
+        assert len(np.unique(np.asarray(picture.convert("RGB"))[0], axis=0)) == 20
+
+
+@pytest.mark.parametrize(
+    ("labels", "names", "message"),
+    [
+        ([[0, 2]], NAMES, "raster must hold labels from 0 to 1, or -1 for none, got values from 0"),
+        ([[0, -2]], NAMES, "got values from -2 to 0"),
+        ([[0.0, 1.0]], NAMES, "raster must hold integers, got dtype float64"),
+        ([0, 1], NAMES, "raster must have shape (H, W), got (2,)"),
+        ([[0]], ["a", "a"], "label_names must be 1 to 255 names, each once, got ['a', 'a']"),
+        ([[0]], [str(k) for k in range(256)], "label_names must be 1 to 255 names"),
+    ],
+)
+def test_what_cannot_be_saved_is_refused(
+    tmp_path: Path, labels: Any, names: list[str], message: str
+) -> None:
+    with pytest.raises(LabelError) as caught:
+        save_labels(tmp_path / "x.png", labels, names)
+    assert message in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("n_labels", [1, 2, 3, 7, 100, 255])
+def test_default_values_are_spread_and_never_0(n_labels: int) -> None:
+    values = list(default_values([str(k) for k in range(n_labels)]).values())
+    assert len(set(values)) == n_labels
+    assert min(values) >= 1
+    assert max(values) <= 255
+    assert len(set(np.diff([0, *values]).tolist())) == 1

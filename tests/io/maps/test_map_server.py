@@ -1,0 +1,253 @@
+"""Maps: what is read, what is warned about, what is refused, and that writing reads back."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from pgm_places import OccupancyGrid
+from pgm_places.errors import MapError, OutputError
+from pgm_places.io.maps.map_server import load_map, save_map
+from tests.io.files import write_map
+
+PIXELS = np.array([[254, 205, 0], [254, 254, 100]], np.uint8)
+
+
+def test_a_map_is_read(tmp_path: Path) -> None:
+    path = write_map(tmp_path, PIXELS, resolution="5e-2", origin="[-8.5, 3, 1.0]  # x y yaw")
+    found = load_map(path)
+    assert found.grid.cells.tolist() == [[0, 0, -1], [0, -1, 100]]  # the bottom row first
+    assert found.grid.resolution_m == 0.05
+    assert found.grid.origin_xy_m == (-8.5, 3.0)
+    assert found.grid.yaw_rad == 1.0
+    assert found.image_shape == (2, 3)
+    assert (found.yaml_path, found.image_path) == (path, tmp_path / "map.png")
+    np.testing.assert_allclose(found.fractions, (3 / 6, 1 / 6, 2 / 6), rtol=1e-12, atol=0)
+    assert found.warnings == ()
+    assert found.occupancy is found.grid.cells
+    assert not found.occupancy.flags.writeable
+
+
+@pytest.mark.parametrize("image", ["map.pgm", "map.bmp", "map.tiff", "sub/map.png", "a b: c#.png"])
+def test_any_image_file_will_do(tmp_path: Path, image: str) -> None:
+    (tmp_path / "sub").mkdir()
+    write_map(tmp_path, PIXELS, image=image)
+    (tmp_path / "map.yaml").write_text(
+        (tmp_path / "map.yaml").read_text().replace(f"image: {image}", f'image: "{image}"')
+    )
+    assert load_map(tmp_path / "map.yaml").grid.shape == (2, 3)
+
+
+def test_an_absolute_image_stands_for_itself(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    write_map(tmp_path / "elsewhere", PIXELS)
+    image = tmp_path / "elsewhere" / "map.png"
+    (tmp_path / "map.yaml").write_text(
+        (tmp_path / "elsewhere" / "map.yaml").read_text().replace("map.png", str(image))
+    )
+    assert load_map(tmp_path / "map.yaml").image_path == image
+
+
+def test_transparent_pixels_are_unknown(tmp_path: Path) -> None:
+    picture = Image.fromarray(PIXELS).convert("LA")
+    picture.putalpha(Image.fromarray(np.array([[255, 255, 254], [0, 255, 255]], np.uint8)))
+    cells = load_map(write_map(tmp_path, picture)).grid.cells
+    assert cells.tolist() == [[-1, 0, -1], [0, -1, -1]]
+
+
+@pytest.mark.parametrize(("negate", "first"), [("1", 100), ("true", 100), ("0", 0), ("no", 0)])
+def test_negate_is_a_number_or_a_word(tmp_path: Path, negate: str, first: int) -> None:
+    assert load_map(write_map(tmp_path, PIXELS, negate=negate)).grid.cells[1, 0] == first
+
+
+def test_scale_and_raw_keep_their_occupancy(tmp_path: Path) -> None:
+    ramp = np.array([[255, 153, 128, 77, 0]], np.uint8)
+    scale = load_map(
+        write_map(tmp_path, ramp, mode="scale", free_thresh="0.0", occupied_thresh="1.0")
+    )
+    assert scale.occupancy.tolist() == [[0, 40, 50, 70, 100]]
+    assert scale.grid.cells.tolist() == [[0, -1, -1, -1, 100]]
+    values = np.array([[0, 19, 20, 65, 100, 101, 255]], np.uint8)
+    raw = load_map(write_map(tmp_path, values, mode="raw"))
+    assert raw.occupancy.tolist() == [[0, 19, 20, 65, 100, -1, -1]]
+    assert raw.grid.cells.tolist() == [[0, 0, 0, 100, 100, -1, -1]]
+
+
+def test_ros1_reads_colours_by_their_mean_and_alpha_as_one_of_them(tmp_path: Path) -> None:
+    colours = np.array([[[255, 0, 255], [0, 255, 0]]], np.uint8)
+    path = write_map(tmp_path, colours, free_thresh="0.4", occupied_thresh="0.6")
+    assert load_map(path).grid.cells.tolist() == [[100, 0]]  # luma 73 and 182
+    assert load_map(path, compat="ros1").grid.cells.tolist() == [[0, 100]]  # means 170 and 85
+    black = np.array([[[0, 0, 0, 255], [0, 0, 0, 0]]], np.uint8)
+    path = write_map(tmp_path, black)
+    assert load_map(path).grid.cells.tolist() == [[100, -1]]
+    # (0 + 0 + 0 + 255) / 4 is 63.75: p = 0.75
+    path = write_map(tmp_path, black, occupied_thresh="0.8")
+    assert load_map(path, compat="ros1").grid.cells.tolist() == [[-1, 100]]
+
+
+@pytest.mark.parametrize("yaw", ["nan", "-nan", ".NaN"])
+def test_a_yaw_of_nan_is_0_with_a_warning(tmp_path: Path, yaw: str) -> None:
+    found = load_map(write_map(tmp_path, PIXELS, origin=f"[1, 2, {yaw}]"))
+    assert found.grid.yaw_rad == 0
+    (warning,) = found.warnings
+    assert warning == (
+        f"the yaw of the origin is {yaw} (some map savers write that); read as 0. Write a number "
+        "into the YAML file if the map is rotated"
+    )
+
+
+def test_grey_205_read_as_free_is_warned_about(tmp_path: Path) -> None:
+    trap = write_map(tmp_path, PIXELS, free_thresh="0.25")
+    found = load_map(trap)
+    assert found.grid.cells.tolist() == [[0, 0, -1], [0, 0, 100]]
+    (warning,) = found.warnings
+    assert warning == (
+        "16.7 % of the pixels have grey 205, which map savers write for unknown, but free_thresh "
+        "0.25 reads it as free (50/255 = 0.196). If it means unknown, set free_thresh: 0.196 in "
+        "map.yaml, or force it with unknown_value = 205 (--unknown-value 205)"
+    )
+    forced = load_map(trap, unknown_value=205)
+    assert forced.grid.cells.tolist() == [[0, 0, -1], [0, -1, 100]]
+    assert forced.warnings == ()
+
+
+def test_a_few_pixels_of_grey_205_are_not_warned_about(tmp_path: Path) -> None:
+    pixels = np.full((20, 20), 254, np.uint8)
+    pixels[0] = 0
+    pixels[1, :3] = 205
+    assert load_map(write_map(tmp_path, pixels, free_thresh="0.25")).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("grey", "warning"),
+    [
+        (205, "no cell is free, so there is nothing to label; check negate and the thresholds"),
+        (254, "no cell is occupied: a map without walls; check negate and the thresholds"),
+        (0, "no cell is free, so there is nothing to label; check negate and the thresholds"),
+    ],
+)
+def test_maps_of_one_kind_are_warned_about(tmp_path: Path, grey: int, warning: str) -> None:
+    assert load_map(write_map(tmp_path, np.full((3, 3), grey, np.uint8))).warnings == (warning,)
+
+
+def test_a_map_that_looks_negated_is_warned_about(tmp_path: Path) -> None:
+    pixels = np.array([[254, 254, 254, 0]], np.uint8)
+    (warning,) = load_map(write_map(tmp_path, pixels, negate="1")).warnings
+    assert warning.startswith("75 % of the cells are occupied, more than are free; check negate")
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"resolution": "0"}, "resolution must be positive metres per pixel, got 0"),
+        ({"resolution": "-0.05"}, "resolution must be positive metres per pixel, got -0.05"),
+        ({"resolution": "no"}, "key 'resolution' must be a finite decimal number"),
+        ({"resolution": None}, "key 'resolution' is missing"),
+        ({"origin": "[0, 0]"}, "origin must be three numbers [x, y, yaw], got ['0', '0']"),
+        ({"origin": "0"}, "origin must be three numbers [x, y, yaw], got '0'"),
+        ({"origin": "[nan, 0, 0]"}, "origin x must be a finite decimal number"),
+        ({"origin": "[0, 1:30, 0]"}, "origin y must be a finite decimal number"),
+        ({"origin": "[0, 0, inf]"}, "origin yaw must be a finite decimal number"),
+        ({"mode": "trinry"}, "mode 'trinry' is unknown; did you mean 'trinary'?"),
+        ({"negate": "2.5"}, "key 'negate' must be 0, 1, true or false, got '2.5'"),
+        ({"negate": None}, "key 'negate' is missing"),
+        ({"free_thresh": "0.7"}, "got free_thresh 0.7 and occupied_thresh 0.65"),
+        ({"free_thresh": "-0.1"}, "0 <= free_thresh <= occupied_thresh <= 1"),
+        ({"occupied_thresh": "65"}, "got free_thresh 0.196 and occupied_thresh 65"),
+        ({"mode": "scale", "free_thresh": "0.65"}, "(and differ in mode scale)"),
+    ],
+)
+def test_bad_descriptions_are_refused(tmp_path: Path, keys: dict[str, Any], message: str) -> None:
+    path = write_map(tmp_path, PIXELS, **keys)
+    with pytest.raises(MapError) as caught:
+        load_map(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["absent.png", "x" * 300, ".", '"\\0"'])
+def test_a_missing_image_names_both_files(tmp_path: Path, name: str) -> None:
+    path = write_map(tmp_path, PIXELS)
+    path.write_text(path.read_text().replace("image: map.png", f"image: {name}"))
+    with pytest.raises(MapError) as caught:
+        load_map(path)
+    assert str(caught.value).startswith(f"{path}: its image ")
+    assert f"no file {tmp_path}" in str(caught.value)
+    assert "correct the key 'image' or put the image there" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"compat": "ros2"}, "compat 'ros2': did you mean 'ros1'?"),
+        ({"unknown_value": 256}, "unknown_value must be a grey value from 0 to 255, got 256"),
+        ({"max_pixels": 5}, "3 x 2 = 6 pixels, more than the limit of 5"),
+    ],
+)
+def test_bad_options_are_refused(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(MapError) as caught:
+        load_map(write_map(tmp_path, PIXELS), **options)
+    assert message in str(caught.value)
+
+
+def test_a_damaged_image_is_refused(tmp_path: Path) -> None:
+    path = write_map(tmp_path, np.random.default_rng(0).integers(0, 256, (50, 50), np.uint8))
+    (tmp_path / "map.png").write_bytes((tmp_path / "map.png").read_bytes()[:900])
+    with pytest.raises(MapError, match=r"map\.png: the image is damaged or truncated"):
+        load_map(path)
+
+
+poses = st.tuples(*[st.floats(-1e4, 1e4)] * 2, st.floats(-np.pi, np.pi))
+
+
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40
+)
+@given(
+    height=st.integers(1, 5),
+    width=st.integers(1, 5),
+    resolution=st.floats(1e-3, 10),
+    pose=poses,
+    image_format=st.sampled_from(["png", "pgm"]),
+    seed=st.integers(0, 1000),
+)
+def test_what_is_saved_reads_back(
+    tmp_path: Path,
+    height: int,
+    width: int,
+    resolution: float,
+    pose: tuple[float, float, float],
+    image_format: Any,
+    seed: int,
+) -> None:
+    cells = np.random.default_rng(seed).choice(np.array([-1, 0, 100], np.int8), (height, width))
+    grid = OccupancyGrid(cells, resolution, pose[:2], pose[2])
+    path = save_map(grid, tmp_path / "map", image_format=image_format)
+    for compat in ("nav2", "ros1"):
+        found = load_map(path, compat=compat).grid
+        assert (found.cells == grid.cells).all()
+        assert found.resolution_m == grid.resolution_m
+        assert found.origin_xy_m == grid.origin_xy_m
+        assert found.yaw_rad == grid.yaw_rad
+
+
+def test_saving_leaves_two_files_and_keeps_odd_names(tmp_path: Path) -> None:
+    grid = OccupancyGrid(np.array([[0, 100]], np.int8), 0.05)
+    path = save_map(grid, tmp_path / 'v1.2 "no": x')
+    assert path.name == 'v1.2 "no": x.yaml'
+    assert (load_map(path).grid.cells == grid.cells).all()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
+    grid = OccupancyGrid(np.array([[0, 100]], np.int8), 0.05)
+    with pytest.raises(MapError, match="image_format must be 'png' or 'pgm', got 'jpg'"):
+        save_map(grid, tmp_path / "map", image_format="jpg")  # type: ignore[arg-type]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="is a file, not a folder"):
+        save_map(grid, tmp_path / "file" / "map")

@@ -1,0 +1,179 @@
+"""Every export obeys its consumer's own rules, on a rotated map."""
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+from PIL.TiffImagePlugin import TiffImageFile
+
+from pgm_places.datasets import generate_building
+from pgm_places.errors import InputError
+from pgm_places.io.maps.geotiff import pixel_to_map, write_geotiff
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.places.exports import EXPORTS, MASKS, export
+from pgm_places.io.places.filter_masks import write_filter_mask
+from pgm_places.io.places.nav2_route import nav2_route
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.topological_map import TopologicalMap
+from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
+
+FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
+
+
+def building_map() -> TopologicalMap:
+    made = generate_building(size="small")
+    grid = OccupancyGrid(made.grid.cells, made.grid.resolution_m, (1.0, 2.0), -0.6)
+    return topological_map(grid, made.labels, made.label_names)
+
+
+def check_metadata(value: Any) -> None:
+    """The loader takes numbers, booleans, texts, arrays and objects of them; null throws."""
+    assert isinstance(value, bool | int | float | str | list | dict)
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    for part in parts:
+        check_metadata(part)
+
+
+@pytest.mark.parametrize("make", [lambda: floor_map(**FRAME), building_map])
+def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalMap]) -> None:
+    topology = make()
+    graph = json.loads(json.dumps(nav2_route(topology), allow_nan=False))
+    assert graph["type"] == "FeatureCollection"
+    nodes = [f for f in graph["features"] if f["geometry"]["type"] == "Point"]
+    edges = [f for f in graph["features"] if f["geometry"]["type"] == "MultiLineString"]
+    assert len(nodes) + len(edges) == len(graph["features"])
+    assert nodes
+    assert edges
+    ids = [f["properties"]["id"] for f in graph["features"]]
+    assert all(isinstance(number, int) and 0 <= number < 2**16 for number in ids)
+    assert len(set(ids)) == len(ids)
+    position = {f["properties"]["id"]: f["geometry"]["coordinates"] for f in nodes}
+    for f in graph["features"]:
+        check_metadata(f["properties"]["metadata"])
+        assert f["properties"]["metadata"]["class"] in topology.label_names
+    pairs = set()
+    for f in edges:
+        start, end = f["properties"]["startid"], f["properties"]["endid"]
+        pairs.add((start, end))
+        [line] = f["geometry"]["coordinates"]
+        assert line == [position[start], position[end]]
+        assert f["properties"]["cost"] == pytest.approx(math.dist(*line), abs=1e-5)
+        for t in np.linspace(0.02, 0.98, 40):  # the robot drives along the line
+            x, y = (1 - t) * np.array(line[0]) + t * np.array(line[1])
+            assert topology.region_at(x, y) is not None
+    assert len(pairs) == len(edges)
+    assert {(b, a) for a, b in pairs} == pairs
+    route = nx.DiGraph(list(pairs))
+    for a, b in itertools.combinations([r.id for r in topology.regions], 2):
+        assert nx.has_path(route, a, b) == nx.has_path(topology.graph, a, b)
+
+
+def test_a_robot_too_wide_and_a_map_without_ways() -> None:
+    with pytest.raises(InputError, match="at least one edge"):
+        nav2_route(floor_map(), robot_radius_m=1.0)
+    labels = np.ones((2, 2), np.int16)
+    with pytest.raises(InputError, match="at least one edge"):
+        nav2_route(topological_map(floor_grid(labels), labels, NAMES))
+
+
+def test_masks_are_maps_whose_values_the_filters_see(tmp_path: Path) -> None:
+    topology = floor_map(**FRAME)
+    _, path, params_path = write_filter_mask(
+        tmp_path / "slow", topology, "speed-percent", values={"room": 50, "room 2": 20}
+    )
+    mask = load_map(path)
+    assert mask.grid.origin_xy_m == (5.0, -3.0)
+    assert mask.grid.yaw_rad == 0.4
+    for region in topology.regions:
+        [(row, column)] = mask.grid.cells_at_m([region.anchor_m])
+        wanted = 20 if region.name == "room 2" else 50 if region.label == "room" else 0
+        assert mask.occupancy[row, column] == wanted
+    assert (mask.occupancy[topology.region == 0] == 0).all()
+    params = yaml.safe_load(params_path.read_text())
+    info = params["costmap_filter_info_server"]["ros__parameters"]
+    server = params["filter_mask_server"]["ros__parameters"]
+    assert (info["type"], info["base"], info["multiplier"]) == (1, 0.0, 1.0)
+    assert info["mask_topic"] == server["topic_name"]
+    assert (tmp_path / server["yaml_filename"]).exists()
+
+
+def test_zones_number_the_classes(tmp_path: Path) -> None:
+    topology = floor_map()
+    _, path, params_path = write_filter_mask(tmp_path / "zones", topology, "zones")
+    labels = floor_labels()
+    assert (load_map(path).occupancy == labels + 1).all()
+    assert "type: 4" in params_path.read_text()
+    assert "1 corridor, 2 room, 3 doorway" in params_path.read_text()
+
+
+@pytest.mark.parametrize("values", [None, {"room": 5, "room 2": 7, "corridor": 5}])
+def test_the_zone_filter_knows_every_state_of_the_mask(
+    values: dict[str, int] | None, tmp_path: Path
+) -> None:
+    # It throws at a value without a state: ids must be complete, from 1 to 255, names unique.
+    topology = floor_map()
+    _, path, params_path = write_filter_mask(tmp_path / "zones", topology, "zones", values=values)
+    params = yaml.safe_load(params_path.read_text())
+    costmap = params["local_costmap"]["local_costmap"]["ros__parameters"]
+    zones = costmap[costmap["filters"][0]]
+    assert zones["plugin"] == "nav2_costmap_2d::ZoneParameterFilter"
+    info = params["costmap_filter_info_server"]["ros__parameters"]
+    assert zones["filter_info_topic"] == info["filter_info_topic"]
+    ids = [zones[state]["id"] for state in zones["states"]]
+    assert sorted(ids) == sorted({int(v) for v in np.unique(load_map(path).occupancy)} - {0})
+    assert all(state.isidentifier() for state in zones["states"])
+
+
+def test_graph_files_are_read_back(tmp_path: Path) -> None:
+    topology = floor_map(**FRAME)
+    for to in ("graphml", "node-link", "dot"):
+        export(topology, to, tmp_path)
+    graphml = nx.read_graphml(tmp_path / "places.graphml", node_type=int)
+    node_link = nx.node_link_graph(
+        json.loads((tmp_path / "places.json").read_text()), edges="edges"
+    )
+    for graph in (graphml, node_link):
+        assert {frozenset(e) for e in graph.edges} == {frozenset(e) for e in topology.graph.edges}
+        assert graph.nodes[1]["name"] == "room 1"
+        assert graph.nodes[1]["x_m"] == pytest.approx(topology.place(1).anchor_m[0])
+    text = (tmp_path / "places.dot").read_text()
+    assert text.startswith("graph places {")
+    assert text.count(" -- ") == len(topology.connections)
+    assert 'label="room 1"' in text
+
+
+def test_a_geotiff_carries_the_rotation(tmp_path: Path) -> None:
+    topology = floor_map(**FRAME)
+    path = write_geotiff(tmp_path / "regions.tif", topology)
+    with TiffImageFile(path) as image:
+        values = np.asarray(image)
+        matrix = np.array(image.tag_v2[34264]).reshape(4, 4)
+        assert image.tag_v2[34735][:4] == (1, 1, 0, 3)
+        assert image.tag_v2[42113] == "0"
+    assert (values == topology.region[::-1]).all()
+    height = topology.grid.shape[0]
+    for row, column in ((0, 0), (3, 7), (10, 25)):
+        x, y, *_ = matrix @ [column + 0.5, height - 1 - row + 0.5, 0, 1]
+        [wanted] = topology.grid.cell_centres_m([[row, column]])
+        np.testing.assert_allclose((x, y), wanted, rtol=0, atol=1e-9)
+    assert (matrix == pixel_to_map(topology.grid)).all()
+    path = write_geotiff(tmp_path / "labels.tif", topology, what="labels")
+    with Image.open(path) as image:
+        assert (np.asarray(image)[::-1] == floor_labels() + 1).all()
+
+
+def test_every_name_writes_something(tmp_path: Path) -> None:
+    topology = floor_map()
+    for to in EXPORTS:
+        assert all(path.stat().st_size for path in export(topology, to, tmp_path))
+    for to in MASKS:
+        assert len(export(topology, to, tmp_path, values={"room": 7})) == 3

@@ -1,0 +1,119 @@
+"""A topological map survives being written and read; what is damaged is said in one line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError, LabelError, OutputError
+from pgm_places.io.geojson import read_regions
+from pgm_places.io.maps.regions import load_regions
+from pgm_places.io.places.region_features import region_features, write_region_features
+from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
+from pgm_places.topology.from_labels import topological_map
+from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
+
+FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    labels = floor_labels()
+    labels[2, 12] = 1
+    before = topological_map(floor_grid(labels, **FRAME), labels, NAMES)
+    paths = save_topology(tmp_path, before)
+    assert {path.name for path in paths} == {"topology.json", "regions.png", "regions.geojson"}
+    after = load_topology(tmp_path)
+    assert (after.region == before.region).all()
+    assert after.connections == before.connections
+    assert after.corrections == before.corrections
+    assert (after.label_names, after.doorway_label, after.next_id) == (NAMES, "doorway", 8)
+    assert after.grid.yaw_rad == before.grid.yaw_rad
+    for one, other in zip(before.regions, after.regions, strict=True):
+        assert (one.id, one.name, one.label) == (other.id, other.name, other.label)
+        assert one.anchor_m == other.anchor_m
+        for ring, again in zip(one.polygons[0], other.polygons[0], strict=True):
+            np.testing.assert_allclose(again, ring, rtol=0, atol=1e-6)
+    assert [r.name for r in after.path("room 1", "room 2")][1] == "doorway 1"
+
+
+def test_the_outlines_are_ground_truth_for_our_own_reader(tmp_path: Path) -> None:
+    labels = floor_labels()
+    labels[6:8, 3:5] = -1  # a pillar: a hole in the first room
+    grid = floor_grid(labels, **FRAME)
+    topology = topological_map(grid, labels, NAMES, tolerance=0.0)
+    path = write_region_features(tmp_path / "regions.geojson", topology)
+    assert (load_regions(path, NAMES, grid) == labels).all()
+
+
+def test_features_carry_what_a_map_viewer_shows(tmp_path: Path) -> None:
+    features = region_features(floor_map())
+    assert features["crs"]["properties"]["name"].endswith("EPSG::3857")
+    first = features["features"][0]
+    assert first["geometry"]["type"] == "Polygon"
+    assert first["properties"]["neighbours"] == [4]
+    assert first["properties"]["area_m2"] == pytest.approx(35 * 0.25)
+    assert "confidence" not in first["properties"]
+    diagonal = np.array([[1, -1], [-1, 1]], np.int16)
+    two = topological_map(floor_grid(diagonal), diagonal, NAMES, correct=False)
+    path = write_region_features(tmp_path / "two.geojson", two)
+    assert [len(region.polygons) for region in read_regions(path, "id")] == [2]
+
+
+def spoil(folder: Path, **changes: object) -> None:
+    path = folder / "topology.json"
+    record = json.loads(path.read_text())
+    record.update(changes)
+    path.write_text(json.dumps(record))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"format": "other"}, "no topology of this package"),
+        ({"schema": 2}, "schema 2, 1 is read"),
+        ({"regions": [{}]}, "damaged"),
+        ({"regions": []}, "hold other regions"),
+        ({"map": {"rows": 3}}, "damaged"),
+        ({"connections": 5}, "damaged"),
+    ],
+)
+def test_damage_is_said(changes: dict[str, object], words: str, tmp_path: Path) -> None:
+    save_topology(tmp_path, floor_map())
+    spoil(tmp_path, **changes)
+    with pytest.raises(InputError, match=words):
+        load_topology(tmp_path)
+
+
+def test_missing_and_foreign_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="write one with 'pgm-places label'"):
+        load_topology(tmp_path)
+    save_topology(tmp_path, floor_map())
+    (tmp_path / "topology.json").write_text("{")
+    with pytest.raises(InputError, match="no JSON file"):
+        load_topology(tmp_path)
+    save_topology(tmp_path, floor_map())
+    (tmp_path / "regions.png").write_bytes(b"hello")
+    with pytest.raises(InputError, match=r"regions\.png"):
+        load_topology(tmp_path)
+
+
+def test_own_names(tmp_path: Path) -> None:
+    assert read_own_names(tmp_path) == {}
+    (tmp_path / "place_names.yaml").write_text("3: kitchen\n12: 'lab: east'\n")
+    assert read_own_names(tmp_path) == {3: "kitchen", 12: "lab: east"}
+    (tmp_path / "place_names.yaml").write_text("kitchen: 3\n")
+    with pytest.raises(LabelError, match="an id must be a whole number from 1 to 65535"):
+        read_own_names(tmp_path)
+
+
+def test_too_many_ids_are_refused(tmp_path: Path) -> None:
+    labels = floor_labels()
+    grid = floor_grid(labels)
+    known = topological_map(grid, labels, NAMES).known_places
+    labels[2, 2] = -1
+    many = topological_map(
+        grid, labels, NAMES, known=type(known)(grid, 0 * known.region, {}, {}, next_id=65530)
+    )
+    with pytest.raises(OutputError, match="ids have been given"):
+        save_topology(tmp_path, many)
