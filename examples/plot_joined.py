@@ -20,7 +20,7 @@ from pgm_places import LabelGraph, LabelingProblem, LabelledMap, PlaceLabeler, S
 from pgm_places.datasets import generate_building
 from pgm_places.features.extraction import extract
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.report.palette import WALL, label_colours
+from pgm_places.palette import WALL, label_colours
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.unary.map_model import aligned_log_proba

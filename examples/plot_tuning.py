@@ -20,7 +20,7 @@ from matplotlib.colors import ListedColormap
 from pgm_places import LabelledMap, PlaceLabeler, build, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.report.palette import WALL, label_colours
+from pgm_places.palette import WALL, label_colours
 
 buildings = [generate_building(seed, size="small", resolution_m=0.2) for seed in (0, 3, 4, 2)]
 maps = [LabelledMap(building.grid, building.labels) for building in buildings]

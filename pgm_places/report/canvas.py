@@ -12,7 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.maps.occupancy_grid import UNKNOWN as UNKNOWN_CELL
-from pgm_places.report.palette import (
+from pgm_places.palette import (
     ERROR,
     IGNORED,
     IGNORED_STRIPE,

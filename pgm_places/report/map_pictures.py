@@ -10,6 +10,15 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
+from pgm_places.palette import (
+    ERROR,
+    IGNORED,
+    RIGHT_TINT,
+    UNKNOWN,
+    WALL,
+    label_colours,
+    tinted,
+)
 from pgm_places.report.canvas import (
     View,
     checked_labels,
@@ -18,15 +27,6 @@ from pgm_places.report.canvas import (
     row_bands,
     value_canvas,
     view_of,
-)
-from pgm_places.report.palette import (
-    ERROR,
-    IGNORED,
-    RIGHT_TINT,
-    UNKNOWN,
-    WALL,
-    label_colours,
-    tinted,
 )
 from pgm_places.report.sheet import ColourBar, Entry, Panel, sheet_png
 

@@ -1,6 +1,6 @@
 """The look of the report: one style sheet for phones, wide screens, dark rooms and paper."""
 
-from pgm_places.report.palette import METHOD_COLOURS
+from pgm_places.palette import METHOD_COLOURS
 
 __all__ = ["STYLE"]
 

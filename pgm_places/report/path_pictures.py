@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import IGNORED, IGNORED_STRIPE, UNKNOWN, WALL, label_colours
 from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED
-from pgm_places.report.palette import IGNORED, IGNORED_STRIPE, UNKNOWN, WALL, label_colours
 from pgm_places.report.sheet import Entry, Panel, sheet_png
 
 __all__ = ["path_map"]

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.palette import METHOD_COLOURS
 from pgm_places.report.figure import INK, MUTED, PixelFigure
 from pgm_places.report.line_chart import spans_decades
-from pgm_places.report.palette import METHOD_COLOURS
 
 if TYPE_CHECKING:
     from pgm_places.evaluation.evaluation import Reliability

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.palette import label_colours
 from pgm_places.report.line_chart import Series, line_chart
 from pgm_places.report.markup import Markup, element
-from pgm_places.report.palette import label_colours
 from pgm_places.report.report_maps import swatch
 
 __all__ = ["confusions_section", "histories_section", "reliability_section"]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
+from pgm_places.palette import ERROR, IGNORED, UNKNOWN, WALL, label_colours, levels
 from pgm_places.report.canvas import (
     Canvas,
     View,
@@ -18,7 +19,6 @@ from pgm_places.report.canvas import (
 )
 from pgm_places.report.map_pictures import entropy
 from pgm_places.report.markup import Markup, element, joined
-from pgm_places.report.palette import ERROR, IGNORED, UNKNOWN, WALL, label_colours, levels
 from pgm_places.report.sheet import round_length
 
 __all__ = ["label_legend", "maps_section", "probabilities_section", "swatch"]

@@ -8,8 +8,8 @@ import numpy as np
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.inference.labeling import Labeling
+from pgm_places.palette import label_colours
 from pgm_places.report.markup import Markup, data_table, element, joined
-from pgm_places.report.palette import label_colours
 from pgm_places.report.report_maps import swatch
 
 __all__ = [

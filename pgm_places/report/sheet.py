@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from pgm_places.palette import levels
 from pgm_places.report.canvas import Canvas
 from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
-from pgm_places.report.palette import levels
 
 __all__ = ["ColourBar", "Entry", "Panel", "round_length", "sheet_png"]
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import label_colours, rgb_of, tinted
 from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED, PixelFigure
-from pgm_places.report.palette import label_colours, rgb_of, tinted
 from pgm_places.report.sheet import round_length
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap

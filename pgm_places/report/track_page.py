@@ -11,9 +11,9 @@ from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.io.atomic import write_text
 from pgm_places.labelers.tracking import Stay, Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import label_colours
 from pgm_places.report.markup import Markup, data_table, element, joined
 from pgm_places.report.page_head import page_head
-from pgm_places.report.palette import label_colours
 from pgm_places.report.track_pictures import belief_plot, path_picture
 
 __all__ = ["track_page", "write_track_page"]

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import label_colours
 from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
 from pgm_places.report.map_pictures import label_map
-from pgm_places.report.palette import label_colours
 
 __all__ = ["belief_plot", "path_picture", "path_raster"]
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.palette import ERROR, IGNORED, RIGHT_TINT, WALL, label_colours, tinted
+from pgm_places.palette import UNKNOWN as UNKNOWN_COLOUR
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.report.palette import ERROR, IGNORED, RIGHT_TINT, WALL, label_colours, tinted
-from pgm_places.report.palette import UNKNOWN as UNKNOWN_COLOUR
 from pgm_places.report.plots import confusion_picture
 from pgm_places.report.sheet import Entry, Panel, sheet_png
 

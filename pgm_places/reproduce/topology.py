@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import TestMap
 from pgm_places.experiment.experiment import compare
-from pgm_places.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
 from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["run", "topology_table"]

@@ -9,6 +9,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import ERROR, LABEL_COLOURS, UNKNOWN, WALL, rgb_of
 from pgm_places.report import canvas as canvas_module
 from pgm_places.report.canvas import (
     View,
@@ -18,7 +19,6 @@ from pgm_places.report.canvas import (
     value_canvas,
     view_of,
 )
-from pgm_places.report.palette import ERROR, LABEL_COLOURS, UNKNOWN, WALL, rgb_of
 
 NAMES = ("corridor", "room", "doorway")
 WHOLE = View(slice(0, 4), slice(0, 5))

@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from pgm_places.errors import OutputError
+from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.html import report_page, write_report
-from pgm_places.report.palette import LABEL_COLOURS, rgb_of
 from tests.report.comparisons import small_comparison
 
 HISTORY = {

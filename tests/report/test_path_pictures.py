@@ -8,7 +8,7 @@ from PIL import Image
 
 from pgm_places import OccupancyGrid, Similarity
 from pgm_places.errors import InputError
-from pgm_places.report.palette import LABEL_COLOURS, rgb_of
+from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.path_pictures import path_map
 
 NAMES = ("corridor", "room")

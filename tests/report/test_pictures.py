@@ -10,9 +10,9 @@ from PIL import Image
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report import pictures
 from pgm_places.report.map_pictures import entropy
-from pgm_places.report.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.palette import LABEL_COLOURS, rgb_of
+from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.topology.from_labels import topological_map
 from tests.topology.floors import NAMES, floor_map

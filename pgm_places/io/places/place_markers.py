@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.report.palette import label_colours, rgb_of
+from pgm_places.palette import label_colours, rgb_of
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 

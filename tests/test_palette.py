@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.report.palette import (
+from pgm_places.palette import (
     IGNORED,
     LABEL_COLOURS,
     UNKNOWN,
