@@ -5,14 +5,23 @@ BIN := $(VENV)/bin
 
 .PHONY: demo test lint types imports docs wheel bench clean
 
-# The second copy of the line is what someone without make types; the README prints it.
-$(VENV)/.installed: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --editable . --group dev
-	touch $@
+# setuptools prints a page about every editable installation; it is how we mean to install.
+$(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
 
-demo: $(VENV)/.installed
+# The README prints these lines for those without make.
+$(VENV)/.package: pyproject.toml
+	@echo "Setting up $(VENV): installing pgm_places and the libraries it needs (once) ..."
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	@$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.package
+	@echo "Setting up $(VENV): installing the tools for tests, checks and documentation (once) ..."
+	@$(BIN)/python -m pip install --quiet --group dev
+	@touch $@
+
+demo: $(VENV)/.package
 	$(BIN)/pgm-places demo --out demo-report
 
 test: $(VENV)/.installed

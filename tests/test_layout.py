@@ -22,10 +22,9 @@ def test_links_lead_to_the_real_folders(name: str) -> None:
 
 def test_every_package_is_listed_for_the_wheel() -> None:
     listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    found = {
-        ".".join(path.parent.relative_to(ROOT).parts)
-        for path in (ROOT / "pgm_places").glob("**/__init__.py")
-    }
+    files = [path for path in (ROOT / "pgm_places").rglob("*.*") if path.is_file()]
+    folders = {path.parent for path in files if "__pycache__" not in path.parts}  # of data, too
+    found = {".".join(path.relative_to(ROOT).parts) for path in folders}
     found |= {f"pgm_places.{name}" for name in ("models", "solvers")}
     assert sorted(listed) == sorted(found)
 
