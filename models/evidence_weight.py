@@ -1,16 +1,11 @@
 """How much a chain's observations count: the weight with which training comes out best."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.inference.problem import LabelingProblem
-
-if TYPE_CHECKING:
-    from pgm_places.models.hmm import HiddenMarkovModel
 
 __all__ = ["WEIGHTS", "best_weight"]
 
@@ -19,7 +14,7 @@ WEIGHTS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 
 
 def best_weight(
-    model: "HiddenMarkovModel",
+    labels_at: Callable[[float, LabelingProblem], NDArray[np.integer]],
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
 ) -> float:
@@ -30,8 +25,8 @@ def best_weight(
 
     Parameters
     ----------
-    model : HiddenMarkovModel
-        With tables, and in the mode that it will be used in.
+    labels_at : function of a weight and a problem
+        The labels (N,) that the model infers with this weight, in the mode that it will be used in.
     problems, labelings
         Chains with the unaries of a classifier that has not seen them, and the true label index
         (N,) of each step, -1 where it is not known.
@@ -40,8 +35,7 @@ def best_weight(
     known = np.flatnonzero(truth >= 0)
     best, highest = 1.0, -1.0
     for weight in sorted(WEIGHTS, reverse=True):
-        tried = replace(model, evidence_weight=weight)
-        found = np.concatenate([tried.infer(problem).labels for problem in problems])
+        found = np.concatenate([labels_at(weight, problem) for problem in problems])
         right = found[known] == truth[known]
         recalls = [right[truth[known] == label].mean() for label in np.unique(truth[known])]
         quality = float(right.mean() + np.mean(recalls))

@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -176,9 +176,14 @@ class HiddenMarkovModel:
         """
         if self.evidence_weight != "fitted":
             return self
-        modes = [replace(self, mode=mode) for mode in CHOICES["mode"]]
-        weights = [best_weight(model, problems, labelings) for model in modes]
+        weights = [
+            best_weight(partial(self._labels_at, mode), problems, labelings)
+            for mode in CHOICES["mode"]
+        ]
         return replace(self, fitted_weights=np.array(weights))
+
+    def _labels_at(self, mode: str, weight: float, problem: LabelingProblem) -> NDArray[np.int64]:
+        return replace(self, mode=mode, evidence_weight=weight).infer(problem).labels
 
     def with_counts(
         self,

@@ -29,6 +29,15 @@ def test_every_package_is_listed_for_the_wheel() -> None:
     assert sorted(listed) == sorted(found)
 
 
+def test_every_package_has_a_layer_and_no_imports_go_round_or_up(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from importlinter.cli import lint_imports
+
+    broken = lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
+    assert not broken, capsys.readouterr().out
+
+
 def test_public_names_are_sorted_and_exist() -> None:
     assert sorted(pgm_places.__all__) == pgm_places.__all__
     for name in pgm_places.__all__:
