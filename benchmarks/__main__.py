@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pgm_places.experiment.experiment import versions
+from pgm_places.experiment.runs import versions
 
 TOPICS = (
     "first_use",

@@ -12,7 +12,8 @@ from pathlib import Path
 from pgm_places.cli.progress import LineProgress
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import load_config
-from pgm_places.experiment.experiment import Experiment, compare
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.runs import compare
 from pgm_places.reproduce.figures import BORDER_M, away_from_borders, percent
 from pgm_places.reproduce.markdown import markdown_section, markdown_table
 from pgm_places.reproduce.overview import overview_table

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from pgm_places.experiment.config import load_config
-from pgm_places.experiment.experiment import Experiment, compare
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.runs import compare
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.markdown import markdown_table
 from pgm_places.reproduce.topology import topology_table

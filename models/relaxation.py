@@ -1,7 +1,7 @@
 """Probabilistic relaxation: beliefs that neighbours revise by how well labels go together."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -174,7 +174,8 @@ class Relaxation:
         problem : LabelingProblem
             With unary log-probabilities.
         truth : (N,) int, optional
-            True label per node, -1 where not known: adds ``accuracy`` to the history.
+            True label per node, -1 where not known: adds ``accuracy`` to the history, and
+            ``recording_seconds``, which ``seconds`` leaves out.
         on_iteration : callable, optional
             See :data:`pgm_places.solvers.relaxation.OnIteration`.
 
@@ -195,25 +196,24 @@ class Relaxation:
                 f"relaxation learned {self.compatibility.shape[1] - 1} labels (and the wall), but "
                 f"the problem has {problem.n_labels}"
             )
-        accuracy: list[float] = []
-        follow = _follow(truth, problem.n_labels, accuracy, on_iteration)
-        relaxed = self._relax(problem.graph, problem.unary, follow)
+        recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
+        relaxed = self._relax(problem.graph, problem.unary, _both(recorder, on_iteration))
         history = {
             "change": relaxed.max_change,
             "mean_change": relaxed.mean_change,
             "support": relaxed.support,
         }
-        if truth is not None:
-            history["accuracy"] = accuracy
+        info: dict[str, Any] = {"iterations": relaxed.iterations, "history": history}
+        info["seconds"] = time.perf_counter() - begin
+        if recorder is not None:
+            history["accuracy"] = recorder.accuracy
+            info["recording_seconds"] = recorder.seconds
+            info["seconds"] -= recorder.seconds
         return Labeling(
             sealed(relaxed.beliefs.argmax(axis=1)),
             Status.CONVERGED if relaxed.converged else Status.STOPPED,
             beliefs=sealed(relaxed.beliefs),
-            info={
-                "iterations": relaxed.iterations,
-                "history": history,
-                "seconds": time.perf_counter() - begin,
-            },
+            info=info,
         )
 
     def _relax(
@@ -285,22 +285,30 @@ def _labels_and_walls(
     return raster
 
 
-def _follow(
-    truth: ArrayLike | None,
-    n_labels: int,
-    accuracy: list[float],
-    on_iteration: OnIteration | None,
-) -> OnIteration | None:
-    """What to call after each iteration: fill in the accuracy, then pass on."""
-    if truth is None:
-        return on_iteration
-    true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
-    known = np.flatnonzero(true >= 0)
+class _AccuracyRecorder:
+    """The accuracy after each iteration, and the time that recording it took."""
 
-    def follow(iteration: int, change: float, beliefs: Any) -> None:
-        right = beliefs()[known].argmax(axis=1) == true[known]
-        accuracy.append(float(right.mean()) if len(known) else np.nan)
-        if on_iteration is not None:
-            on_iteration(iteration, change, beliefs)
+    def __init__(self, truth: ArrayLike, n_labels: int) -> None:
+        true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
+        self.known = np.flatnonzero(true >= 0)
+        self.true = true[self.known]
+        self.accuracy: list[float] = []
+        self.seconds = 0.0
 
-    return follow
+    def __call__(self, _iteration: int, _change: float, beliefs: Callable[[], Any]) -> None:
+        begin = time.perf_counter()
+        right = beliefs()[self.known].argmax(axis=1) == self.true
+        self.accuracy.append(float(right.mean()) if len(right) else np.nan)
+        self.seconds += time.perf_counter() - begin
+
+
+def _both(first: OnIteration | None, second: OnIteration | None) -> OnIteration | None:
+    """What calls both, of which either may be missing."""
+    if first is None or second is None:
+        return first or second
+
+    def call(iteration: int, change: float, beliefs: Callable[[], Any]) -> None:
+        first(iteration, change, beliefs)
+        second(iteration, change, beliefs)
+
+    return call

@@ -47,7 +47,7 @@ def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: b
     from pgm_places.io.atomic import check_writable_folder
 
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.experiment.experiment import compare
+        from pgm_places.experiment.runs import compare
         from pgm_places.report.comparison_files import write_comparison
 
         check_writable_folder(out)  # an unwritable folder shows before the work, not after
@@ -78,13 +78,14 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
 def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places train``."""
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.experiment.experiment import make_labeler, resolved_config, train, versions
+        from pgm_places.experiment.runs import train, versions
+        from pgm_places.experiment.setup import make_labeler, resolved_config
         from pgm_places.persistence.model_folder import check_target
         from pgm_places.persistence.place_labeler import check_savable, save_labeler
 
         check_target(out)
         check_savable(make_labeler(experiment.config))  # not after hours of training
-        labeler = train(experiment)
+        experiment, labeler = train(experiment)
     record: dict[str, Any] = {
         "config": resolved_config(experiment.config, labeler),
         "inputs": experiment.inputs,

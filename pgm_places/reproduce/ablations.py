@@ -1,6 +1,7 @@
 """What each part is worth: one thing varied at a time, everything else at its default."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ from sklearn.base import clone
 
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.experiment import compare, compare_fitted, load_maps, make_labeler
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare, compare_fitted
+from pgm_places.experiment.setup import make_labeler
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.reproduce.figures import DOORWAY, finding, method_table, percent
@@ -164,14 +167,14 @@ def _n(name: str) -> int:
 def _compare(setting: Setting, changes: Mapping[str, Any], methods: Sequence[str]) -> Comparison:
     experiment = setting.experiment(CONFIG, changes)
     kept = [item for item in experiment.config.methods if item.id in methods]
-    experiment.config = experiment.config.model_copy(update={"methods": kept})
+    experiment = replace(experiment, config=experiment.config.model_copy(update={"methods": kept}))
     return compare(experiment)
 
 
 def _compare_on(setting: Setting, train: LabelledMap) -> Comparison:
     experiment = setting.experiment(CONFIG)
     kept = [item for item in experiment.config.methods if item.id != "amn"]
-    experiment.config = experiment.config.model_copy(update={"methods": kept})
+    experiment = replace(experiment, config=experiment.config.model_copy(update={"methods": kept}))
     labeler = make_labeler(experiment.config).fit(
         [train], n_threads=setting.n_threads, progress=setting.progress
     )

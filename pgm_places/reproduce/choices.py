@@ -1,8 +1,8 @@
 """Options chosen on held-out training cells: what the chosen ones and the others do in a test."""
 
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.config_changes import changed_config
-from pgm_places.experiment.experiment import compare, load_maps
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare
 from pgm_places.experiment.selection import Selection, select
 from pgm_places.reproduce.figures import DOORWAY, finding, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
@@ -22,8 +22,7 @@ def run(setting: Setting) -> Outcome:
         found = select(experiment, load_maps(experiment, "train"))
         rows = []
         for item in found.candidates:
-            tested = setting.experiment(name)
-            tested.config = changed_config(tested.config, item.options | {"select": None})
+            tested = setting.experiment(name, {**item.options, "select": None})
             comparison = compare(tested)
             chosen = item is found.chosen
             rows.append(

@@ -4,7 +4,8 @@ import numpy as np
 
 from pgm_places.datasets import generate_building
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.experiment import compare, compare_fitted, load_maps, train
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare, compare_fitted, train
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.tracking import map_of_scans
@@ -59,7 +60,7 @@ def partial_maps(setting: Setting) -> Outcome:
     """Maps of the first part of a drive, and snapshots of a building while it was mapped."""
     experiment = setting.experiment("ablations", {"methods": _WITHOUT_NETWORK})
     [whole] = load_maps(experiment, "test")
-    labeler = train(experiment)
+    experiment, labeler = train(experiment)
     drive = _drive(setting, whole)
     found: dict[str, Comparison] = {}
     for share in SHARES:

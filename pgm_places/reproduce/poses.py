@@ -5,7 +5,8 @@ from itertools import permutations
 import numpy as np
 
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.experiment import compare, compare_fitted, load_maps, train
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare, compare_fitted, train
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
@@ -30,7 +31,7 @@ def run(setting: Setting) -> Outcome:
     for search, words in SEARCHES.items():
         experiment = setting.experiment("poses", {"classifier.order": search})
         tests = load_maps(experiment, "test")
-        labeler = train(experiment)
+        experiment, labeler = train(experiment)
         found = compare_fitted(experiment, labeler, tests)
         comparisons[search] = found
         chosen.setdefault(_order(labeler), []).append(search)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.experiment import compare
+from pgm_places.experiment.runs import compare
 from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet
 from pgm_places.reproduce.figures import finding, method_table
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table

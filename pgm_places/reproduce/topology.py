@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import TestMap
-from pgm_places.experiment.experiment import compare
+from pgm_places.experiment.runs import compare
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table

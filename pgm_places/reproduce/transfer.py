@@ -1,7 +1,8 @@
 """Section 7.4: classifiers in buildings that they were not learned from."""
 
 from pgm_places.experiment.comparison import Comparison
-from pgm_places.experiment.experiment import compare_fitted, load_maps, train
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -33,7 +34,7 @@ def run(setting: Setting) -> Outcome:
     for name, words in TRANSFERS.items():
         experiment = setting.experiment(name)
         tests = load_maps(experiment, "test")
-        labeler = train(experiment)
+        experiment, labeler = train(experiment)
         found[words] = compare_fitted(experiment, labeler, tests)
         files[f"{name}_labels.png"] = label_sheet(found[words])
         files[f"{name}_errors.png"] = error_sheet(found[words])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, Sensor, Trajectory
 from pgm_places.errors import ConfigError, InputError, ModelFileError, OutputError
 from pgm_places.experiment.config import parse_config
-from pgm_places.experiment.experiment import make_labeler
+from pgm_places.experiment.setup import make_labeler
 from pgm_places.features.extraction import extract
 from pgm_places.features.own import (
     FEATURES,

@@ -1,6 +1,7 @@
 """The experiments themselves, on buildings of a few rooms."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -19,8 +20,7 @@ class QuickSetting(Setting):
 
     def experiment(self, name: str, changes: Mapping[str, Any] | None = None) -> Experiment:
         found = super().experiment(name, changes)
-        found.config = changed_config(found.config, QUICK)
-        return found
+        return replace(found, config=changed_config(found.config, QUICK))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,112 @@
+"""The labelled maps of an experiment, coarsened and windowed as configured."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import LabelError
+from pgm_places.experiment.config import MapConfig
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.regions import load_regions
+from pgm_places.io.maps.windows import window_mask
+from pgm_places.maps.coarsening import coarsen, coarsen_labels
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+
+__all__ = ["load_maps"]
+
+
+def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
+    """The maps of ``"train"`` or ``"test"``, coarsened and windowed as configured."""
+    sources: Sequence[MapConfig] = getattr(experiment.config, part)
+    with experiment.timed("load"), experiment.progress.stage(f"{part} maps") as stage:
+        maps = []
+        for index, source in enumerate(sources):
+            maps.append(_load_map(experiment, source, f"{part}[{index}]"))
+            stage.update((index + 1) / len(sources), maps[-1].name)
+    return maps
+
+
+def _load_map(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
+    columns = source.columns
+    if source.generated is None:
+        grid, labels, origin = _read_map(experiment, source)
+    else:
+        grid, labels, origin, split = _generated(experiment, source.generated, source.drawn)
+        if source.half is not None:
+            columns = (0, split) if source.half == "left" else (split, None)
+    window = window_mask(grid, columns=columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m)
+    target_m = experiment.config.resolution_m
+    if target_m is not None and not np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
+        coarse = coarsen(grid, target_m)
+        labels = coarsen_labels(labels, grid, coarse)
+        # A coarse cell belongs to the window that holds its centre.
+        centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
+        cells = grid.cells_at_m(centres)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        chosen = np.zeros(len(cells), np.bool_)
+        chosen[inside] = window[cells[inside, 0], cells[inside, 1]]
+        window, grid = chosen.reshape(coarse.shape), coarse
+    name = source.name or _default_name(source, origin)
+    found = LabelledMap(grid, labels, window, name, source.building or str(origin))
+    if not found.labelled_cells.any():
+        raise LabelError(
+            f"{where} ({name}): no free cell inside the window has a label; check that the labels "
+            "belong to this map and that the window covers them"
+        )
+    return found
+
+
+def _read_map(
+    experiment: Experiment, source: MapConfig
+) -> tuple[OccupancyGrid, NDArray[np.int16], Path]:
+    names = experiment.config.labels.names
+    yaml_path = experiment.resolve(str(source.map))
+    loaded = load_map(yaml_path, compat=source.compat, unknown_value=source.unknown_value)
+    for message in loaded.warnings:
+        experiment.warn(message)
+    for path in (loaded.yaml_path, loaded.image_path):
+        experiment.record_input(path)
+    if source.labels is not None:
+        label_path = experiment.resolve(source.labels)
+        labels = load_labels(label_path, names, grid=loaded.grid)
+    else:
+        label_path = experiment.resolve(str(source.regions))
+        labels = load_regions(label_path, names, loaded.grid, classes=source.classes)
+    experiment.record_input(label_path)
+    return loaded.grid, labels, yaml_path
+
+
+def _title(seed: int, drawn: dict[str, Any]) -> str:
+    how = ", ".join(f"{key} {value}" for key, value in drawn.items())
+    return f"generated building {seed}" + (f" ({how})" if how else "")
+
+
+def _generated(
+    experiment: Experiment, seed: int, drawn: dict[str, Any]
+) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
+    """A generated building, its labels those of the configuration by name, and where to cut it."""
+    from pgm_places.datasets.building import generate_building
+
+    building = generate_building(seed, **drawn)
+    names = experiment.config.labels.names
+    numbers = [names.index(name) if name in names else -1 for name in building.label_names]
+    # The entry after the last serves -1, "no label".
+    labels = np.array([*numbers, -1], np.int16)[building.labels]
+    return building.grid, labels, Path(_title(seed, drawn)), building.split_column
+
+
+def _default_name(source: MapConfig, origin: Path) -> str:
+    name = origin.stem if origin.stem != "map" else origin.parent.name
+    parts = [] if source.half is None else [f"{source.half} half"]
+    for axis in ("columns", "rows", "x_m", "y_m"):
+        limits = getattr(source, axis)
+        if limits is not None:
+            low, high = ("" if value is None else f"{value:g}" for value in limits)
+            parts.append(f"{axis} {low}..{high}")
+    return f"{name} ({', '.join(parts)})" if parts else name

@@ -1,0 +1,161 @@
+"""Running an experiment: choose options, learn, label, evaluate."""
+
+import importlib.metadata
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pgm_places._version import __version__
+from pgm_places.errors import ConfigError
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.experiment.comparison import (
+    Comparison,
+    MethodResult,
+    TestMap,
+    history_of,
+    learning_of,
+    score_intervals,
+)
+from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.selection import select
+from pgm_places.experiment.setup import make_labeler, resolved_config
+from pgm_places.graph.layout import GridLayout
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.plugins import option_values
+
+__all__ = ["Trained", "compare", "compare_fitted", "train", "versions"]
+
+REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "cvxpy", "osqp", "networkx")
+
+
+class Trained(NamedTuple):
+    """A fitted labeler, and the experiment with the options that it was fitted with."""
+
+    experiment: Experiment
+    labeler: PlaceLabeler
+
+
+def train(experiment: Experiment) -> Trained:
+    """The labeler of the configuration, fitted on its training maps.
+
+    Where the configuration has a table ``[select]``, options are chosen first on the training maps
+    alone: the experiment that is returned has the chosen configuration, and its ``selection`` says
+    what was tried.
+    """
+    make_labeler(experiment.config)  # what it refuses shows before the maps are read
+    maps = load_maps(experiment, "train")
+    if experiment.config.select is not None:
+        experiment = _with_chosen_options(experiment, maps)
+    labeler = make_labeler(experiment.config)
+    with experiment.timed("learn"):
+        labeler = labeler.fit(maps, n_threads=experiment.n_threads, progress=experiment.progress)
+    return Trained(experiment, labeler)
+
+
+def _with_chosen_options(experiment: Experiment, maps: Sequence[LabelledMap]) -> Experiment:
+    with experiment.timed("select"):
+        found = select(experiment, maps)
+    config = changed_config(experiment.config, found.chosen.options)
+    return replace(experiment, config=config, selection=found.to_dict())
+
+
+def compare(experiment: Experiment) -> Comparison:
+    """All methods of the configuration, learned on its training maps, on all of its test maps.
+
+    Raises
+    ------
+    ConfigError
+        There are no test maps.
+    """
+    if not experiment.config.test:
+        raise ConfigError("a comparison needs at least one [[test]] map; there is none")
+    # Test maps are read before anything is learned: what is wrong with them shows at once.
+    tests = load_maps(experiment, "test")
+    return compare_fitted(*train(experiment), tests)
+
+
+def compare_fitted(
+    experiment: Experiment, labeler: PlaceLabeler, tests: Sequence[LabelledMap]
+) -> Comparison:
+    """All methods of a fitted labeler on test maps with their labels."""
+    config = experiment.config
+    maps, scored = [], []
+    for item in tests:
+        with experiment.timed("score cells"):
+            graph, scores = labeler.scores(
+                item.grid,
+                mask=item.cells,
+                n_threads=experiment.n_threads,
+                progress=experiment.progress,
+            )
+        assert isinstance(graph.layout, GridLayout)  # from_grid made it
+        window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
+        maps.append(TestMap(item.name, item.grid, item.labels, graph.layout, window))
+        scored.append((graph, scores, item.truth(graph)))
+    methods = [_run_method(experiment, labeler, name, scored, maps) for name in labeler.methods]
+    return Comparison(
+        title=config.title or "Place labelling",
+        label_names=tuple(config.labels.names),
+        maps=tuple(maps),
+        methods=tuple(methods),
+        stage_seconds=dict(experiment.seconds),
+        config=resolved_config(config, labeler),
+        versions=versions(),
+        inputs=dict(experiment.inputs),
+        warnings=tuple(experiment.warnings),
+        selection=experiment.selection,
+    )
+
+
+def _run_method(
+    experiment: Experiment,
+    labeler: PlaceLabeler,
+    name: str,
+    scored: Sequence[Any],
+    maps: Sequence[TestMap],
+) -> MethodResult:
+    method = labeler.method(name)
+    labelings = []
+    start = time.perf_counter()
+    with experiment.progress.stage(f"labelling with {name}") as stage:
+        for index, (graph, scores, truth) in enumerate(scored):
+            labelings.append(labeler.infer(graph, scores, name, truth=truth))
+            stage.update((index + 1) / len(scored))
+    spent = time.perf_counter() - start
+    # Recording the accuracy of every iteration is no part of the method.
+    spent -= sum(float(item.info.get("recording_seconds", 0.0)) for item in labelings)
+    evaluations = [
+        evaluate(truth, found.labels, labeler.label_names, beliefs=found.beliefs)
+        for found, (_, _, truth) in zip(labelings, scored, strict=True)
+    ]
+    return MethodResult(
+        id=name,
+        name=type(method.backend).__name__,
+        options={"unary": method.unary, **option_values(method.backend)},
+        labelings=tuple(labelings),
+        evaluations=tuple(evaluations),
+        evaluation=Evaluation.merged(evaluations),
+        seconds={"learn": method.seconds, "infer": spent},
+        learned=dict(getattr(method.backend, "summary", None) or {}),
+        intervals=score_intervals(maps, labelings, len(labeler.label_names)),
+        histories=tuple(history_of(labeling) for labeling in labelings),
+        learning=learning_of(method.backend),
+    )
+
+
+def versions() -> Mapping[str, str]:
+    """The versions that a result depends on."""
+    found = {"pgm-places": __version__, "python": platform.python_version()}
+    for package in REPORTED_PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

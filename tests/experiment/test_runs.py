@@ -1,0 +1,71 @@
+"""Running an experiment: every method labels every map once, and no record is rewritten."""
+
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import ExperimentConfig, parse_config
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.runs import compare, train
+from pgm_places.models.relaxation import Relaxation
+
+
+def config(**changes: Any) -> ExperimentConfig:
+    halves = [{"generated": 1, "half": half, "name": half} for half in ("left", "right")]
+    return parse_config(
+        {
+            "resolution_m": 0.4,
+            "labels": {"names": ["corridor", "room", "doorway"]},
+            "train": halves[:1],
+            "test": halves[1:],
+            "classifier": {"n_rounds": 3, "learn_on": "in-sample"},
+            "context": {"half_widths_m": []},
+            "methods": [{"name": "relaxation"}],
+        }
+        | changes
+    )
+
+
+def test_relaxation_labels_a_test_map_once_and_tells_its_accuracy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = []
+    infer = Relaxation.infer
+
+    @wraps(infer)
+    def counted(self: Relaxation, *args: Any, **keywords: Any) -> Any:
+        calls.append(keywords)
+        return infer(self, *args, **keywords)
+
+    monkeypatch.setattr(Relaxation, "infer", counted)
+    experiment = Experiment(config(), Path())
+    [found] = compare(experiment).methods
+    assert len(calls) == 1
+    [history] = found.histories
+    assert len(history["accuracy"]) == len(history["change"])
+    assert history["accuracy"][-1] == pytest.approx(found.evaluation.accuracy, rel=1e-12)
+    assert found.seconds["infer"] > 0
+
+
+def test_options_are_chosen_into_a_new_experiment() -> None:
+    rounds = {"classifier.n_rounds": [1, 4]}
+    experiment = Experiment(config(select={"options": rounds, "n_folds": 2}), Path())
+    before = experiment.config
+    trained = train(experiment)
+    assert experiment.config is before
+    assert experiment.selection is None
+    assert trained.experiment.selection is not None
+    chosen = trained.experiment.selection["chosen"]["classifier.n_rounds"]
+    assert trained.experiment.config.classifier.n_rounds == chosen
+    assert trained.experiment.seconds is experiment.seconds
+    assert set(experiment.seconds) == {"load", "select", "learn"}
+
+
+def test_a_comparison_without_test_maps_reads_nothing() -> None:
+    experiment = Experiment(config(test=[]), Path())
+    with pytest.raises(ConfigError, match="at least one"):
+        compare(experiment)
+    assert not experiment.seconds
