@@ -22,7 +22,8 @@ import numpy as np
 
 from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, installed_cuts
 from benchmarks.labelling import NAMES, map_files
-from pgm_places.graph.label_graph import EdgeKind, LabelGraph
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
@@ -95,7 +96,7 @@ def timed(work: Callable[[], R], repeats: int) -> tuple[float, R]:
 
 def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     """Every decoder that can take the model."""
-    graph = LabelGraph(len(model.unary), model.edges.astype(np.int32))
+    graph = LabelGraph.from_edges(len(model.unary), model.edges)
     potentials = Potentials(model.unary, agreement=model.agreement)
     bound = trws(*_arrays(model), max_iterations=500, tolerance=1e-9).bound
     n_open = len(reduce_model(pairwise_model(*_arrays(model))).nodes)
@@ -173,7 +174,7 @@ def propagation_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     """Max-product message passing against PGMax, the same number of sweeps."""
     if len(model.unary) > PGMAX_NODES or not find_spec("pgmax"):
         return []
-    graph = LabelGraph(len(model.unary), model.edges.astype(np.int32))
+    graph = LabelGraph.from_edges(len(model.unary), model.edges)
     potentials = Potentials(model.unary, agreement=model.agreement)
     ours, found = timed(
         lambda: decode(graph, potentials, "max-product", max_iterations=PGMAX_ITERATIONS), repeats

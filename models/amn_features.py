@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import ConfigError, InputError
-from pgm_places.graph.label_graph import EdgeKind
+from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.inference.problem import LabelingProblem
 
 __all__ = [

@@ -12,7 +12,8 @@ from pgm_places._version import __version__
 if TYPE_CHECKING:
     from pgm_places.errors import PgmPlacesError
     from pgm_places.evaluation.evaluation import evaluate
-    from pgm_places.graph.label_graph import EdgeKind, LabelGraph
+    from pgm_places.graph.edge_kind import EdgeKind
+    from pgm_places.graph.label_graph import LabelGraph
     from pgm_places.inference.backends import build
     from pgm_places.inference.labeling import Labeling, Status
     from pgm_places.inference.potentials import Potentials, score
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from pgm_places.trajectories.trajectory import Trajectory
 
 _HOMES = {
-    "EdgeKind": "graph.label_graph",
+    "EdgeKind": "graph.edge_kind",
     "LabelGraph": "graph.label_graph",
     "LabelledMap": "maps.labelled_map",
     "Labeling": "inference.labeling",

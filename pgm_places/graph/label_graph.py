@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -11,36 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.graph._edges import (
-    empty_pairs,
-    lattice_edges,
-    nearest_pairs,
-    require_canonical,
-    sparse_pairs,
-)
-from pgm_places.graph.layout import GridLayout, StepLayout
+from pgm_places.graph._edges import empty_pairs, lattice_edges, nearest_pairs, sparse_pairs
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.edge_list import EdgeList
+from pgm_places.graph.layout import CellMap, GridLayout, StepLayout
 from pgm_places.graph.neighbours import Neighbours, neighbours_of
+from pgm_places.graph.raster_edges import RasterEdges
 
 if TYPE_CHECKING:
     import networkx as nx
 
-    from pgm_places.graph.raster_edges import GridGraph
-    from pgm_places.maps.occupancy_grid import OccupancyGrid
-
-__all__ = ["EdgeKind", "LabelGraph"]
-
-
-class EdgeKind(IntEnum):
-    """What an edge stands for; models may treat kinds differently."""
-
-    AXIS = 0
-    """Two cells that share a side."""
-    DIAGONAL = 1
-    """Two cells that share a corner."""
-    TIME = 2
-    """Two steps that follow each other."""
-    LINK = 3
-    """Nodes of two graphs that were joined."""
+__all__ = ["LabelGraph"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +31,10 @@ class LabelGraph:
     ----------
     n_nodes : int
         N, at least 0.
-    edges : (E, 2) int32
-        Node pairs with ``i < j``, sorted, each once. Where direction matters it is i to j.
-    edge_kind : (E,) int8 or None
-        An :class:`EdgeKind` per edge.
-    positions_m : (N, 2) or (N, 3) float or None
-        Position of each node in metres, for drawing and for distances.
+    links : EdgeList or RasterEdges
+        Its edges: listed, or those that follow from the cells of ``layout``.
+    points_m : (N, 2) or (N, 3) float or None
+        Positions of the nodes in metres, where they do not follow from ``layout``.
     layout : GridLayout, StepLayout or None
         How node values go back to where they came from.
 
@@ -72,31 +50,37 @@ class LabelGraph:
     """
 
     n_nodes: int
-    edges: NDArray[np.int32]
-    edge_kind: NDArray[np.int8] | None = None
-    positions_m: NDArray[np.float64] | None = None
+    links: EdgeList | RasterEdges
+    points_m: NDArray[np.float64] | None = None
     layout: GridLayout | StepLayout | None = None
 
     def __post_init__(self) -> None:
         if self.n_nodes < 0:
             raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
-        edges = integer_array(
-            "edges", empty_pairs(self.edges), ("E", 2), low=0, high=max(self.n_nodes, 1)
-        )
-        require_canonical(edges)
-        object.__setattr__(self, "edges", frozen(edges.astype(np.int32)))
-        if self.edge_kind is not None:
-            kind = integer_array("edge_kind", self.edge_kind, (len(edges),), low=0, high=128)
-            object.__setattr__(self, "edge_kind", frozen(kind.astype(np.int8)))
-        if self.positions_m is not None:
-            positions = finite_array("positions_m", self.positions_m, (self.n_nodes, "2 or 3"))
-            if positions.shape[1] not in (2, 3):
-                raise InputError(f"positions_m must have 2 or 3 columns, got {positions.shape[1]}")
-            object.__setattr__(self, "positions_m", frozen(positions))
+        self._check_links()
+        if self.points_m is not None:
+            points = finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
+            if points.shape[1] not in (2, 3):
+                raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
+            object.__setattr__(self, "points_m", frozen(points))
         if isinstance(self.layout, GridLayout) and len(self.layout.cells_rc) != self.n_nodes:
             raise InputError(
                 f"the layout has {len(self.layout.cells_rc)} cells "
                 f"but the graph {self.n_nodes} nodes"
+            )
+
+    def _check_links(self) -> None:
+        if isinstance(self.links, EdgeList):
+            integer_array("edges", self.links.pairs, ("E", 2), low=0, high=max(self.n_nodes, 1))
+        elif not isinstance(self.links, RasterEdges):
+            raise InputError(
+                f"links must be an EdgeList or RasterEdges, got {type(self.links).__name__}; "
+                "LabelGraph.from_edges takes node pairs"
+            )
+        elif len(self.links.layout.cells_rc) != self.n_nodes:
+            raise InputError(
+                f"the raster's edges join {len(self.links.layout.cells_rc)} cells "
+                f"but the graph has {self.n_nodes} nodes"
             )
 
     def __repr__(self) -> str:
@@ -137,8 +121,7 @@ class LabelGraph:
             )
         return cls(
             int(n_nodes),
-            pairs[order].astype(np.int32),
-            None if kind is None else kind[order],
+            EdgeList(pairs[order].astype(np.int32), None if kind is None else kind[order]),
             None if positions_m is None else np.asarray(positions_m, np.float64),
             layout,
         )
@@ -146,11 +129,11 @@ class LabelGraph:
     @classmethod
     def from_grid(
         cls,
-        grid: "OccupancyGrid | ArrayLike",
+        grid: CellMap | ArrayLike,
         *,
         connectivity: int = 8,
         mask: ArrayLike | None = None,
-    ) -> "GridGraph":
+    ) -> Self:
         """The free cells of a map as nodes, joined to their free neighbours.
 
         Parameters
@@ -162,16 +145,13 @@ class LabelGraph:
         mask : (H, W) bool, optional
             Take only the free cells inside it.
 
-        Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL and
-        are listed only when something asks for them.
+        Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL.
+        Edges and positions are worked out only when something asks for them.
         """
-        from pgm_places.graph.raster_edges import GridGraph
-        from pgm_places.maps.occupancy_grid import OccupancyGrid
-
-        if isinstance(grid, OccupancyGrid):
-            free, walls = grid.free, grid.occupied
+        if isinstance(grid, CellMap):
+            source, free, walls = grid, grid.free, grid.occupied
         else:
-            free, walls = np.asarray(grid), None
+            source, free, walls = None, np.asarray(grid), None
             if free.ndim != 2 or free.dtype != np.bool_:
                 raise InputError(
                     "from_grid wants an OccupancyGrid or a 2-D boolean mask, got an array of shape "
@@ -182,13 +162,11 @@ class LabelGraph:
             if chosen.shape != free.shape:
                 raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
             free = free & chosen
-        layout = GridLayout.of_mask(free, walls)
-        return GridGraph(layout, connectivity, grid if isinstance(grid, OccupancyGrid) else None)
+        layout = GridLayout.of_mask(free, walls, source)
+        return cls(len(layout.cells_rc), RasterEdges(layout, connectivity), layout=layout)
 
     @classmethod
-    def from_lattice(
-        cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False
-    ) -> "LabelGraph":
+    def from_lattice(cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False) -> Self:
         """The pixels of an image, the voxels of a volume, the cells of a lattice of any dimension.
 
         Parameters
@@ -267,8 +245,8 @@ class LabelGraph:
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
         steps = np.arange(len(poses), dtype=np.int32)
         edges = np.stack([steps[:-1], steps[1:]], axis=1)
-        kind = np.full(len(edges), EdgeKind.TIME, np.int8)
-        return cls(len(poses), edges, kind, poses[:, :2].copy(), StepLayout(len(poses)))
+        links = EdgeList(edges, np.full(len(edges), EdgeKind.TIME, np.int8))
+        return cls(len(poses), links, poses[:, :2].copy(), StepLayout(len(poses)))
 
     @classmethod
     def from_networkx(cls, graph: "nx.Graph[Any]", *, position: str | None = "pos") -> Self:
@@ -356,32 +334,39 @@ class LabelGraph:
 
         A grid's layout is kept (with fewer cells), a trajectory's is dropped.
         """
-        keep = self._mask_of_nodes(nodes)
-        number = np.cumsum(keep, dtype=np.int32) - 1
-        inside = keep[self.edges].all(axis=1)
-        layout = None
-        if isinstance(self.layout, GridLayout):
-            layout = GridLayout(self.layout.shape, self.layout.cells_rc[keep], self.layout.walls)
-        return LabelGraph(
-            int(keep.sum()),
-            number[self.edges[inside]],
-            None if self.edge_kind is None else self.edge_kind[inside],
-            None if self.positions_m is None else self.positions_m[keep],
-            layout,
-        )
-
-    def _mask_of_nodes(self, nodes: ArrayLike) -> NDArray[np.bool_]:
         keep = np.asarray(nodes, np.bool_)
         if keep.shape != (self.n_nodes,):
             raise InputError(f"nodes must be a mask of shape ({self.n_nodes},), got {keep.shape}")
-        return keep
+        return LabelGraph(
+            int(keep.sum()),
+            self.links.among(keep),
+            None if self.points_m is None else self.points_m[keep],
+            self.layout.part(keep) if isinstance(self.layout, GridLayout) else None,
+        )
 
     # ------------------------------------------------------------------ derived
 
     @property
+    def edges(self) -> NDArray[np.int32]:
+        """(E, 2) node pairs with ``i < j``, sorted, each once; i to j where direction matters."""
+        return self.links.pairs
+
+    @property
+    def edge_kind(self) -> NDArray[np.int8] | None:
+        """(E,) :class:`~pgm_places.graph.edge_kind.EdgeKind` per edge, where it is known."""
+        return self.links.kinds
+
+    @property
     def n_edges(self) -> int:
         """E, the number of edges."""
-        return len(self.edges)
+        return self.links.n_edges
+
+    @property
+    def positions_m(self) -> NDArray[np.float64] | None:
+        """(N, 2) or (N, 3) positions of the nodes in metres, for drawing and for distances."""
+        if self.points_m is None and isinstance(self.layout, GridLayout):
+            return self.layout.positions_m
+        return self.points_m
 
     @cached_property
     def is_chain(self) -> bool:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
 
-__all__ = ["GridLayout", "StepLayout"]
+__all__ = ["CellMap", "GridLayout", "StepLayout"]
 
 ROWS_AT_ONCE = 256
+
+
+@runtime_checkable
+class CellMap(Protocol):
+    """A map as far as a graph wants one: its free cells, its walls, and where its cells lie."""
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the free cells."""
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """(H, W) mask of the occupied cells."""
+
+    def cell_centres_m(self, cells_rc: ArrayLike) -> NDArray[np.float64]:
+        """(N, 2) positions of the centres of cells given as (row, column)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +43,14 @@ class GridLayout:
         Row and column of each node; row-major order.
     walls : (H, W) bool or None
         Cells known to be occupied: fixed evidence for methods that use it.
+    source : CellMap or None
+        The map that the cells are of, which gives them positions.
     """
 
     shape: tuple[int, int]
     cells_rc: NDArray[np.int32]
     walls: NDArray[np.bool_] | None = field(default=None, repr=False)
+    source: CellMap | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cells_rc", frozen(np.asarray(self.cells_rc, np.int32)))
@@ -43,7 +62,12 @@ class GridLayout:
             object.__setattr__(self, "walls", frozen(self.walls))
 
     @classmethod
-    def of_mask(cls, mask: NDArray[np.bool_], walls: NDArray[np.bool_] | None = None) -> Self:
+    def of_mask(
+        cls,
+        mask: NDArray[np.bool_],
+        walls: NDArray[np.bool_] | None = None,
+        source: CellMap | None = None,
+    ) -> Self:
         """The layout whose nodes are the cells of a mask (H, W), in row-major order."""
         starts = np.concatenate([[0], np.cumsum(np.count_nonzero(mask, axis=1))])
         cells = np.empty((int(starts[-1]), 2), np.int32)
@@ -52,7 +76,16 @@ class GridLayout:
             inside = cells[starts[row] : starts[row + len(part)]]
             inside[:, 0], inside[:, 1] = np.nonzero(part)
             inside[:, 0] += row
-        return cls((mask.shape[0], mask.shape[1]), sealed(cells), walls)
+        return cls((mask.shape[0], mask.shape[1]), sealed(cells), walls, source)
+
+    def part(self, keep: NDArray[np.bool_]) -> "GridLayout":
+        """The layout of the nodes where the mask (N,) is true."""
+        return GridLayout(self.shape, self.cells_rc[keep], self.walls, self.source)
+
+    @cached_property
+    def positions_m(self) -> NDArray[np.float64] | None:
+        """(N, 2) centres of the cells in the map frame; None for a mask without a map."""
+        return None if self.source is None else sealed(self.source.cell_centres_m(self.cells_rc))
 
     def mask(self) -> NDArray[np.bool_]:
         """(H, W) whether each cell is a node."""

@@ -1,29 +1,39 @@
-"""The graph of a raster's cells, whose edges follow from the raster and are listed only on demand.
+"""The edges of a raster's cells, which follow from the raster and are listed only on demand.
 
 A map of 100 million cells has hundreds of millions of edges; methods that walk over the raster
 itself, as relaxation does, never need the list.
 """
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
-from pgm_places.graph.label_graph import EdgeKind, LabelGraph
+from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.layout import GridLayout
-from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["GridGraph"]
+__all__ = ["RasterEdges"]
+
+_STEPS = {
+    4: ((0, 1, EdgeKind.AXIS), (1, 0, EdgeKind.AXIS)),
+    8: (
+        (0, 1, EdgeKind.AXIS),
+        (1, -1, EdgeKind.DIAGONAL),
+        (1, 0, EdgeKind.AXIS),
+        (1, 1, EdgeKind.DIAGONAL),
+    ),
+}
+"""Rows, columns and kind of the steps to later cells, in the order of the cells."""
 
 
-class GridGraph(LabelGraph):
-    """The cells of a raster as nodes, each joined to its neighbours among them.
+@dataclass(frozen=True, eq=False)
+class RasterEdges:
+    """Each cell of a raster joined to its neighbours among the cells.
 
-    Everything but the cells is worked out when first asked for and kept then: ``edges`` takes 8
-    bytes an edge, ``positions_m`` 16 a node.
+    The list is worked out when it is first asked for and kept then: 8 bytes an edge.
 
     Parameters
     ----------
@@ -31,8 +41,6 @@ class GridGraph(LabelGraph):
         The cells.
     connectivity : {8, 4}
         8 joins cells that share a side or a corner (paper section 6.1), 4 only a side.
-    grid : OccupancyGrid, optional
-        The map behind the cells, which gives them positions.
 
     Raises
     ------
@@ -41,35 +49,21 @@ class GridGraph(LabelGraph):
     """
 
     layout: GridLayout
+    connectivity: int = 8
 
-    def __init__(
-        self, layout: GridLayout, connectivity: int = 8, grid: OccupancyGrid | None = None
-    ) -> None:
-        if connectivity not in (4, 8):
-            raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
-        # not LabelGraph's own constructor: that wants the edges
-        object.__setattr__(self, "n_nodes", len(layout.cells_rc))
-        object.__setattr__(self, "layout", layout)
-        object.__setattr__(self, "connectivity", connectivity)
-        object.__setattr__(self, "grid", grid)
+    def __post_init__(self) -> None:
+        if self.connectivity not in _STEPS:
+            raise InputError(f"connectivity must be 4 or 8, got {self.connectivity}")
 
-    connectivity: int
-    grid: OccupancyGrid | None
-
-    @cached_property
-    def edges(self) -> NDArray[np.int32]:
+    @property
+    def pairs(self) -> NDArray[np.int32]:
         """(E, 2) node pairs with ``i < j``, sorted: per node right, then the row above."""
         return self._listed[0]
 
-    @cached_property
-    def edge_kind(self) -> NDArray[np.int8]:
+    @property
+    def kinds(self) -> NDArray[np.int8]:
         """(E,) AXIS or DIAGONAL per edge."""
         return self._listed[1]
-
-    @cached_property
-    def positions_m(self) -> NDArray[np.float64] | None:
-        """(N, 2) centres of the cells in the map frame; None for a mask without a map."""
-        return None if self.grid is None else sealed(self.grid.cell_centres_m(self.layout.cells_rc))
 
     @property
     def n_edges(self) -> int:
@@ -77,38 +71,20 @@ class GridGraph(LabelGraph):
         sides, corners = self.layout.n_pairs
         return sides + corners if self.connectivity == 8 else sides
 
-    def subgraph(self, nodes: ArrayLike) -> "GridGraph":
-        """The graph of the cells where the mask (N,) is true, renumbered in order."""
-        keep = self._mask_of_nodes(nodes)
-        layout = GridLayout(self.layout.shape, self.layout.cells_rc[keep], self.layout.walls)
-        return GridGraph(layout, self.connectivity, self.grid)
+    def among(self, keep: NDArray[np.bool_]) -> "RasterEdges":
+        """The edges between the cells of the mask (N,), renumbered in order."""
+        return RasterEdges(self.layout.part(keep), self.connectivity)
 
     @cached_property
     def _listed(self) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
-        edges, kinds = _list_edges(self.layout, self.connectivity)
-        return sealed(edges), sealed(kinds)
-
-
-def _list_edges(
-    layout: GridLayout, connectivity: int
-) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
-    """Edges in sorted order: per node right, then the row above from left to right."""
-    steps: Sequence[tuple[int, int, EdgeKind]] = [(0, 1, EdgeKind.AXIS)]
-    if connectivity == 8:
-        steps = [
-            *steps,
-            (1, -1, EdgeKind.DIAGONAL),
-            (1, 0, EdgeKind.AXIS),
-            (1, 1, EdgeKind.DIAGONAL),
-        ]
-    else:
-        steps = [*steps, (1, 0, EdgeKind.AXIS)]
-    height, width = layout.shape
-    padded = np.full((height + 1, width + 2), -1, np.int32)
-    padded[:-1, 1:-1] = layout.node_of_cell
-    rows, columns = layout.cells_rc[:, 0], layout.cells_rc[:, 1] + 1
-    heads = np.stack([padded[rows + dr, columns + dc] for dr, dc, _ in steps], axis=1)
-    tails = np.broadcast_to(np.arange(len(rows), dtype=np.int32)[:, None], heads.shape)
-    kinds = np.broadcast_to(np.array([k for *_, k in steps], np.int8), heads.shape)
-    present = heads >= 0
-    return np.stack([tails[present], heads[present]], axis=1), kinds[present]
+        steps = _STEPS[self.connectivity]
+        height, width = self.layout.shape
+        padded = np.full((height + 1, width + 2), -1, np.int32)
+        padded[:-1, 1:-1] = self.layout.node_of_cell
+        rows, columns = self.layout.cells_rc[:, 0], self.layout.cells_rc[:, 1] + 1
+        heads = np.stack([padded[rows + dr, columns + dc] for dr, dc, _ in steps], axis=1)
+        tails = np.broadcast_to(np.arange(len(rows), dtype=np.int32)[:, None], heads.shape)
+        kinds = np.broadcast_to(np.array([kind for *_, kind in steps], np.int8), heads.shape)
+        present = heads >= 0
+        pairs = np.stack([tails[present], heads[present]], axis=1)
+        return sealed(pairs), sealed(kinds[present])

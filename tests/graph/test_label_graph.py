@@ -1,5 +1,7 @@
 """LabelGraph: constructors, checks, conversions."""
 
+from dataclasses import replace
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from scipy import sparse
 
 from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
 from pgm_places.errors import InputError
+from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import GridLayout
+from pgm_places.graph.raster_edges import RasterEdges
 
 
 def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, int]]:
@@ -87,11 +91,13 @@ def test_bad_edges_are_refused(edges: list[tuple[int, ...]], message: str) -> No
     assert message in str(caught.value)
 
 
-def test_plain_constructor_refuses_unsorted_edges() -> None:
+def test_edge_list_refuses_unsorted_edges() -> None:
     with pytest.raises(InputError, match="sorted"):
-        LabelGraph(3, np.array([[1, 2], [0, 1]], np.int32))
+        EdgeList(np.array([[1, 2], [0, 1]], np.int32))
     with pytest.raises(InputError, match="i < j is wanted"):
-        LabelGraph(3, np.array([[1, 0]], np.int32))
+        EdgeList(np.array([[1, 0]], np.int32))
+    with pytest.raises(InputError, match="from 0 to 2, got 3"):
+        LabelGraph(3, EdgeList(np.array([[1, 3]], np.int32)))
 
 
 def test_networkx_round_trip() -> None:
@@ -141,7 +147,7 @@ def test_neighbours_mirror_the_edges(free: np.ndarray) -> None:
 
 def test_arrays_are_read_only_copies() -> None:
     edges = np.array([[0, 1]], np.int32)
-    graph = LabelGraph(2, edges)
+    graph = LabelGraph(2, EdgeList(edges))
     edges[0, 0] = 7
     assert graph.edges.tolist() == [[0, 1]]
     with pytest.raises(ValueError, match="read-only"):
@@ -260,9 +266,9 @@ def test_edges_of_a_grid_are_counted_without_listing_them(
 ) -> None:
     graph = LabelGraph.from_grid(free, connectivity=connectivity)
     assert graph.n_edges == len(neighbours_by_hand(free, connectivity))
-    assert "edges" not in vars(graph)
+    assert "_listed" not in vars(graph.links)
     assert len(graph.edges) == graph.n_edges
-    LabelGraph(graph.n_nodes, graph.edges, graph.edge_kind)  # which checks their order
+    EdgeList(graph.edges, graph.edge_kind)  # which checks their order
 
 
 def test_a_part_of_a_grid_is_a_grid_with_positions() -> None:
@@ -271,3 +277,21 @@ def test_a_part_of_a_grid_is_a_grid_with_positions() -> None:
     assert part.edges.tolist() == [[0, 1], [1, 2], [2, 3]]
     assert part.positions_m is not None
     assert part.positions_m.tolist() == [[0.25, 0.25], [0.25, 0.75], [0.75, 0.75], [1.25, 0.75]]
+
+
+def test_a_grid_can_be_replaced_in_part_without_listing_its_edges() -> None:
+    graph = LabelGraph.from_grid(OccupancyGrid(np.zeros((2, 3), np.int8), resolution_m=0.5))
+    moved = replace(graph, points_m=np.ones((6, 3)))
+    assert moved.positions_m is not None
+    assert moved.positions_m.shape == (6, 3)
+    assert "_listed" not in vars(moved.links)
+    assert moved.edges.tolist() == graph.edges.tolist()
+
+
+def test_links_must_fit_the_nodes() -> None:
+    free = np.ones((2, 2), np.bool_)
+    layout = GridLayout.of_mask(free)
+    with pytest.raises(InputError, match="join 4 cells but the graph has 3 nodes"):
+        LabelGraph(3, RasterEdges(layout))
+    with pytest.raises(InputError, match=r"links must be .* got list; LabelGraph.from_edges"):
+        LabelGraph(3, [(0, 1)])  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.models.relaxation import Relaxation, grid_connectivity
 from pgm_places.plugins import option_fields
@@ -42,7 +43,7 @@ def a_problem(noise: float, seed: int = 0) -> tuple[LabelingProblem, NDArray[np.
     grid, truth = a_floor()
     graph = LabelGraph.from_grid(grid)
     rng = np.random.default_rng(seed)
-    true = np.asarray(graph.layout.from_raster(truth))
+    true = LabelledMap(grid, truth.astype(np.int16)).truth(graph)
     seen = np.where(rng.random(len(true)) < noise, rng.integers(0, 3, len(true)), true)
     z = np.full((len(true), 3), 0.125)
     z[np.arange(len(true)), seen] = 0.75
@@ -240,7 +241,7 @@ def test_noise_on_the_real_building_is_smoothed_away() -> None:
     left = np.zeros(grid.shape, np.bool_)
     left[:, :366] = True
     halves = [LabelGraph.from_grid(grid, mask=mask & (labels >= 0)) for mask in (left, ~left)]
-    known, true = (np.asarray(half.layout.from_raster(labels), np.int64) for half in halves)
+    known, true = (LabelledMap(grid, labels).truth(half) for half in halves)
     rng = np.random.default_rng(0)
     seen = np.where(rng.random(len(true)) < 0.3, rng.integers(0, 3, len(true)), true)
     train = LabelingProblem(halves[0], NAMES, unary=np.zeros((len(known), 3)))
