@@ -30,6 +30,7 @@ from pgm_places.kernels.threads import run_tasks
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._box import Box
 from pgm_places.sensing._cell_caster import CellCaster, blocked_window
+from pgm_places.sensing._dda_kernels import Cells
 from pgm_places.sensing._tiling import NodeNumbers
 from pgm_places.sensing.ray_casting import cast_cells, iter_cast
 from pgm_places.sensing.sensor import Sensor
@@ -112,7 +113,7 @@ class SlowMethods:
     def dda(self, n_threads: int) -> None:
         """Follow every ray from border to border."""
         caster = CellCaster(self._grid, self._sensor, n_threads)
-        caster.follow(self._blocked, self._rows, self._columns, self._nodes, self.out)
+        caster.follow(self._blocked, Cells(self._rows, self._columns, self._nodes), self.out)
 
     def stepper(self, n_threads: int) -> None:
         """March along every ray in steps of one cell."""

@@ -10,17 +10,18 @@ from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing._beams import Beams
 from pgm_places.sensing._box import Box
-from pgm_places.sensing._dda_kernels import dda_from_centres
-from pgm_places.sensing._noise_kernels import add_noise
+from pgm_places.sensing._dda_kernels import Cells, CentreBeams, dda_from_centres
+from pgm_places.sensing._noise_kernels import Noise, add_noise
 from pgm_places.sensing._sweep import (
     LARGEST_REGION,
     Surroundings,
-    Tile,
     TileSweep,
     Work,
     beam_groups,
+    tile_cells,
     work_bytes,
 )
+from pgm_places.sensing._sweep_tables import TileCells
 from pgm_places.sensing.sensor import Sensor
 
 __all__ = ["CellCaster", "blocked_window"]
@@ -110,8 +111,9 @@ class CellCaster:
             raster[rows - box.bottom, columns - box.left] = nodes
             self._sweep(box, region, blocked, raster, out)
         else:
-            self.follow(blocked, rows - region.bottom + 1, columns - region.left + 1, nodes, out)
-        self._add_noise(rows, columns, nodes, out)
+            at = Cells(rows - region.bottom + 1, columns - region.left + 1, nodes)
+            self.follow(blocked, at, out)
+        self._add_noise(Cells(rows, columns, nodes), out)
 
     def _region(self, box: Box) -> Box:
         """All that the beams from a box can reach."""
@@ -150,11 +152,11 @@ class CellCaster:
         raster: NDArray[np.int32],
         out: NDArray[np.float32],
     ) -> None:
-        tiles: dict[bool, Tile] = {}
+        tiles: dict[bool, TileCells] = {}
 
         def look_along(task: int) -> None:
             x_is_major = task == 1
-            tiles[x_is_major] = Tile.of(raster, x_is_major)
+            tiles[x_is_major] = tile_cells(raster, x_is_major)
             if x_is_major not in self._surroundings:
                 self._surroundings[x_is_major] = Surroundings.of(blocked, x_is_major)
 
@@ -180,72 +182,34 @@ class CellCaster:
 
         run_tasks(sweep_group, len(self._groups), n_threads=self._n_threads)
 
-    def follow(
-        self,
-        blocked: NDArray[np.uint8],
-        rows: NDArray[np.int64],
-        columns: NDArray[np.int64],
-        nodes: NDArray[np.int32],
-        out: NDArray[np.float32],
-    ) -> None:
+    def follow(self, blocked: NDArray[np.uint8], cells: Cells, out: NDArray[np.float32]) -> None:
         """Write the scans of cells by following each ray through ``blocked``."""
         along_x, along_y = self._beams.components
-        step_x, step_y = self._beams.steps
         with np.errstate(divide="ignore"):
-            per_x, per_y = 1 / along_x, 1 / along_y
-            metres_x = (self._grid.resolution_m / along_x).astype(np.float32)
-            metres_y = (self._grid.resolution_m / along_y).astype(np.float32)
-
-        def follow(part: slice) -> None:
-            dda_from_centres(
-                blocked,
-                rows[part],
-                columns[part],
-                nodes[part],
-                step_x,
-                step_y,
-                per_x,
-                per_y,
-                metres_x,
-                metres_y,
-                self._reach,
-                np.float32(self._sensor.max_range_m),
-                out,
+            beams = CentreBeams(
+                *self._beams.steps,
+                1 / along_x,
+                1 / along_y,
+                (self._grid.resolution_m / along_x).astype(np.float32),
+                (self._grid.resolution_m / along_y).astype(np.float32),
             )
+        cap = np.float32(self._sensor.max_range_m)
+        self._in_parts(
+            lambda part: dda_from_centres(blocked, part, beams, self._reach, cap, out), cells
+        )
 
-        self._in_parts(follow, len(nodes))
-
-    def _add_noise(
-        self,
-        rows: NDArray[np.int64],
-        columns: NDArray[np.int64],
-        nodes: NDArray[np.int32],
-        out: NDArray[np.float32],
-    ) -> None:
+    def _add_noise(self, cells: Cells, out: NDArray[np.float32]) -> None:
         noise = self._sensor.noise
         if noise is None or noise.is_silent:
             return
+        given = Noise.of(noise, self._sensor.max_range_m)
+        self._in_parts(lambda part: add_noise(out, part, given), cells)
 
-        def disturb(part: slice) -> None:
-            add_noise(
-                out,
-                rows[part],
-                columns[part],
-                nodes[part],
-                noise.seed & 0xFFFFFFFF,
-                noise.seed >> 32,
-                float(noise.sigma_m),
-                float(noise.p_random),
-                float(noise.p_max),
-                float(self._sensor.max_range_m),
-            )
-
-        self._in_parts(disturb, len(nodes))
-
-    def _in_parts(self, work: Callable[[slice], None], n_cells: int) -> None:
+    def _in_parts(self, work: Callable[[Cells], None], cells: Cells) -> None:
         """Call ``work`` for the parts of a list of cells, spread over threads."""
 
         def one(task: int) -> None:
-            work(slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK))
+            part = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
+            work(Cells(cells.rows[part], cells.columns[part], cells.nodes[part]))
 
-        run_tasks(one, ceil(n_cells / _CELLS_PER_TASK), n_threads=self._n_threads)
+        run_tasks(one, ceil(len(cells.nodes) / _CELLS_PER_TASK), n_threads=self._n_threads)

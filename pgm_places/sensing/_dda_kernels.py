@@ -7,12 +7,72 @@ column border is crossed first.
 ``blocked`` has a blocked rim, so that no ray leaves the array.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["dda_from_centres", "dda_from_poses"]
+__all__ = [
+    "BeamSteps",
+    "Cells",
+    "CentreBeams",
+    "Poses",
+    "centre_range",
+    "dda_from_centres",
+    "dda_from_poses",
+]
+
+
+class BeamSteps(NamedTuple):
+    """How one beam goes from cell to cell."""
+
+    step_x: int
+    """-1, 0 or 1: the neighbouring column that it leads to,"""
+    step_y: int
+    """and the neighbouring row."""
+    per_x: float
+    """Length of ray for each column, in cells; infinite where no column is left,"""
+    per_y: float
+    """and for each row."""
+    metres_x: np.float32
+    """The same in metres."""
+    metres_y: np.float32
+
+
+class CentreBeams(NamedTuple):
+    """The steps of M beams, as :class:`BeamSteps` has those of one."""
+
+    step_x: NDArray[np.int64]
+    """(M,), as all fields."""
+    step_y: NDArray[np.int64]
+    per_x: NDArray[np.float64]
+    per_y: NDArray[np.float64]
+    metres_x: NDArray[np.float32]
+    metres_y: NDArray[np.float32]
+
+
+class Cells(NamedTuple):
+    """Cells that scans are taken from."""
+
+    rows: NDArray[np.int64]
+    """(n,)."""
+    columns: NDArray[np.int64]
+    """(n,)."""
+    nodes: NDArray[np.int32]
+    """(n,) row of the output of each."""
+
+
+class Poses(NamedTuple):
+    """Where scans are taken from, in cells."""
+
+    x: NDArray[np.float64]
+    """(P,); the cell that holds (x, y) is [floor y, floor x]."""
+    y: NDArray[np.float64]
+    """(P,)."""
+    headings_rad: NDArray[np.float64]
+    """(P,)."""
 
 
 @njit
@@ -20,12 +80,7 @@ def centre_range(
     blocked: NDArray[np.uint8],
     row: int,
     column: int,
-    step_x: int,
-    step_y: int,
-    per_x: float,
-    per_y: float,
-    metres_x: np.float32,
-    metres_y: np.float32,
+    beam: BeamSteps,
     limit: float,
     cap: np.float32,
 ) -> np.float32:
@@ -35,75 +90,63 @@ def centre_range(
     the range follows from the counts alone, without summing up. ``limit`` is the cap in cells.
     """
     crossed_x, crossed_y = np.float32(-0.5), np.float32(-0.5)
-    next_x, next_y = 0.5 * per_x, 0.5 * per_y
+    next_x, next_y = 0.5 * beam.per_x, 0.5 * beam.per_y
     while min(next_x, next_y) < limit:
         if next_x <= next_y:
-            next_x += per_x
+            next_x += beam.per_x
             crossed_x += np.float32(1.0)
-            column += step_x
+            column += beam.step_x
             if blocked[row, column]:
-                return min(crossed_x * metres_x, cap)
+                return min(crossed_x * beam.metres_x, cap)
         else:
-            next_y += per_y
+            next_y += beam.per_y
             crossed_y += np.float32(1.0)
-            row += step_y
+            row += beam.step_y
             if blocked[row, column]:
-                return min(crossed_y * metres_y, cap)
+                return min(crossed_y * beam.metres_y, cap)
     return cap
 
 
 @njit
 def dda_from_centres(
     blocked: NDArray[np.uint8],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    nodes: NDArray[np.int32],
-    step_x: NDArray[np.int64],
-    step_y: NDArray[np.int64],
-    per_x: NDArray[np.float64],
-    per_y: NDArray[np.float64],
-    metres_x: NDArray[np.float32],
-    metres_y: NDArray[np.float32],
+    cells: Cells,
+    beams: CentreBeams,
     limit: float,
     cap: np.float32,
     out: NDArray[np.float32],
 ) -> None:
-    """Ranges from the centres of n cells along M beams, to the rows ``nodes`` of ``out``."""
-    for i in range(len(rows)):
-        scan = out[nodes[i]]
-        for beam in range(len(step_x)):
-            scan[beam] = centre_range(
-                blocked,
-                rows[i],
-                columns[i],
-                step_x[beam],
-                step_y[beam],
-                per_x[beam],
-                per_y[beam],
-                metres_x[beam],
-                metres_y[beam],
-                limit,
-                cap,
+    """Ranges from the centres of n cells along M beams, to the rows ``cells.nodes`` of ``out``."""
+    for i in range(len(cells.rows)):
+        scan = out[cells.nodes[i]]
+        for beam in range(len(beams.step_x)):
+            steps = BeamSteps(
+                beams.step_x[beam],
+                beams.step_y[beam],
+                beams.per_x[beam],
+                beams.per_y[beam],
+                beams.metres_x[beam],
+                beams.metres_y[beam],
             )
+            scan[beam] = centre_range(blocked, cells.rows[i], cells.columns[i], steps, limit, cap)
 
 
 @njit
 def dda_from_poses(
     blocked: NDArray[np.uint8],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    headings_rad: NDArray[np.float64],
+    poses: Poses,
     angles_rad: NDArray[np.float64],
     resolution_m: float,
     limit: float,
     cap: np.float32,
     out: NDArray[np.float32],
 ) -> None:
-    """Ranges (P, M) from positions in cells; the cell that holds (x, y) is [floor y, floor x].
+    """Ranges (P, M) along the angles against each heading.
 
     Components below 1e-12, rounding left over from a right angle, count as 0. A position in a
     blocked cell reads 0.
     """
+    x, y, headings_rad = poses
     for i in range(len(x)):
         start_column, start_row = int(np.floor(x[i])), int(np.floor(y[i]))
         if blocked[start_row, start_column]:

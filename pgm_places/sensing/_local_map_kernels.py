@@ -5,39 +5,58 @@ row and column modulo ``n``, so that the window moves without copying; ``wrap`` 
 column at which the window's first cell is kept. Positions are in cells from the window's corner.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["cast_rays", "write_disc", "write_scan"]
+__all__ = ["Pose", "Steps", "Window", "cast_rays", "write_disc", "write_scan"]
 
 TINY = 1e-12  # components below it are rounding left over from a right angle
 DEPTH = 0.1  # cells behind the surface that a beam met: the matter lies there, not in front
 
 
-@njit
-def _kept_at(cell: int, wrap: int, n: int) -> int:
-    """Where a row or column of the window is kept."""
-    place = cell + wrap
-    return place - n if place >= n else place
+class Window(NamedTuple):
+    """A rolling map's cells, each at its row and column modulo ``n``."""
+
+    evidence: NDArray[np.int8]
+    """(n, n) log-odds in steps; above 0 occupied, below 0 free, 0 unknown."""
+    seen: NDArray[np.uint8]
+    """(n, n) number of the scan that changed a cell last."""
+    wrap_row: int
+    """Where the window's first row is kept,"""
+    wrap_column: int
+    """and its first column."""
+
+
+class Pose(NamedTuple):
+    """Where a scan is taken, in cells from the window's corner."""
+
+    x: float
+    y: float
+    heading_rad: float
+
+
+class Steps(NamedTuple):
+    """What a scan adds to the evidence of a cell, and the bounds of that evidence."""
+
+    hit: int
+    """Where a beam ends,"""
+    miss: int
+    """and where it crosses."""
+    low: int
+    high: int
 
 
 @njit
-def _add(
-    evidence: NDArray[np.int8],
-    seen: NDArray[np.uint8],
-    row: int,
-    column: int,
-    amount: int,
-    low: int,
-    high: int,
-    scan: int,
-) -> None:
-    """Add to a cell's evidence within its bounds, but once per scan."""
-    if seen[row, column] != scan:
-        seen[row, column] = scan
-        evidence[row, column] = min(max(evidence[row, column] + amount, low), high)
+def _kept_at(window: Window, row: int, column: int) -> tuple[int, int]:
+    """Where a cell of the window is kept."""
+    n = len(window.evidence)
+    row += window.wrap_row
+    column += window.wrap_column
+    return row - n if row >= n else row, column - n if column >= n else column
 
 
 @njit
@@ -52,19 +71,11 @@ def _way(along: float, inside: float) -> tuple[int, float, float]:
 
 @njit
 def write_scan(
-    evidence: NDArray[np.int8],
-    seen: NDArray[np.uint8],
-    wrap_row: int,
-    wrap_column: int,
-    x: float,
-    y: float,
-    heading_rad: float,
+    window: Window,
+    pose: Pose,
     lengths: NDArray[np.float64],
     angles_rad: NDArray[np.float64],
-    hit: int,
-    miss: int,
-    low: int,
-    high: int,
+    steps: Steps,
     scan: int,
 ) -> None:
     """Add a scan: what beams ended at is more occupied, what they crossed less.
@@ -72,6 +83,9 @@ def write_scan(
     ``lengths`` are in cells; beams that are not above 0 say nothing. Each cell changes at most
     once, and an end counts before a crossing by another beam.
     """
+    evidence, seen = window.evidence, window.seen
+    x, y, heading_rad = pose
+    hit, miss, low, high = steps
     n = len(evidence)
     for beam in range(len(lengths)):
         if not lengths[beam] > 0.0:
@@ -80,8 +94,10 @@ def write_scan(
         column = int(np.floor(x + (lengths[beam] + DEPTH) * np.cos(angle)))
         row = int(np.floor(y + (lengths[beam] + DEPTH) * np.sin(angle)))
         if 0 <= row < n and 0 <= column < n:
-            at = _kept_at(row, wrap_row, n), _kept_at(column, wrap_column, n)
-            _add(evidence, seen, at[0], at[1], hit, low, high, scan)
+            at = _kept_at(window, row, column)
+            if seen[at] != scan:
+                seen[at] = scan
+                evidence[at] = min(max(evidence[at] + hit, low), high)
     for beam in range(len(lengths)):
         length = lengths[beam]
         if not length > 0.0:
@@ -91,7 +107,7 @@ def write_scan(
         step_x, per_x, next_x = _way(np.cos(angle), x - column)
         step_y, per_y, next_y = _way(np.sin(angle), y - row)
         while 0 <= row < n and 0 <= column < n:
-            at = _kept_at(row, wrap_row, n), _kept_at(column, wrap_column, n)
+            at = _kept_at(window, row, column)
             if seen[at] != scan:
                 seen[at] = scan
                 if evidence[at] > low:
@@ -107,32 +123,21 @@ def write_scan(
 
 
 @njit
-def write_disc(
-    evidence: NDArray[np.int8],
-    wrap_row: int,
-    wrap_column: int,
-    x: float,
-    y: float,
-    radius: float,
-    value: int,
-) -> None:
+def write_disc(window: Window, x: float, y: float, radius: float, value: int) -> None:
     """Make cells whose centres lie within ``radius`` at most ``value``: the robot stands there."""
+    evidence = window.evidence
     n = len(evidence)
     for row in range(max(int(y - radius), 0), min(int(y + radius) + 1, n)):
         for column in range(max(int(x - radius), 0), min(int(x + radius) + 1, n)):
             if (row + 0.5 - y) ** 2 + (column + 0.5 - x) ** 2 <= radius * radius:
-                at = _kept_at(row, wrap_row, n), _kept_at(column, wrap_column, n)
+                at = _kept_at(window, row, column)
                 evidence[at] = min(evidence[at], value)
 
 
 @njit
 def cast_rays(
-    evidence: NDArray[np.int8],
-    wrap_row: int,
-    wrap_column: int,
-    x: float,
-    y: float,
-    heading_rad: float,
+    window: Window,
+    pose: Pose,
     angles_rad: NDArray[np.float64],
     limit: float,
     through: float,
@@ -144,6 +149,8 @@ def cast_rays(
     A ray that crosses more than ``through`` cells' length of unknown space in a row ends where that
     space began; space outside the window is unknown. ``limit`` where a ray met nothing so far.
     """
+    evidence = window.evidence
+    x, y, heading_rad = pose
     n = len(evidence)
     for beam in range(len(angles_rad)):
         angle = heading_rad + angles_rad[beam]
@@ -156,7 +163,7 @@ def cast_rays(
             inside = 0 <= row < n and 0 <= column < n
             value = 0
             if inside:
-                value = evidence[_kept_at(row, wrap_row, n), _kept_at(column, wrap_column, n)]
+                value = evidence[_kept_at(window, row, column)]
             if value > 0:
                 reading = travelled
                 met[beam] = True

@@ -27,6 +27,11 @@ from pgm_places.sensing._sweep_tables import (
     N_PLACES,
     SHIFT,
     SLOPE,
+    Column,
+    Frame,
+    Pictures,
+    Rays,
+    Region,
 )
 
 __all__ = ["answer_column", "paint_column"]
@@ -43,16 +48,15 @@ def _lower_face(pair: int) -> int:
 
 
 @inlined
-def _prefetch_bin(pairs: NDArray[np.int32], edges: NDArray[np.float32], at: int) -> None:
-    prefetch(pairs, at)
-    prefetch(edges, at)
+def _prefetch_bin(pictures: Pictures, at: int) -> None:
+    prefetch(pictures.pairs, at)
+    prefetch(pictures.edges, at)
 
 
 @njit
-def _cover_upper_part(
-    pairs: NDArray[np.int32], edges: NDArray[np.float32], at: int, face: int, edge: np.float32
-) -> None:
+def _cover_upper_part(pictures: Pictures, at: int, face: int, edge: np.float32) -> None:
     """Paint a bin from ``edge`` (0 to 1) to its end."""
+    pairs, edges = pictures
     pair, old_edge = pairs[at], edges[at]
     lower, upper = _lower_face(pair), pair >> 16
     if lower == upper:
@@ -64,10 +68,9 @@ def _cover_upper_part(
 
 
 @njit
-def _cover_lower_part(
-    pairs: NDArray[np.int32], edges: NDArray[np.float32], at: int, face: int, edge: np.float32
-) -> None:
+def _cover_lower_part(pictures: Pictures, at: int, face: int, edge: np.float32) -> None:
     """Paint a bin from its beginning to ``edge`` (0 to 1)."""
+    pairs, edges = pictures
     pair, old_edge = pairs[at], edges[at]
     lower, upper = _lower_face(pair), pair >> 16
     if lower == upper:
@@ -79,14 +82,10 @@ def _cover_lower_part(
 
 @njit
 def _cover_inside(
-    pairs: NDArray[np.int32],
-    edges: NDArray[np.float32],
-    at: int,
-    face: int,
-    begin: np.float32,
-    end: np.float32,
+    pictures: Pictures, at: int, face: int, begin: np.float32, end: np.float32
 ) -> None:
     """Paint a bin from ``begin`` to ``end``, both inside it."""
+    pairs, edges = pictures
     pair, edge = pairs[at], edges[at]
     lower, upper = _lower_face(pair), pair >> 16
     if lower == upper:
@@ -109,23 +108,16 @@ def _cover_inside(
 
 @njit
 def paint_column(
-    near_sides: NDArray[np.int32],
-    first_near: int,
-    last_near: int,
-    lower_sides: NDArray[np.int32],
-    first_lower: int,
-    last_lower: int,
-    x: int,
-    map_x: int,
-    beams: NDArray[np.float64],
-    pairs: NDArray[np.int32],
-    edges: NDArray[np.float32],
+    region: Region, column: int, x: int, map_x: int, beams: NDArray[np.float64], pictures: Pictures
 ) -> None:
-    """Paint one column's faces over the pictures of all beams.
+    """Paint the faces of one column of the region's lists over the pictures of all beams.
 
-    ``near_sides`` (n, 2) and ``lower_sides`` (n,) go up. Faces are cut to the places that a picture
-    has.
+    It is column ``x`` of the octant, ``map_x`` counted in the whole map. Faces are cut to the
+    places that a picture has.
     """
+    pairs = pictures.pairs
+    near_sides, lower_sides = region.near.entries, region.lower.entries
+    near_starts, lower_starts = region.near.starts, region.lower.starts
     n_beams = len(beams)
     for beam in range(n_beams):
         if x > beams[beam, LAST_COLUMN]:
@@ -141,14 +133,14 @@ def paint_column(
         origin = beam * (len(pairs) // n_beams) + lift
         left = origin + plane * n_places
         lowest, highest = 1 - lift, n_places - 2 - lift  # rows whose corners the picture has
-        first, last = first_near, last_near
+        first, last = near_starts[column], near_starts[column + 1]
         while first < last and near_sides[first, 1] <= lowest:
             first += 1
         while first < last and near_sides[last - 1, 0] >= highest:
             last -= 1
         for k in range(first, last):  # fetch all, so that none is waited for alone
-            _prefetch_bin(pairs, edges, left + near_sides[k, 0])
-            _prefetch_bin(pairs, edges, left + near_sides[k, 1])
+            _prefetch_bin(pictures, left + near_sides[k, 0])
+            _prefetch_bin(pictures, left + near_sides[k, 1])
         for k in range(first, last):
             begin, end = int(near_sides[k, 0]), int(near_sides[k, 1])
             begin = begin if begin > lowest else lowest
@@ -165,9 +157,9 @@ def paint_column(
                         row + begin + (1 if p <= plane else 0), row + end + (1 if p < plane else 0)
                     ):
                         pairs[at] = word
-            _cover_upper_part(pairs, edges, left + begin, x, left_edge)
-            _cover_lower_part(pairs, edges, left + end, x, left_edge)
-        first, last = first_lower, last_lower
+            _cover_upper_part(pictures, left + begin, x, left_edge)
+            _cover_lower_part(pictures, left + end, x, left_edge)
+        first, last = lower_starts[column], lower_starts[column + 1]
         while first < last and lower_sides[first] < lowest:
             first += 1
         while first < last and lower_sides[last - 1] > highest:
@@ -182,8 +174,8 @@ def paint_column(
         plane = right_bin & (n_bins - 1)
         right = origin + plane * n_places + right_place
         for k in range(first, last):
-            _prefetch_bin(pairs, edges, right + lower_sides[k])
-            _prefetch_bin(pairs, edges, left + lower_sides[k])
+            _prefetch_bin(pictures, right + lower_sides[k])
+            _prefetch_bin(pictures, left + lower_sides[k])
         for k in range(first, last):
             y = int(lower_sides[k])
             face = -1 - y
@@ -192,39 +184,28 @@ def paint_column(
                 for b in range(plane + 1, plane + left_bin - right_bin):
                     place = right_place + (b >> log_bins) + y
                     pairs[origin + (b & (n_bins - 1)) * n_places + place] = word
-                _cover_upper_part(pairs, edges, right + y, face, right_edge)
-                _cover_lower_part(pairs, edges, left + y, face, left_edge)
+                _cover_upper_part(pictures, right + y, face, right_edge)
+                _cover_lower_part(pictures, left + y, face, left_edge)
             else:
-                _cover_inside(pairs, edges, right + y, face, right_edge, left_edge)
+                _cover_inside(pictures, right + y, face, right_edge, left_edge)
 
 
-@njit
-def _look_up(
-    pairs: NDArray[np.int32],
-    edges: NDArray[np.float32],
-    at: int,
-    rows: NDArray[np.float32],
-    nodes: NDArray[np.int32],
-    begin: int,
-    n: int,
-    fraction: np.float32,
-    centre: np.float32,
-    metres_major: np.float32,
-    metres_minor: np.float32,
-    cap: np.float32,
-    readings: NDArray[np.float32],
-    to: int,
-) -> bool:
-    """Read the ranges of n rows from ``begin`` on off the picture, from bin ``at`` on.
+@inlined
+def _look_up(pictures: Pictures, column: Column, span: int, beam: int, x: int, rays: Rays) -> bool:
+    """Read the ranges of one span of a column off the picture of one beam.
 
-    They are written from ``readings[to]`` on. Returns whether a wanted one is not known; it reads
-    negative. Whole blocks are read, so that no loop over a rest is needed; the buffers are long
-    enough.
+    Returns whether a wanted one is not known; it reads negative. Whole blocks are read, so that no
+    loop over a rest is needed; the buffers are long enough.
     """
-    n = (n + BLOCK - 1) // BLOCK * BLOCK
-    faces_here, edges_here = pairs[at : at + n], edges[at : at + n]
-    rows_here, nodes_here = rows[begin : begin + n], nodes[begin : begin + n]
-    out = readings[to : to + n]
+    begin, end = column.spans[span, 0], column.spans[span, 1]
+    n = (end - begin + BLOCK - 1) // BLOCK * BLOCK
+    at, to = column.starts[beam] + begin, beam * (len(column.readings) // len(rays.beams)) + begin
+    fraction, centre, cap = column.fractions[beam], np.float32(x + 0.5), rays.cap
+    metres_major = np.float32(rays.beams[beam, METRES_MAJOR])
+    metres_minor = np.float32(rays.beams[beam, METRES_MINOR])
+    faces_here, edges_here = pictures.pairs[at : at + n], pictures.edges[at : at + n]
+    rows_here, nodes_here = column.rows[begin : begin + n], column.nodes[begin : begin + n]
+    out = column.readings[to : to + n]
     mixed = np.int32(0)
     for i in range(n):
         pair = faces_here[i]
@@ -239,56 +220,29 @@ def _look_up(
 
 @njit
 def answer_column(
-    spans: NDArray[np.int32],
-    n_spans: int,
-    nodes: NDArray[np.int32],
-    rows: NDArray[np.float32],
-    tile_row: int,
-    x: int,
-    map_x: int,
-    beams: NDArray[np.float64],
-    cap: np.float32,
-    pairs: NDArray[np.int32],
-    edges: NDArray[np.float32],
-    readings: NDArray[np.float32],
-    starts: NDArray[np.int64],
-    fractions: NDArray[np.float32],
-    mixed: NDArray[np.bool_],
+    column: Column, n_spans: int, frame: Frame, x: int, rays: Rays, pictures: Pictures
 ) -> None:
-    """Read one column's spans off the pictures of all beams.
+    """Read the spans of column ``x`` off the pictures of all beams.
 
-    ``mixed`` notes for which beams some reading is not known.
+    ``column.mixed`` notes for which beams some reading is not known.
     """
+    beams, spans, starts = rays.beams, column.spans, column.starts
     n_beams = len(beams)
     for beam in range(n_beams):
         log_bins = int(beams[beam, LOG_BINS])
         n_bins = 1 << log_bins
-        u = (beams[beam, SHIFT] + 0.5 - beams[beam, SLOPE] * (map_x + 0.5)) * n_bins
+        u = beams[beam, SHIFT] + 0.5 - beams[beam, SLOPE] * (frame.map_column + x + 0.5)
+        u *= n_bins
         b = int(u - _BEFORE_TIE)
-        fractions[beam] = u - _BEFORE_TIE - b
-        place = (b >> log_bins) - int(beams[beam, LIFT]) + tile_row
-        plane = beam * (len(pairs) // n_beams) + (b & (n_bins - 1)) * int(beams[beam, N_PLACES])
-        starts[beam] = plane + place
+        column.fractions[beam] = u - _BEFORE_TIE - b
+        place = (b >> log_bins) - int(beams[beam, LIFT]) + frame.tile_row
+        plane = (b & (n_bins - 1)) * int(beams[beam, N_PLACES])
+        starts[beam] = beam * (len(pictures.pairs) // n_beams) + plane + place
     for beam in range(n_beams):
         if beam + 1 < n_beams:
             for k in range(n_spans):
                 for y in range(spans[k, 0], spans[k, 1], 16):
-                    _prefetch_bin(pairs, edges, starts[beam + 1] + y)
-        mixed[beam] = False
+                    _prefetch_bin(pictures, starts[beam + 1] + y)
+        column.mixed[beam] = False
         for k in range(n_spans):
-            mixed[beam] |= _look_up(
-                pairs,
-                edges,
-                starts[beam] + spans[k, 0],
-                rows,
-                nodes,
-                spans[k, 0],
-                spans[k, 1] - spans[k, 0],
-                fractions[beam],
-                np.float32(x + 0.5),
-                np.float32(beams[beam, METRES_MAJOR]),
-                np.float32(beams[beam, METRES_MINOR]),
-                cap,
-                readings,
-                beam * (len(readings) // n_beams) + spans[k, 0],
-            )
+            column.mixed[beam] |= _look_up(pictures, column, k, beam, x, rays)

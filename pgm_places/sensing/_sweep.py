@@ -28,16 +28,24 @@ from pgm_places.sensing._sweep_tables import (
     SLOPE,
     STEP_X,
     STEP_Y,
+    Column,
+    Frame,
+    Listed,
+    Output,
+    Pictures,
+    Rays,
+    Region,
+    TileCells,
 )
 
 __all__ = [
     "LARGEST_REGION",
     "BeamGroup",
     "Surroundings",
-    "Tile",
     "TileSweep",
     "Work",
     "beam_groups",
+    "tile_cells",
     "work_bytes",
 ]
 
@@ -51,10 +59,6 @@ _LOG_BINS_SHALLOW = 5
 _SHALLOW = 0.06  # below this slope a lower side is narrower than a bin of the coarser kind
 _LONGEST_GROUP = 48  # beams swept together: more fill whole cache lines of the output, ...
 _GROUPS_PER_THREAD = 4  # ... fewer keep many threads equally busy
-
-
-Listed = tuple[NDArray[np.int64], NDArray[np.int32]]
-"""(n + 1,) starts and (m, ...) entries: those of column i are from starts[i] on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,37 +111,22 @@ class Surroundings:
         starts, runs = solid
         inside = runs[:, 0] > 0  # what lies on the region's rim faces nobody
         before = np.concatenate(([0], np.cumsum(inside)))
-        return near, (before[starts], runs[inside, 0])
+        return near, Listed(before[starts], runs[inside, 0])
 
 
 def _mirrored(listed: Listed, n_rows: int) -> Listed:
     """Runs in columns of opposite order, their rows counted from the other end."""
     starts, runs = listed
-    return len(runs) - starts[::-1], np.ascontiguousarray(n_rows - runs[::-1, ::-1], np.int32)
+    mirrored = np.ascontiguousarray(n_rows - runs[::-1, ::-1], np.int32)
+    return Listed(len(runs) - starts[::-1], mirrored)
 
 
-@dataclass(frozen=True, eq=False)
-class Tile:
-    """The cells that want ranges, by columns along one major axis.
-
-    Parameters
-    ----------
-    nodes : (columns, rows) int32
-        The output's row of each cell, -1 where none is wanted.
-    wanted_runs : Listed
-        Begin and end of the runs of wanted cells.
-    """
-
-    nodes: NDArray[np.int32]
-    wanted_runs: Listed
-
-    @classmethod
-    def of(cls, nodes: NDArray[np.int32], x_is_major: bool) -> "Tile":
-        """The cells of ``nodes`` (rows, columns)."""
-        nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
-        mask = _row_mask(nodes.shape)
-        np.greater_equal(nodes, 0, out=mask[:, : nodes.shape[1]].view(np.bool_))
-        return cls(nodes, _runs(mask))
+def tile_cells(nodes: NDArray[np.int32], x_is_major: bool) -> TileCells:
+    """The cells of a tile whose entry in ``nodes`` (rows, columns), -1 for none, is at least 0."""
+    nodes = np.ascontiguousarray(nodes.T if x_is_major else nodes)
+    mask = _row_mask(nodes.shape)
+    np.greater_equal(nodes, 0, out=mask[:, : nodes.shape[1]].view(np.bool_))
+    return TileCells(nodes, _runs(mask))
 
 
 def _row_mask(shape: tuple[int, int]) -> NDArray[np.uint8]:
@@ -152,7 +141,7 @@ def _runs(mask: NDArray[np.uint8]) -> Listed:
     n_runs = list_runs(words, mask, starts, np.empty((0, 2), np.int32))
     runs = np.empty((n_runs, 2), np.int32)
     list_runs(words, mask, starts, runs)
-    return starts, runs
+    return Listed(starts, runs)
 
 
 @dataclass(frozen=True)
@@ -185,35 +174,34 @@ def beam_groups(beams: Beams, n_threads: int) -> list[BeamGroup]:
 
 
 class Work:
-    """Working memory of one sweep at a time; it grows as needed.
-
-    Attributes
-    ----------
-    pairs, edges : (n_beams * n_bins,)
-        The beams' pictures.
-    readings : (n_beams * stride,)
-        Ranges of the column in hand.
-    nodes, cells : (n_rows,)
-        Of the column in hand.
-    spans : (m, 2)
-        Likewise.
-    """
+    """Working memory of one sweep at a time; it grows as needed."""
 
     def __init__(self) -> None:
         self._memory = np.empty(0, np.int32)
 
-    def fit(self, n_beams: int, n_bins: int, n_rows: int) -> None:
-        """Make room for ``n_beams`` pictures of ``n_bins`` bins and columns of ``n_rows`` rows."""
+    def fit(self, n_beams: int, n_bins: int, n_rows: int, tile_row: int) -> tuple[Pictures, Column]:
+        """Room for ``n_beams`` pictures of ``n_bins`` bins and a column of ``n_rows`` rows.
+
+        The tile begins at ``tile_row``.
+        """
         stride = (n_rows + 15) // 32 * 32 + 16  # odd in cache lines: beams do not collide
-        sizes = (n_beams * n_bins, n_beams * n_bins, n_beams * stride, n_rows, n_rows)
         n_spans = n_rows // BLOCK + 1
-        if len(self._memory) < sum(sizes) + 2 * n_spans:
-            self._memory = np.empty(sum(sizes) + 2 * n_spans, np.int32)
-        parts = np.split(self._memory[: sum(sizes) + 2 * n_spans], np.cumsum(sizes))
-        self.pairs = parts[0]
-        self.edges, self.readings = parts[1].view(np.float32), parts[2].view(np.float32)
-        self.nodes, self.cells = parts[3], parts[4]
-        self.spans = parts[5].reshape(n_spans, 2)
+        sizes = (n_beams * n_bins, n_beams * n_bins, n_beams * stride, n_rows, n_rows, 2 * n_spans)
+        if len(self._memory) < sum(sizes):
+            self._memory = np.empty(sum(sizes), np.int32)
+        parts = np.split(self._memory[: sum(sizes)], np.cumsum(sizes)[:-1])
+        pairs, edges, readings, nodes, cells, spans = parts
+        column = Column(
+            rows=(-1.5 - tile_row - np.arange(n_rows)).astype(np.float32),
+            nodes=nodes,
+            cells=cells,
+            spans=spans.reshape(n_spans, 2),
+            readings=readings.view(np.float32),
+            starts=np.empty(n_beams, np.int64),
+            fractions=np.empty(n_beams, np.float32),
+            mixed=np.empty(n_beams, np.bool_),
+        )
+        return Pictures(pairs, edges.view(np.float32)), column
 
 
 class TileSweep:
@@ -226,7 +214,7 @@ class TileSweep:
     def __init__(
         self,
         surroundings: dict[bool, Surroundings],
-        tiles: dict[bool, Tile],
+        tiles: dict[bool, TileCells],
         tile: Box,
         region: Box,
         shape: tuple[int, int],
@@ -250,51 +238,24 @@ class TileSweep:
         columns, rows = (self._x, self._y) if octant.x_is_major else (self._y, self._x)
         steps = (octant.step_x, octant.step_y)
         backward, downward = (s < 0 for s in (steps if octant.x_is_major else steps[::-1]))
-        tile_column, tile_row = columns.before_tile(backward), rows.before_tile(downward)
-        map_column = columns.on_map(backward)
-        table = self._table(group, tile_column, tile_row, map_column, columns.length, rows.length)
-        n_beams, n_rows = len(table), rows.length + BLOCK
-        n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
-        work.fit(n_beams, n_bins, n_rows)
-        near_sides, lower_sides = around.faces(backward, downward)
-        sweep(
-            around.blocked,
-            *near_sides,
-            *lower_sides,
-            *tile.wanted_runs,
-            tile.nodes,
+        frame = Frame(
             octant.x_is_major,
             backward,
             downward,
-            tile_column,
-            tile_row,
-            map_column,
-            table,
-            self._max_range_m / self._resolution_m,
-            np.float32(self._max_range_m),
-            work.pairs,
-            work.edges,
-            work.readings,
-            (-1.5 - tile_row - np.arange(n_rows)).astype(np.float32),
-            work.nodes,
-            work.cells,
-            work.spans,
-            np.empty(n_beams, np.int64),
-            np.empty(n_beams, np.float32),
-            np.empty(n_beams, np.bool_),
-            group.first,
-            out.shape[1],
-            out.reshape(-1),
+            tile_column=columns.before_tile(backward),
+            tile_row=rows.before_tile(downward),
+            map_column=columns.on_map(backward),
         )
+        table = self._table(group, frame, columns.length, rows.length)
+        n_bins = int((table[:, N_PLACES] * 2 ** table[:, LOG_BINS]).max())
+        rays = Rays(table, self._max_range_m / self._resolution_m, np.float32(self._max_range_m))
+        region = Region(around.blocked, *around.faces(backward, downward))
+        pictures, column = work.fit(len(table), n_bins, rows.length + BLOCK, frame.tile_row)
+        output = Output(out.reshape(-1), group.first, out.shape[1])
+        sweep(region, tile, frame, rays, pictures, column, output)
 
     def _table(
-        self,
-        group: BeamGroup,
-        tile_column: int,
-        tile_row: int,
-        map_column: int,
-        n_columns: int,
-        n_rows: int,
+        self, group: BeamGroup, frame: Frame, n_columns: int, n_rows: int
     ) -> NDArray[np.float64]:
         part = slice(group.first, group.last)
         beams = self._beams
@@ -307,8 +268,9 @@ class TileSweep:
         table[(slope == 0) | (slope == 1), LOG_BINS] = 0  # all edges lie at whole u
         shift = np.floor(slope * (self._x.of_map + self._y.of_map)) + 2
         table[:, SHIFT] = shift
-        end = tile_column + n_columns
-        table[:, LIFT] = np.floor(shift - slope * (map_column + end)) + tile_row - 2
+        end = frame.tile_column + n_columns
+        lowest = np.floor(shift - slope * (frame.map_column + end))
+        table[:, LIFT] = lowest + frame.tile_row - 2
         table[:, N_PLACES] = n_rows + np.floor(slope * n_columns) + 6 + BLOCK
         reach = min(self._max_range_m / self._resolution_m, LARGEST_REGION)
         table[:, LAST_COLUMN] = end + np.ceil(reach * major) + 1

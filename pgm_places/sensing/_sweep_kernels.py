@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit, prefetch
-from pgm_places.sensing._dda_kernels import centre_range
+from pgm_places.sensing._dda_kernels import BeamSteps, centre_range
 from pgm_places.sensing._picture_kernels import answer_column, paint_column
 from pgm_places.sensing._sweep_tables import (
     BLOCK,
@@ -30,6 +30,13 @@ from pgm_places.sensing._sweep_tables import (
     PER_Y,
     STEP_X,
     STEP_Y,
+    Column,
+    Frame,
+    Output,
+    Pictures,
+    Rays,
+    Region,
+    TileCells,
 )
 
 __all__ = ["sweep"]
@@ -38,27 +45,21 @@ _PREFETCH_AHEAD = 16  # cells between fetching a line of the output and writing 
 
 
 @njit
-def _open_column(
-    runs: NDArray[np.int32],
-    first: int,
-    last: int,
-    nodes_of_column: NDArray[np.int32],
-    downward: bool,
-    nodes: NDArray[np.int32],
-    cells: NDArray[np.int32],
-    spans: NDArray[np.int32],
-) -> tuple[int, int]:
-    """Note one column's wanted cells; returns how many cells and spans there are.
+def _open_column(tile: TileCells, k: int, downward: bool, column: Column) -> tuple[int, int]:
+    """Note the wanted cells of column ``k`` of the tile; returns how many cells and spans it has.
 
-    ``nodes`` gets the output's row of each wanted cell and -1 elsewhere, ``cells`` the rows of the
-    wanted cells, ``spans`` the begin and end of stretches of cells that are looked up together.
+    ``column.nodes`` gets the output's row of each wanted cell and -1 elsewhere, ``column.cells``
+    the rows of the wanted cells, ``column.spans`` the stretches of cells looked up together.
     """
+    nodes, cells, spans = column.nodes, column.cells, column.spans
+    first, last = tile.runs.starts[k], tile.runs.starts[k + 1]
+    runs, nodes_of_column = tile.runs.entries, tile.nodes[k]
     n_rows = len(nodes_of_column)
     for y in range(len(nodes)):
         nodes[y] = -1
     n_cells = n_spans = 0
-    for k in range(last - first):
-        run = last - 1 - k if downward else first + k  # upside down the last run comes first
+    for j in range(last - first):
+        run = last - 1 - j if downward else first + j  # upside down the last run comes first
         begin, end = runs[run, 0], runs[run, 1]
         if downward:
             begin, end = n_rows - end, n_rows - begin
@@ -77,66 +78,51 @@ def _open_column(
 
 @njit
 def _follow_mixed(
-    mixed: NDArray[np.bool_],
-    cells: NDArray[np.int32],
-    n_cells: int,
-    blocked: NDArray[np.uint8],
-    x_is_major: bool,
-    column: int,
-    tile_row: int,
-    flip: int,
-    beams: NDArray[np.float64],
-    limit: float,
-    cap: np.float32,
-    readings: NDArray[np.float32],
+    column: Column, n_cells: int, blocked: NDArray[np.uint8], frame: Frame, at: int, rays: Rays
 ) -> None:
-    """Follow those rays of one column cell by cell whose readings are negative: not known."""
+    """Follow cell by cell those rays of a column whose readings are negative: not known.
+
+    The column is column ``at`` of the region, counted along the map's axis.
+    """
+    beams, cells, readings = rays.beams, column.cells, column.readings
+    flip = len(blocked) if frame.x_is_major else blocked.shape[1]
     for beam in range(len(beams)):
-        if not mixed[beam]:
+        if not column.mixed[beam]:
             continue
         first = beam * (len(readings) // len(beams))
+        steps = BeamSteps(
+            int(beams[beam, STEP_X]),
+            int(beams[beam, STEP_Y]),
+            beams[beam, PER_X],
+            beams[beam, PER_Y],
+            np.float32(beams[beam, METRES_X]),
+            np.float32(beams[beam, METRES_Y]),
+        )
         for k in range(n_cells):
             if readings[first + cells[k]] >= 0.0:
                 continue
-            row = tile_row + cells[k]
-            if flip:
+            row = frame.tile_row + cells[k]
+            if frame.downward:
                 row = flip - 1 - row
+            start_row, start_column = (row, at) if frame.x_is_major else (at, row)
             readings[first + cells[k]] = centre_range(
-                blocked,
-                row if x_is_major else column,
-                column if x_is_major else row,
-                int(beams[beam, STEP_X]),
-                int(beams[beam, STEP_Y]),
-                beams[beam, PER_X],
-                beams[beam, PER_Y],
-                np.float32(beams[beam, METRES_X]),
-                np.float32(beams[beam, METRES_Y]),
-                limit,
-                cap,
+                blocked, start_row, start_column, steps, rays.limit, rays.cap
             )
 
 
 @njit
-def _write_column(
-    nodes: NDArray[np.int32],
-    cells: NDArray[np.int32],
-    n_cells: int,
-    readings: NDArray[np.float32],
-    n_beams: int,
-    first_beam: int,
-    n_all: int,
-    out: NDArray[np.float32],
-) -> None:
+def _write_column(column: Column, n_cells: int, n_beams: int, output: Output) -> None:
     """Turn one column's readings (beams, rows) into parts of the output's rows (cells, n_all)."""
+    nodes, cells, readings, out = column.nodes, column.cells, column.readings, output.ranges
     stride = len(readings) // n_beams
     for i in range(n_cells):
         if i + _PREFETCH_AHEAD < n_cells:
-            begin = np.int64(nodes[cells[i + _PREFETCH_AHEAD]]) * n_all + first_beam
+            begin = np.int64(nodes[cells[i + _PREFETCH_AHEAD]]) * output.n_all + output.first_beam
             for beam in range(0, n_beams, 16):
                 prefetch(out, begin + beam)
             prefetch(out, begin + n_beams - 1)
         source = np.uint64(cells[i])
-        target = np.uint64(np.int64(nodes[cells[i]]) * n_all + first_beam)
+        target = np.uint64(np.int64(nodes[cells[i]]) * output.n_all + output.first_beam)
         for _ in range(n_beams):
             out[target] = readings[source]
             target += np.uint64(1)
@@ -145,139 +131,34 @@ def _write_column(
 
 @njit
 def sweep(
-    blocked: NDArray[np.uint8],
-    near_starts: NDArray[np.int64],
-    near_sides: NDArray[np.int32],
-    lower_starts: NDArray[np.int64],
-    lower_sides: NDArray[np.int32],
-    wanted_starts: NDArray[np.int64],
-    wanted_runs: NDArray[np.int32],
-    nodes_of_tile: NDArray[np.int32],
-    x_is_major: bool,
-    backward: bool,
-    downward: bool,
-    tile_column: int,
-    tile_row: int,
-    map_column: int,
-    beams: NDArray[np.float64],
-    limit: float,
-    cap: np.float32,
-    pairs: NDArray[np.int32],
-    edges: NDArray[np.float32],
-    readings: NDArray[np.float32],
-    rows: NDArray[np.float32],
-    nodes: NDArray[np.int32],
-    cells: NDArray[np.int32],
-    spans: NDArray[np.int32],
-    starts: NDArray[np.int64],
-    fractions: NDArray[np.float32],
-    mixed: NDArray[np.bool_],
-    first_beam: int,
-    n_all: int,
-    out: NDArray[np.float32],
+    region: Region,
+    tile: TileCells,
+    frame: Frame,
+    rays: Rays,
+    pictures: Pictures,
+    column: Column,
+    output: Output,
 ) -> None:
     """Write the ranges of a tile's wanted cells along neighbouring beams of one octant.
 
-    Lists are in compressed columns, those of column i are ``starts[i]:starts[i + 1]``, counted from
-    the map's own end even if ``backward``.
-
-    Parameters
-    ----------
-    blocked : (rows, columns) of the map, not swapped
-        The region that the tile's beams can reach, with a blocked rim.
-    near_starts, near_sides
-        Begin and end of runs of exposed near sides in each column of the region. If ``downward``
-        the whole list is mirrored, its columns and its rows, so that rows go up in any case.
-    lower_starts, lower_sides
-        Rows of exposed lower sides, likewise.
-    wanted_starts, wanted_runs, nodes_of_tile
-        Runs of wanted cells in each column of the tile and the row of ``out`` of each cell, not
-        mirrored.
-    x_is_major, backward, downward
-        How the octant lies in the map: whether its columns are the map's, whether they count down
-        along the map's axis, and whether its rows do.
-    tile_column, tile_row
-        Where the tile begins in the region, mirrored.
-    map_column
-        Column of the map, mirrored, where the region begins.
-    beams : (n, N_FIELDS)
-        See the fields in `_sweep_tables`.
-    limit, cap
-        Maximum range in cells and in metres.
-    pairs, edges, readings, rows, nodes, cells, spans, starts, fractions, mixed
-        Working memory; ``rows`` holds -1.5 - y of the tile's rows: less a lower side's number
-        -1 - Y that is the way Y - y - 0.5.
-    first_beam, n_all, out : (cells * n_all,)
-        The beams are ``first_beam`` and the following of the ``n_all`` in a row of the output.
+    ``pictures`` and ``column`` are working memory.
     """
-    n_beams = len(beams)
-    n_columns, n_rows = len(near_starts) - 1, blocked.size // (len(near_starts) - 1)
-    flip = n_rows if downward else 0
-    tile_end = tile_column + len(nodes_of_tile)
+    near_starts, lower_starts = region.near.starts, region.lower.starts
+    n_columns = len(near_starts) - 1
+    tile_end = frame.tile_column + len(tile.nodes)
     # Where nothing gets painted, the face is so far away that the range is the maximum.
-    far = tile_end + int(limit) + 2
-    pairs[:] = (far << 16) | far
-    for x in range(min(tile_end + int(limit) + 1, n_columns - 1), tile_column - 1, -1):
-        i = n_columns - 1 - x if backward else x
+    far = tile_end + int(rays.limit) + 2
+    pictures.pairs[:] = (far << 16) | far
+    for x in range(min(tile_end + int(rays.limit) + 1, n_columns - 1), frame.tile_column - 1, -1):
+        i = n_columns - 1 - x if frame.backward else x
         n_cells = n_spans = 0
         if x < tile_end:
-            k = tile_end - 1 - x if backward else x - tile_column
-            n_cells, n_spans = _open_column(
-                wanted_runs,
-                wanted_starts[k],
-                wanted_starts[k + 1],
-                nodes_of_tile[k],
-                downward,
-                nodes,
-                cells,
-                spans,
-            )
-        map_x = map_column + x
+            k = tile_end - 1 - x if frame.backward else x - frame.tile_column
+            n_cells, n_spans = _open_column(tile, k, frame.downward, column)
         if n_cells > 0:
-            answer_column(
-                spans,
-                n_spans,
-                nodes,
-                rows,
-                tile_row,
-                x,
-                map_x,
-                beams,
-                cap,
-                pairs,
-                edges,
-                readings,
-                starts,
-                fractions,
-                mixed,
-            )
-            _follow_mixed(
-                mixed,
-                cells,
-                n_cells,
-                blocked,
-                x_is_major,
-                i,
-                tile_row,
-                flip,
-                beams,
-                limit,
-                cap,
-                readings,
-            )
-            _write_column(nodes, cells, n_cells, readings, n_beams, first_beam, n_all, out)
-        k = n_columns - 1 - i if downward else i
+            answer_column(column, n_spans, frame, x, rays, pictures)
+            _follow_mixed(column, n_cells, region.blocked, frame, i, rays)
+            _write_column(column, n_cells, len(rays.beams), output)
+        k = n_columns - 1 - i if frame.downward else i
         if near_starts[k] < near_starts[k + 1] or lower_starts[k] < lower_starts[k + 1]:
-            paint_column(
-                near_sides,
-                near_starts[k],
-                near_starts[k + 1],
-                lower_sides,
-                lower_starts[k],
-                lower_starts[k + 1],
-                x,
-                map_x,
-                beams,
-                pairs,
-                edges,
-            )
+            paint_column(region, k, x, frame.map_column + x, rays.beams, pictures)

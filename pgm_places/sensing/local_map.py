@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+if TYPE_CHECKING:
+    from pgm_places.sensing._local_map_kernels import Window
 
 __all__ = ["LocalMap"]
 
@@ -140,7 +144,7 @@ class LocalMap:
         Arguments are those of :meth:`update`, whose first call says where the window lies. What
         lies outside is left out, and so is a whole scan from outside.
         """
-        from pgm_places.sensing._local_map_kernels import write_disc, write_scan
+        from pgm_places.sensing._local_map_kernels import Pose, Steps, write_disc, write_scan
 
         where = finite_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
@@ -152,14 +156,12 @@ class LocalMap:
         with np.errstate(invalid="ignore"):
             answered = (ranges > 0) & (ranges < max_range_m)
         lengths = np.where(answered, ranges / self.resolution_m, 0.0)
-        x, y, wrap = self._place(where)
-        write_scan(
-            self._evidence, self._seen, *wrap, x, y, where[2], lengths, angles,
-            HIT, MISS, LOWEST, HIGHEST, self._next_scan(),
-        )  # fmt: skip
+        x, y, window = self._place(where)
+        steps = Steps(HIT, MISS, LOWEST, HIGHEST)
+        write_scan(window, Pose(x, y, float(where[2])), lengths, angles, steps, self._next_scan())
         if self.robot_radius_m > 0:
             radius = self.robot_radius_m / self.resolution_m
-            write_disc(self._evidence, *wrap, x, y, radius, MISS)
+            write_disc(window, x, y, radius, MISS)
 
     def cast(
         self, pose: ArrayLike, angles_rad: ArrayLike, *, max_range_m: float
@@ -178,15 +180,15 @@ class LocalMap:
         A ray that meets no obstacle ends where known space ends, or at ``max_range_m``. A pose
         inside an occupied cell reads 0 along every beam.
         """
-        from pgm_places.sensing._local_map_kernels import cast_rays
+        from pgm_places.sensing._local_map_kernels import Pose, cast_rays
 
         where = finite_array("pose", pose, (3,))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
         found, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
-        x, y, wrap = self._place(where)
+        x, y, window = self._place(where)
         limit = max_range_m / self.resolution_m
         through = self.through_unknown_m / self.resolution_m
-        cast_rays(self._evidence, *wrap, x, y, where[2], angles, limit, through, found, met)
+        cast_rays(window, Pose(x, y, float(where[2])), angles, limit, through, found, met)
         return np.minimum(found * self.resolution_m, max_range_m), met
 
     def to_grid(self) -> OccupancyGrid:
@@ -207,14 +209,17 @@ class LocalMap:
             self._scan = 1
         return self._scan
 
-    def _place(self, where: NDArray[np.float64]) -> tuple[float, float, tuple[int, int]]:
-        """Position in cells from the window's corner, and where that corner is kept."""
+    def _place(self, where: NDArray[np.float64]) -> tuple[float, float, "Window"]:
+        """Position in cells from the window's corner, and the window as kernels take it."""
+        from pgm_places.sensing._local_map_kernels import Window
+
         n = self.n_cells
         corner = self._corner
         if corner is None:
             corner = np.floor(where[:2] / self.resolution_m).astype(np.int64) - n // 2
         x, y = where[:2] / self.resolution_m - corner
-        return float(x), float(y), (int(corner[1] % n), int(corner[0] % n))
+        wrap_row, wrap_column = int(corner[1] % n), int(corner[0] % n)
+        return float(x), float(y), Window(self._evidence, self._seen, wrap_row, wrap_column)
 
     def _move_to(self, where: NDArray[np.float64]) -> None:
         """Put the robot's cell into the middle of the window; what enters is unknown."""

@@ -241,7 +241,7 @@ class PoseCaster:
         n_threads: int | None = None,
     ) -> NDArray[np.float32]:
         """(P, M) ranges in metres; arguments as in :func:`cast_poses`."""
-        from pgm_places.sensing._dda_kernels import dda_from_poses
+        from pgm_places.sensing._dda_kernels import Poses, dda_from_poses
 
         grid = self._grid
         poses = finite_array("poses", poses, ("P", 3))
@@ -261,9 +261,7 @@ class PoseCaster:
             part = slice(task * _POSES_PER_TASK, (task + 1) * _POSES_PER_TASK)
             dda_from_poses(
                 self._blocked,
-                x[part],
-                y[part],
-                headings[part],
+                Poses(x[part], y[part], headings[part]),
                 angles,
                 grid.resolution_m,
                 reach / grid.resolution_m,

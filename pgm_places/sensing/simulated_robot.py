@@ -212,19 +212,10 @@ def scans_along(
         grid, trajectory.poses, geometry.angles_rad, max_range_m=reach, n_threads=n_threads
     )
     if noise is not None and not noise.is_silent:
-        from pgm_places.sensing._noise_kernels import add_noise
+        from pgm_places.sensing._dda_kernels import Cells
+        from pgm_places.sensing._noise_kernels import Noise, add_noise
 
-        steps = np.arange(len(ranges))
-        add_noise(
-            ranges,
-            steps,
-            np.zeros(len(ranges), np.int64),
-            steps.astype(np.int32),
-            noise.seed & 0xFFFFFFFF,
-            noise.seed >> 32,
-            float(noise.sigma_m),
-            float(noise.p_random),
-            float(noise.p_max),
-            reach,
-        )
+        steps = np.arange(len(ranges))  # each scan counts as a cell of its own
+        cells = Cells(steps, np.zeros_like(steps), steps.astype(np.int32))
+        add_noise(ranges, cells, Noise.of(noise, reach))
     return trajectory.with_scans(geometry.cleaned(ranges), geometry)
