@@ -26,7 +26,7 @@ buildings = [generate_building(seed, size="small", resolution_m=0.2) for seed in
 maps = [LabelledMap(building.grid, building.labels) for building in buildings]
 names, grid = buildings[0].label_names, buildings[-1].grid
 rows = {
-    "relaxation": [{"iterations": n} for n in (1, 10, 50, 200)],
+    "relaxation": [{"max_iterations": n} for n in (1, 10, 50, 200)],
     "potts": [{"weight": weight} for weight in (0.1, 0.3, 1.0, 3.0)],
     "amn": [
         {"loss": "hamming"},

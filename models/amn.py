@@ -3,13 +3,14 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, nearest_name
-from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
@@ -23,8 +24,8 @@ from pgm_places.models.amn_features import (
     parse_node_features,
 )
 from pgm_places.models.amn_learning import (
-    CLASS_WEIGHTS,
-    LEARNERS,
+    ClassWeight,
+    Learner,
     LearnerOptions,
     choose_penalty,
     labelled_parts,
@@ -32,7 +33,8 @@ from pgm_places.models.amn_learning import (
     node_losses,
 )
 from pgm_places.models.amn_record import N_RECORD, LearningRecord, history_array
-from pgm_places.models.decoding import decode, require_decoder
+from pgm_places.models.decoding import Decoder, decode
+from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
@@ -41,7 +43,7 @@ from pgm_places.solvers.max_margin import (
     joined,
     split_weights,
 )
-from pgm_places.solvers.max_margin_qp import QP_SOLVERS
+from pgm_places.solvers.max_margin_qp import QPSolver
 
 __all__ = ["AssociativeMarkovNetwork"]
 
@@ -92,14 +94,16 @@ class AssociativeMarkovNetwork:
         edge weights counts against that of node weights.
     solver : {"clarabel", "piqp", "osqp"}
         Of the compact QP; the others follow where it fails.
-    tolerance : float
+    learning_tolerance : float
         Relative gap at which learning ends.
     max_cuts : int
-        At most so many cuts (or passes over the maps).
-    time_limit_s : float or None
-        Learning ends after so many seconds with the best weights so far.
+        Limit of the cuts (or passes over the maps) in learning.
+    time_limit_s : float, optional
+        Learning ends after this many seconds with the best weights so far.
+    max_iterations : int, optional
+        Limit of the decoder's iterations instead of its own.
     certify : bool
-        Whether ``infer`` adds an upper bound of the best score, where the decoder has none.
+        Whether ``infer`` adds an upper bound of the best score where the decoder has none.
     certify_learning : bool
         Whether the learned objective is bounded by TRW-S on the loss-augmented training problem.
         The cutting plane then also learns from what its graph cut missed.
@@ -121,22 +125,23 @@ class AssociativeMarkovNetwork:
     'optimal'
     """
 
-    learner: str = "cutting-plane"
-    inference: str = "graph-cut"
-    C: float | str | tuple[float, ...] = 100.0
-    n_validation_blocks: int = 4
-    loss: str = "class-weighted"
-    class_weight: str = "cube-root"
+    learner: Learner = "cutting-plane"
+    inference: Decoder = "graph-cut"
+    C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = 100.0
+    n_validation_blocks: Annotated[int, Ge(2)] = 4
+    loss: Literal["class-weighted", "hamming"] = "class-weighted"
+    class_weight: ClassWeight = "cube-root"
     node_features: str = "auto"
-    edge_features: tuple[str, ...] = ("auto",)
-    edge_scale: float = 2.0
-    solver: str = "clarabel"
-    tolerance: float = 1e-3
-    max_cuts: int = 500
-    time_limit_s: float | None = None
+    edge_features: str | tuple[str, ...] = ("auto",)
+    edge_scale: Positive = 2.0
+    solver: QPSolver = "clarabel"
+    learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
+    max_cuts: Whole = 500
+    time_limit_s: Positive | None = None
+    max_iterations: Whole | None = None
     certify: bool = False
     certify_learning: bool = True
-    certified_tolerance: float = 5e-3
+    certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
     node_weights: NDArray[np.float64] | None = learned()
     edge_weights: NDArray[np.float64] | None = learned()
     feature_columns: NDArray[np.int64] | None = learned()
@@ -148,26 +153,9 @@ class AssociativeMarkovNetwork:
     penalty_search: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
-        _check_choice("learner", self.learner, LEARNERS)
-        _check_choice("loss", self.loss, ("class-weighted", "hamming"))
-        _check_choice("class_weight", self.class_weight, tuple(CLASS_WEIGHTS))
-        _check_choice("solver", self.solver, QP_SOLVERS)
-        require_decoder(self.inference)
+        check_options(self)
         parse_node_features(self.node_features)
         object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
-        if isinstance(self.C, list):
-            object.__setattr__(self, "C", tuple(self.C))
-        self._penalties()
-        _check_number("tolerance", self.tolerance, 0.0 < self.tolerance < 1.0, "between 0 and 1")
-        closed = 0.0 < self.certified_tolerance < 1.0
-        _check_number("certified_tolerance", self.certified_tolerance, closed, "between 0 and 1")
-        _check_number("max_cuts", self.max_cuts, self.max_cuts >= 1, "at least 1")
-        blocks = self.n_validation_blocks
-        _check_number("n_validation_blocks", blocks, blocks >= 2, "at least 2")
-        scale = self.edge_scale
-        _check_number("edge_scale", scale, 0 < scale < np.inf, "positive")
-        limit = self.time_limit_s
-        _check_number("time_limit_s", limit, limit is None or limit > 0, "positive or absent")
         if self.node_weights is not None:
             self._check_learned()
 
@@ -275,7 +263,7 @@ class AssociativeMarkovNetwork:
         return LearnerOptions(
             self.learner,
             self.solver,
-            self.tolerance,
+            self.learning_tolerance,
             self.max_cuts,
             self.time_limit_s,
             self.certified_tolerance if self.certify_learning else None,
@@ -336,7 +324,13 @@ class AssociativeMarkovNetwork:
         one or ``certify`` asks for it.
         """
         potentials = self.potentials(problem)
-        found = decode(problem.graph, potentials, self.inference, certify=self.certify)
+        found = decode(
+            problem.graph,
+            potentials,
+            self.inference,
+            certify=self.certify,
+            max_iterations=self.max_iterations,
+        )
         return replace(found, info={**found.info, "learning": self.summary})
 
     @property
@@ -369,13 +363,7 @@ class AssociativeMarkovNetwork:
     def _penalties(self) -> tuple[float, ...]:
         if self.C == "auto":
             return AUTO_PENALTIES
-        values = self.C if isinstance(self.C, tuple) else (self.C,)
-        numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-        if not values or not numbers or not all(0 < float(v) < np.inf for v in values):
-            raise ConfigError(
-                f"C must be a positive number, a list of them, or 'auto', got {self.C!r}"
-            )
-        return tuple(float(value) for value in values)
+        return self.C if isinstance(self.C, tuple) else (float(self.C),)
 
     def _check_learned(self) -> None:
         """Arrays from a file must fit together before anything is computed with them."""
@@ -392,13 +380,3 @@ class AssociativeMarkovNetwork:
             raise InputError("feature_scale must be positive")
         if self.learning is not None and self.learning.shape != (N_RECORD,):
             raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
-
-
-def _check_choice(option: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise ConfigError(f"unknown {option} {value!r}. {nearest_name(str(value), list(known))}")
-
-
-def _check_number(option: str, value: float | None, fits: bool, wanted: str) -> None:
-    if not fits:
-        raise ConfigError(f"{option} must be {wanted}, got {value!r}")

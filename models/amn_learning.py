@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,14 @@ from pgm_places.solvers.max_margin import (
     joined,
     potentials_of,
 )
+from pgm_places.solvers.max_margin_qp import QPSolver
 from pgm_places.solvers.max_oracle import graph_cut_oracle
 
 __all__ = [
     "CLASS_WEIGHTS",
     "LEARNERS",
+    "ClassWeight",
+    "Learner",
     "LearnerOptions",
     "balanced_accuracy",
     "choose_penalty",
@@ -34,9 +38,11 @@ __all__ = [
     "node_losses",
 ]
 
-LEARNERS = ("cutting-plane", "qp", "frank-wolfe")
+Learner = Literal["cutting-plane", "qp", "frank-wolfe"]
+ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
+LEARNERS: tuple[Learner, ...] = get_args(Learner)
 
-CLASS_WEIGHTS = {
+CLASS_WEIGHTS: dict[ClassWeight, float] = {
     "none": 0.0,
     "cube-root": 1 / 3,
     "sqrt": 1 / 2,
@@ -53,8 +59,8 @@ SEARCH_TOLERANCE = 1e-2
 class LearnerOptions:
     """The options of learning that do not depend on the data; see the network's docstring."""
 
-    learner: str
-    solver: str
+    learner: Learner
+    solver: QPSolver
     tolerance: float
     max_cuts: int
     time_limit_s: float | None
@@ -62,7 +68,7 @@ class LearnerOptions:
 
 
 def node_losses(
-    labels: NDArray[np.int64], label_names: Sequence[str], class_weight: str
+    labels: NDArray[np.int64], label_names: Sequence[str], class_weight: ClassWeight
 ) -> NDArray[np.float64]:
     """(N,) what a wrong label costs at each node, with mean 1.
 

@@ -5,13 +5,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
+from annotated_types import Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, nearest_name
-from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
@@ -19,6 +20,7 @@ from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight
+from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import ForwardFilter, best_path, filtered_beliefs, smoothed_beliefs
 from pgm_places.solvers.relaxation import starting_beliefs
 
@@ -26,11 +28,8 @@ __all__ = ["HiddenMarkovModel"]
 
 logger = logging.getLogger(__name__)
 
-CHOICES = {
-    "mode": ("filter", "smooth", "viterbi"),
-    "observation": ("hard", "soft", "posterior"),
-    "start": ("uniform", "learned"),
-}
+Mode = Literal["filter", "smooth", "viterbi"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 MOVE, STAY = 0, 1
 
 
@@ -78,12 +77,12 @@ class HiddenMarkovModel:
 
     uses_node_features: ClassVar[bool] = False
 
-    mode: str = "filter"
-    observation: str = "hard"
-    start: str = "uniform"
-    smoothing: float = 1.0
-    stay_below_m: float = 0.0
-    evidence_weight: float | Literal["fitted"] = 1.0
+    mode: Mode = "filter"
+    observation: Literal["hard", "soft", "posterior"] = "hard"
+    start: Literal["uniform", "learned"] = "uniform"
+    smoothing: AtLeastZero = 1.0
+    stay_below_m: AtLeastZero = 0.0
+    evidence_weight: Annotated[float, Gt(0), Le(1)] | Literal["fitted"] = 1.0
     transition: NDArray[np.float64] | None = learned()
     """(K, K) probability of each label (column) after each (row), where the robot moved."""
     confusion: NDArray[np.float64] | None = learned()
@@ -98,21 +97,7 @@ class HiddenMarkovModel:
     """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
 
     def __post_init__(self) -> None:
-        for name, allowed in CHOICES.items():
-            value = getattr(self, name)
-            if value not in allowed:
-                raise ConfigError(
-                    f"{name} must not be {value!r}. {nearest_name(str(value), list(allowed))}"
-                )
-        weight = self.evidence_weight
-        if weight != "fitted" and not (isinstance(weight, int | float) and 0 < weight <= 1):
-            raise ConfigError(
-                f"evidence_weight must be above 0 and at most 1, or 'fitted', got {weight!r}"
-            )
-        for name in ("smoothing", "stay_below_m"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ConfigError(f"{name} must be a number of at least 0, got {value}")
+        check_options(self)
 
     # ------------------------------------------------------------------ learning
 
@@ -177,12 +162,11 @@ class HiddenMarkovModel:
         if self.evidence_weight != "fitted":
             return self
         weights = [
-            best_weight(partial(self._labels_at, mode), problems, labelings)
-            for mode in CHOICES["mode"]
+            best_weight(partial(self._labels_at, mode), problems, labelings) for mode in MODES
         ]
         return replace(self, fitted_weights=np.array(weights))
 
-    def _labels_at(self, mode: str, weight: float, problem: LabelingProblem) -> NDArray[np.int64]:
+    def _labels_at(self, mode: Mode, weight: float, problem: LabelingProblem) -> NDArray[np.int64]:
         return replace(self, mode=mode, evidence_weight=weight).infer(problem).labels
 
     def with_counts(
@@ -339,7 +323,7 @@ class HiddenMarkovModel:
             return float(self.evidence_weight)
         if self.fitted_weights is None:
             return 1.0
-        return float(self.fitted_weights[CHOICES["mode"].index(self.mode)])
+        return float(self.fitted_weights[MODES.index(self.mode)])
 
     def _start(self) -> NDArray[np.float64]:
         assert self.initial is not None  # the likelihood has checked

@@ -6,11 +6,12 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import ConfigError, InputError
+from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.decoding import decode, require_decoder
+from pgm_places.models.decoding import Decoder, decode
+from pgm_places.options import Whole, check_options
 
 __all__ = ["PottsField"]
 
@@ -50,20 +51,13 @@ class PottsField:
     uses_node_features: ClassVar[bool] = False
 
     weight: float = 1.0
-    inference: str = "graph-cut"
+    inference: Decoder = "graph-cut"
     certify: bool = False
     edge_weights: Literal["equal", "given"] = "equal"
-    max_iterations: int | None = None
+    max_iterations: Whole | None = None
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.weight):
-            raise ConfigError(f"weight must be a finite number, got {self.weight}")
-        require_decoder(self.inference)
-        if self.edge_weights not in ("equal", "given"):
-            raise ConfigError(f"edge_weights must be 'equal' or 'given', got {self.edge_weights!r}")
-        limit = self.max_iterations
-        if limit is not None and (not isinstance(limit, int) or limit < 1):
-            raise ConfigError(f"max_iterations must be a whole number of at least 1, got {limit!r}")
+        check_options(self)
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labelling that the decoder finds, with its score and status.

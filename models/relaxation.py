@@ -3,18 +3,20 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
+from annotated_types import Ge, Lt
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, sealed
-from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
     edge_pair_counts,
@@ -36,10 +38,10 @@ class Relaxation:
 
     Parameters
     ----------
-    iterations : int
-        At most so many.
+    max_iterations : int
+        Limit of the iterations.
     tolerance : float
-        The end is reached when no belief changes by more.
+        Converged when no belief changes by more.
     damping : float
         Share of the old belief that is kept in each step, from 0 to below 1.
     directional : bool
@@ -67,13 +69,13 @@ class Relaxation:
 
     uses_node_features: ClassVar[bool] = False
 
-    iterations: int = 50
-    tolerance: float = 1e-4
-    damping: float = 0.0
+    max_iterations: Whole = 50
+    tolerance: AtLeastZero = 1e-4
+    damping: Annotated[float, Ge(0), Lt(1)] = 0.0
     directional: bool = False
-    diagonal_weight: float = 1.0
-    smoothing: float = 1.0
-    floor: float = 1e-6
+    diagonal_weight: AtLeastZero = 1.0
+    smoothing: AtLeastZero = 1.0
+    floor: Annotated[float, Ge(0), Lt(1)] = 1e-6
     pair_counts: NDArray[np.int64] | None = learned()
     """(D, L, L) pairs (label here, label at the neighbour); D is 1, or one per direction; the last
     of the L = K + 1 labels is the wall."""
@@ -81,18 +83,7 @@ class Relaxation:
     """(D, L, L) coefficients r of equation 6."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.iterations, bool) or not isinstance(self.iterations, int):
-            raise ConfigError(f"iterations must be a whole number, got {self.iterations!r}")
-        if self.iterations < 1:
-            raise ConfigError(f"iterations must be at least 1, got {self.iterations}")
-        if not 0 <= self.damping < 1:
-            raise ConfigError(f"damping must be at least 0 and below 1, got {self.damping}")
-        if not 0 <= self.floor < 1:
-            raise ConfigError(f"floor must be at least 0 and below 1, got {self.floor}")
-        for name in ("tolerance", "diagonal_weight", "smoothing"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ConfigError(f"{name} must be a number of at least 0, got {value}")
+        check_options(self)
         if self.compatibility is not None:
             shape = np.shape(self.compatibility)
             if len(shape) != 3 or shape[1] != shape[2] or shape[1] < 2:
@@ -225,7 +216,7 @@ class Relaxation:
         options: dict[str, Any] = {
             "floor": self.floor,
             "damping": self.damping,
-            "iterations": self.iterations,
+            "iterations": self.max_iterations,
             "tolerance": self.tolerance,
             "on_iteration": on_iteration,
         }

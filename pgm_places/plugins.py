@@ -6,14 +6,13 @@ keeps the name and the options, and finds the class again by the name.
 
 import dataclasses
 import importlib
-import json
-import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.metadata import entry_points
 from typing import Any
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, ModelFileError, OutputError
+from pgm_places.options import from_mapping, option_fields, option_hints, option_values
 
 __all__ = ["Registry", "option_fields", "option_values"]
 
@@ -30,11 +29,14 @@ class Registry:
         The entry points by which other packages add theirs: ``name = "package.module:Class"``.
     built_in : mapping of str to str
         Name to ``"module:Class"``, imported only when used.
+    renamed : mapping of str to mapping
+        Options by the names that models saved by earlier versions use, and their names now.
     """
 
     kind: str
     group: str
     built_in: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    renamed: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
 
     def names(self) -> list[str]:
         """All names, built in or installed."""
@@ -76,21 +78,16 @@ class Registry:
             An unknown name or option (the nearest is offered), or a value that is refused.
         """
         cls = self.find(name)
-        known = [item.name for item in option_fields(cls)]
+        known = list(option_hints(cls))
         options = dict(options or {})
         for key in options:
             if key not in known:
                 hint = nearest_name(key, known) if known else "It has none"
                 raise ConfigError(f"{self.kind} {name!r} has no option {key!r}. {hint}")
         try:
-            return cls(**options)
+            return from_mapping(cls, options)
         except (TypeError, ValueError) as error:
             raise ConfigError(f"{self.kind} {name!r}: {error}") from None
-
-    def configured(self, name: str, options: Mapping[str, Any]) -> Any:
-        """Like :meth:`build`, from a file's options: types are checked, a list becomes a tuple."""
-        typed = _typed(f"{self.kind} {name!r}", self.find(name), options)
-        return self.build(name, typed)
 
     def name_of(self, cls: type[Any]) -> str:
         """The name under which a class is found again.
@@ -116,6 +113,8 @@ class Registry:
     def restored(self, name: str, options: Mapping[str, Any]) -> Any:
         """What a model file names: only registered classes, a file must not choose imports.
 
+        Options that have other names since then are found under these.
+
         Raises
         ------
         ModelFileError
@@ -126,39 +125,9 @@ class Registry:
                 f"no {self.kind} {name!r} is installed; install the package that adds it to the "
                 f"entry points of group {self.group!r}"
             )
-        return self.configured(name, options)
+        renamed = self.renamed.get(name, {})
+        return self.build(name, {renamed.get(key, key): value for key, value in options.items()})
 
     def _targets(self) -> dict[str, str]:
         installed = {point.name: point.value for point in entry_points(group=self.group)}
         return {**installed, **self.built_in}
-
-
-def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:
-    """The fields of a class that a user may set: all but those that learning fills."""
-    for item in dataclasses.fields(cls):
-        if item.init and not item.metadata.get("learned"):
-            yield item
-
-
-def option_values(item: Any) -> dict[str, Any]:
-    """All options of an object with their values, as plain data for results and manifests."""
-    return {field.name: getattr(item, field.name) for field in option_fields(type(item))}
-
-
-def _typed(what: str, cls: type[Any], options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options with the types that the fields declare; others stay, for ``build`` to refuse."""
-    from pydantic import TypeAdapter, ValidationError
-
-    hints = typing.get_type_hints(cls)
-    known = {item.name for item in option_fields(cls)}
-    typed = dict(options)
-    for key in options:
-        if key not in known:
-            continue
-        try:
-            value = TypeAdapter(hints[key]).validate_json(json.dumps(options[key]), strict=True)
-        except ValidationError as error:
-            message = error.errors()[0]["msg"]
-            raise ConfigError(f"{what}, option {key!r}: {message}, got {options[key]!r}") from None
-        typed[key] = value
-    return typed

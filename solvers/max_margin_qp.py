@@ -11,7 +11,7 @@ import logging
 import time
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,11 +31,12 @@ from pgm_places.solvers.max_margin import (
 if TYPE_CHECKING:
     import cvxpy as cp
 
-__all__ = ["QP_SOLVERS", "max_margin_qp", "relaxed_objective"]
+__all__ = ["QP_SOLVERS", "QPSolver", "max_margin_qp", "relaxed_objective"]
 
 _logger = logging.getLogger(__name__)
 
-QP_SOLVERS = ("clarabel", "piqp", "osqp")
+QPSolver = Literal["clarabel", "piqp", "osqp"]
+QP_SOLVERS: tuple[QPSolver, ...] = get_args(QPSolver)
 """Solvers of the QP, in the order in which they are tried when one fails."""
 
 _USABLE = ("optimal", "optimal_inaccurate")

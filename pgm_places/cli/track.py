@@ -217,7 +217,7 @@ def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler"
 
     labeler, _ = load_trajectory_labeler(model_folder(options.model))
     if isinstance(labeler.method, HiddenMarkovModel):
-        labeler = replace(labeler, method=replace(labeler.method, mode=options.mode))
+        labeler = replace(labeler, method=replace(labeler.method, mode=options.mode))  # type: ignore[arg-type]
     elif options.mode != "filter":
         raise ConfigError(
             f"--mode {options.mode} is for hidden Markov models; this model's method is "

@@ -359,12 +359,12 @@ def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list
 
 def build_method(method: MethodConfig) -> Any:
     """The backend that a method's table describes; names, types and values are checked."""
-    return METHODS.configured(method.name, method.options)
+    return METHODS.build(method.name, method.options)
 
 
 def build_features(config: ExperimentConfig) -> tuple[Any, ...]:
     """The features of one's own that the tables describe, checked in the same way."""
-    return as_features([FEATURES.configured(item.name, item.options) for item in config.features])
+    return as_features([FEATURES.build(item.name, item.options) for item in config.features])
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -35,9 +35,9 @@ def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> Expe
     ...         "methods": [{"name": "relaxation"}],
     ...     }
     ... )
-    >>> changed = changed_config(config, {"methods.relaxation.iterations": 5})
+    >>> changed = changed_config(config, {"methods.relaxation.max_iterations": 5})
     >>> changed.methods[0].options
-    {'iterations': 5}
+    {'max_iterations': 5}
     """
     content = config.model_dump(mode="json")
     for key, value in changes.items():

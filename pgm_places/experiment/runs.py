@@ -28,7 +28,7 @@ from pgm_places.experiment.setup import make_labeler, resolved_config
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.plugins import option_values
+from pgm_places.options import option_values
 
 __all__ = ["Trained", "compare", "compare_fitted", "train", "versions"]
 

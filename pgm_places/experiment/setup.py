@@ -9,7 +9,7 @@ from pgm_places.experiment.config import (
     build_method,
 )
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
-from pgm_places.plugins import option_values
+from pgm_places.options import option_values
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 
 __all__ = ["make_labeler", "resolved_config", "resolved_unary"]

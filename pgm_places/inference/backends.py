@@ -37,7 +37,13 @@ BACKENDS: Mapping[str, str] = {
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 
-METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS)
+RENAMED = {
+    "relaxation": {"iterations": "max_iterations"},
+    "amn": {"tolerance": "learning_tolerance"},
+}
+"""Options by the names that models saved by earlier versions use, and their names now."""
+
+METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED)
 """Where methods are looked up; packages add theirs to the entry points of that group."""
 
 

@@ -1,13 +1,12 @@
 """How a robot's odometry goes wrong."""
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places.errors import InputError
+from pgm_places.options import AtLeastZero, Seed, check_options
 
 __all__ = ["OdometryNoise"]
 
@@ -31,7 +30,7 @@ class OdometryNoise:
 
     Raises
     ------
-    InputError
+    ConfigError
         A number is negative or not finite.
 
     Examples
@@ -41,17 +40,14 @@ class OdometryNoise:
     [[0.0, 1.0, 0.1], [1.0, 2.0, 0.2], [1.0, 3.0, 2.0]]
     """
 
-    turn_by_turn: float = 0.03
-    turn_by_way: float = 0.01
-    way_by_way: float = 0.02
-    way_by_turn: float = 0.01
-    seed: int = 0
+    turn_by_turn: AtLeastZero = 0.03
+    turn_by_way: AtLeastZero = 0.01
+    way_by_way: AtLeastZero = 0.02
+    way_by_turn: AtLeastZero = 0.01
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
-        for name in ("turn_by_turn", "turn_by_way", "way_by_way", "way_by_turn", "seed"):
-            value = getattr(self, name)
-            if not (isfinite(value) and value >= 0):
-                raise InputError(f"{name} must be at least 0, got {value}")
+        check_options(self)
 
     def odometry(self, poses: ArrayLike) -> NDArray[np.float64]:
         """(T, 3) what the wheels tell along true poses (T, 3); it begins at the first of them."""

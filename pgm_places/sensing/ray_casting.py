@@ -246,7 +246,7 @@ class PoseCaster:
         grid = self._grid
         poses = finite_array("poses", poses, ("P", 3))
         angles = np.ascontiguousarray(finite_array("angles_rad", angles_rad, ("M",)))
-        reach = Sensor(1, max_range_m).max_range_m
+        reach = Sensor(max_range_m=max_range_m).max_range_m
         height, width = grid.shape
         cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
         offset = (poses[:, :2] - np.asarray(grid.origin_xy_m)) / grid.resolution_m

@@ -1,19 +1,17 @@
 """The range sensor that scans are simulated for: its beams, its reach and its noise."""
 
 from dataclasses import dataclass
-from math import isfinite, pi
-from numbers import Integral, Real
-from typing import Any
+from math import pi
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.options import AtLeastZero, Positive, Probability, Seed, check_options
 
 __all__ = ["Sensor", "SensorNoise"]
-
-_SEED_LIMIT = 2**64
-_BEAM_LIMIT = 1_000_000  # far beyond any sensor; a larger number is a slip, such as a swapped unit
 
 
 @dataclass(frozen=True)
@@ -43,25 +41,18 @@ class SensorNoise:
     0.02
     """
 
-    sigma_m: float = 0.0
-    p_random: float = 0.0
-    p_max: float = 0.0
-    seed: int = 0
+    sigma_m: AtLeastZero = 0.0
+    p_random: Probability = 0.0
+    p_max: Probability = 0.0
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
-        sigma = _finite("sigma_m", self.sigma_m)
-        if sigma < 0:
-            raise InputError(f"sigma_m must be at least 0 metres, got {sigma:g}")
-        for name in ("p_random", "p_max"):
-            p = _finite(name, getattr(self, name))
-            if not 0 <= p <= 1:
-                raise InputError(f"{name} must be a probability from 0 to 1, got {p:g}")
+        check_options(self)
         if self.p_random + self.p_max > 1:
             raise InputError(
                 "p_random and p_max must sum to at most 1, "
                 f"got {self.p_random:g} + {self.p_max:g} = {self.p_random + self.p_max:g}"
             )
-        _integer("seed", self.seed, 0, _SEED_LIMIT - 1)
 
     @property
     def is_silent(self) -> bool:
@@ -92,20 +83,13 @@ class Sensor:
     [0.0, 1.5708, 3.1416, 4.7124]
     """
 
-    n_beams: int = 360
-    max_range_m: float = 30.0
+    n_beams: Annotated[int, Ge(3), Le(3600)] = 360
+    max_range_m: Positive = 30.0
     stop_at_unknown: bool = True
     noise: SensorNoise | None = None
 
     def __post_init__(self) -> None:
-        _integer("n_beams", self.n_beams, 1, _BEAM_LIMIT)
-        reach = _finite("max_range_m", self.max_range_m)
-        if reach <= 0:
-            raise InputError(f"max_range_m must be more than 0 metres, got {reach:g}")
-        if not isinstance(self.stop_at_unknown, (bool, np.bool_)):
-            raise InputError(f"stop_at_unknown must be true or false, got {self.stop_at_unknown!r}")
-        if self.noise is not None and not isinstance(self.noise, SensorNoise):
-            raise InputError(f"noise must be a SensorNoise or None, got {self.noise!r}")
+        check_options(self)
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
@@ -114,14 +98,3 @@ class Sensor:
         Beam ``i`` points along ``2 pi i / n_beams``: along a row of cells for ``i = 0``.
         """
         return np.arange(self.n_beams, dtype=np.float64) * (2 * pi / self.n_beams)
-
-
-def _finite(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
-        raise InputError(f"{name} must be a finite number, got {value!r}")
-    return float(value)
-
-
-def _integer(name: str, value: Any, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, Integral) or not low <= int(value) <= high:
-        raise InputError(f"{name} must be a whole number from {low} to {high}, got {value!r}")

@@ -1,7 +1,6 @@
 """A simulated robot: drives through a map and records what a real one would."""
 
 from dataclasses import dataclass, field, replace
-from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import Positive, check_options
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.path_planning import PathPlanner
 from pgm_places.sensing.ray_casting import cast_poses
@@ -54,18 +54,15 @@ class SimulatedRobot:
     """
 
     geometry: ScanGeometry = field(default_factory=ScanGeometry.half_circle)
-    radius_m: float = 0.25
-    speed_m_s: float = 0.4
-    turn_rad_s: float = 1.0
-    scan_every_s: float = 0.2
+    radius_m: Positive = 0.25
+    speed_m_s: Positive = 0.4
+    turn_rad_s: Positive = 1.0
+    scan_every_s: Positive = 0.2
     sensor_noise: SensorNoise | None = None
     odometry_noise: OdometryNoise | None = None
 
     def __post_init__(self) -> None:
-        for name in ("radius_m", "speed_m_s", "turn_rad_s", "scan_every_s"):
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise InputError(f"{name} must be a positive number, got {value}")
+        check_options(self)
 
     def drive(
         self,

@@ -32,7 +32,7 @@ name = "independent"
 
 [[methods]]
 name = "relaxation"
-iterations = 5
+max_iterations = 5
 """
 
 Run = Callable[..., tuple[int, str, str]]

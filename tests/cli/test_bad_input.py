@@ -67,7 +67,7 @@ def unknown_method(folder: Path) -> None:
 
 
 def option_out_of_range(folder: Path) -> None:
-    edit(folder, "iterations = 5", "iterations = -5")
+    edit(folder, "max_iterations = 5", "max_iterations = -5")
 
 
 def typo(folder: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_method_that_cannot_be_saved_is_refused_before_the_training(
     building: Path, run: Run
 ) -> None:
     edit(building, 'name = "relaxation"\n', 'name = "tests.inference.test_backends:AlwaysFirst"\n')
-    text = (building / "config.toml").read_text().replace("iterations = 5", "id = 'first'")
+    text = (building / "config.toml").read_text().replace("max_iterations = 5", "id = 'first'")
     (building / "config.toml").write_text(text)
     code, _, error = run("train", building / "config.toml", "--out", building / "model", "-q")
     assert code == 2

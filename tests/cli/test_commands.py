@@ -32,7 +32,7 @@ def test_compare_writes_results_and_report(building: Path, run: Run) -> None:
         assert found["accuracy"] == pytest.approx(np.trace(confusion) / confusion.sum())
         assert set(found["recall"]) == {"corridor", "room", "doorway"}
         assert {"balanced_accuracy", "macro_f1", "precision", "seconds"} <= set(found)
-    assert results["config"]["methods"][1]["iterations"] == 5
+    assert results["config"]["methods"][1]["max_iterations"] == 5
     assert len(results["inputs"]) == 4
     assert {"numpy", "numba", "pgm-places"} <= set(results["versions"])
     html = (out / "report.html").read_text()

@@ -38,8 +38,8 @@ def test_windows_may_be_open() -> None:
 
 
 def test_other_keys_of_a_method_are_its_options() -> None:
-    config = parse_config(changed(methods=[{"name": "relaxation", "iterations": 7}]))
-    assert config.methods[0].options == {"iterations": 7}
+    config = parse_config(changed(methods=[{"name": "relaxation", "max_iterations": 7}]))
+    assert config.methods[0].options == {"max_iterations": 7}
 
 
 @pytest.mark.parametrize(
@@ -77,11 +77,11 @@ def test_other_keys_of_a_method_are_its_options() -> None:
         (changed(methods=[{"name": "relaxaton"}]), "did you mean 'relaxation'?"),
         (
             changed(methods=[{"name": "relaxation", "iteration": 3}]),
-            "has no option 'iteration'. did you mean 'iterations'?",
+            "has no option 'iteration'. did you mean 'max_iterations'?",
         ),
         (
-            changed(methods=[{"name": "relaxation", "iterations": "many"}]),
-            "method 'relaxation', option 'iterations': Input should be a valid integer, got 'many'",
+            changed(methods=[{"name": "relaxation", "max_iterations": "many"}]),
+            "method 'relaxation': max_iterations must be a whole number of at least 1, got 'many'",
         ),
         (changed(methods=[{"name": "independent"}] * 2), "give each its own id"),
         (changed(methods={"name": "independent"}), "write [[methods]] above each"),

@@ -67,11 +67,11 @@ def test_a_label_that_only_one_fold_has_cannot_be_held_out() -> None:
 
 
 def test_every_combination_is_tried_and_the_best_is_chosen() -> None:
-    options = {"classifier.n_rounds": [1, 8], "methods.relaxation.iterations": [1, 5]}
+    options = {"classifier.n_rounds": [1, 8], "methods.relaxation.max_iterations": [1, 5]}
     experiment = Experiment(config(options=options, n_folds=2), Path())
     found = select(experiment, [small_map(1, "a"), small_map(2, "b")])
     assert [item.options for item in found.candidates] == [
-        {"classifier.n_rounds": n, "methods.relaxation.iterations": i}
+        {"classifier.n_rounds": n, "methods.relaxation.max_iterations": i}
         for n in (1, 8)
         for i in (1, 5)
     ]

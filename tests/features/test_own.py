@@ -248,7 +248,7 @@ def test_a_configuration_names_them_with_options(installed: None) -> None:
     [
         ([{"name": "shortes"}], "unknown feature 'shortes'. did you mean 'shortest'?"),
         ([{"name": "shortest", "m": 3}], "feature 'shortest' has no option 'm'"),
-        ([{"name": "shortest", "n": "3"}], "feature 'shortest', option 'n': Input should be"),
+        ([{"name": "shortest", "n": "3"}], "feature 'shortest': n must be a whole number"),
         ([{"name": "east", "n": 3}], "feature 'east' has no option 'n'. It has none"),
         ([{"n": 3}], "features[0] has no name"),
         ({"name": "shortest"}, "features must be tables; write [[features]] above each"),

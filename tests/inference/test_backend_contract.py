@@ -20,7 +20,7 @@ DECODERS = ("graph-cut", "trw-s", "lp", "icm", "mean-field", "max-product", "sum
 METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "independent": ("independent", {}),
     "relaxation": ("relaxation", {}),
-    "relaxation, damped": ("relaxation", {"damping": 0.2, "iterations": 20}),
+    "relaxation, damped": ("relaxation", {"damping": 0.2, "max_iterations": 20}),
     "amn": ("amn", {}),
     "amn, trw-s": ("amn", {"inference": "trw-s"}),
     "amn, no class weights": ("amn", {"class_weight": "none", "edge_features": ("constant",)}),

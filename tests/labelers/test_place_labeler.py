@@ -116,7 +116,7 @@ def spoil_backend(manifest: dict, arrays: dict) -> None:  # type: ignore[type-ar
 
 
 def spoil_option(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]
-    manifest["methods"][1]["options"]["iterations"] = "many"
+    manifest["methods"][1]["options"]["max_iterations"] = "many"
 
 
 def spoil_missing(manifest: dict, arrays: dict) -> None:  # type: ignore[type-arg]

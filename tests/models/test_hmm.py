@@ -80,7 +80,7 @@ def test_learning_finds_the_model_that_made_the_data() -> None:
 
 @pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
 @pytest.mark.parametrize("observation", ["hard", "soft"])
-def test_the_past_improves_what_the_classifier_says(mode: str, observation: str) -> None:
+def test_the_past_improves_what_the_classifier_says(mode: Any, observation: Any) -> None:
     problem, truth = a_walk(1, 3000)
     raw = (np.asarray(problem.unary).argmax(axis=1) == truth).mean()
     labels = fitted(mode=mode, observation=observation).infer(problem).labels
@@ -150,7 +150,7 @@ def test_standing_still_is_no_transition() -> None:
 
 
 @pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
-def test_impossible_observations_are_reported(mode: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_impossible_observations_are_reported(mode: Any, caplog: pytest.LogCaptureFixture) -> None:
     graph = LabelGraph.from_trajectory(np.zeros((4, 2)))
     learned_from = LabelingProblem(graph, ["a", "b"], unary=np.log(np.eye(2)[[0, 0, 1, 1]] + 0.1))
     model = HiddenMarkovModel(mode, start="learned", smoothing=0.0)
@@ -200,9 +200,9 @@ def test_a_single_step_and_no_step() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mode": "filtre"}, "did you mean 'filter'"),
-        ({"observation": "firm"}, "Known: hard, posterior, soft"),
-        ({"start": "anywhere"}, "start must not be"),
+        ({"mode": "filtre"}, "mode must be 'filter', 'smooth' or 'viterbi', got 'filtre'"),
+        ({"observation": "firm"}, "observation must be 'hard', 'soft' or 'posterior', got 'firm'"),
+        ({"start": "anywhere"}, "start must be 'uniform' or 'learned'"),
         ({"smoothing": -1.0}, "smoothing"),
         ({"stay_below_m": float("inf")}, "stay_below_m"),
     ],
@@ -303,7 +303,7 @@ def correlated_chain(seed: int, run: int) -> tuple[LabelingProblem, NDArray[np.i
 
 
 @pytest.mark.parametrize("mode", ["filter", "smooth", "viterbi"])
-def test_evidence_that_repeats_itself_is_made_to_count_less(mode: str) -> None:
+def test_evidence_that_repeats_itself_is_made_to_count_less(mode: Any) -> None:
     learn = [correlated_chain(seed, 6) for seed in range(4)]
     problems, truths = (list(part) for part in zip(*learn, strict=True))
     model = HiddenMarkovModel(mode, "soft", evidence_weight="fitted").fit(problems, truths)
@@ -332,7 +332,10 @@ def test_a_weight_is_an_exponent_of_the_likelihood() -> None:
 
 @pytest.mark.parametrize("weight", [0, -1.0, 2.0, "much", np.nan])
 def test_a_weight_out_of_range_is_refused(weight: object) -> None:
-    with pytest.raises(ConfigError, match="evidence_weight must be above 0 and at most 1"):
+    with pytest.raises(
+        ConfigError,
+        match="evidence_weight must be a number above 0 and at most 1, or 'fitted', got",
+    ):
         build("hmm", {"evidence_weight": weight})
 
 

@@ -95,7 +95,7 @@ def test_iterations_may_be_limited() -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"inference": "graph-cuts"}, "unknown decoder 'graph-cuts'. did you mean 'graph-cut'"),
+        ({"inference": "graph-cuts"}, "inference must be 'graph-cut', 'lp', 'trw-s', 'icm'"),
         ({"weight": np.inf}, "weight must be a finite number, got inf"),
         ({"wieght": 1.0}, "has no option 'wieght'. did you mean 'weight'"),
     ],

@@ -15,7 +15,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.models.relaxation import Relaxation, grid_connectivity
-from pgm_places.plugins import option_fields
+from pgm_places.options import option_fields
 from pgm_places.solvers.compatibility import grid_pair_counts, yamamoto_coefficients
 from tests.real_data import real_data_folder
 from tests.reference.relaxation import pair_counts, relaxed_grid
@@ -56,11 +56,11 @@ def beliefs(labeling: Labeling) -> NDArray[np.floating[Any]]:
 
 
 def test_it_keeps_the_contract_of_backends() -> None:
-    method = build("relaxation", {"iterations": 5})
+    method = build("relaxation", {"max_iterations": 5})
     assert isinstance(method, Backend)
     assert isinstance(method, Learnable)
     assert [item.name for item in option_fields(Relaxation)] == [
-        "iterations",
+        "max_iterations",
         "tolerance",
         "damping",
         "directional",
@@ -72,7 +72,7 @@ def test_it_keeps_the_contract_of_backends() -> None:
 
 def test_noise_is_smoothed_away_and_the_history_tells_how() -> None:
     problem, truth = a_problem(0.3)
-    method = Relaxation(iterations=50).fit([problem], [truth])
+    method = Relaxation(max_iterations=50).fit([problem], [truth])
     result = method.infer(problem, truth=truth)
     raw = (np.asarray(problem.unary).argmax(axis=1) == truth).mean()
     smooth = (result.labels == truth).mean()
@@ -89,7 +89,7 @@ def test_noise_is_smoothed_away_and_the_history_tells_how() -> None:
 
 def test_beliefs_are_the_references_with_walls_from_the_map() -> None:
     problem, truth = a_problem(0.3, seed=1)
-    method = Relaxation(iterations=3, diagonal_weight=0.6, damping=0.2).fit([problem], [truth])
+    method = Relaxation(max_iterations=3, diagonal_weight=0.6, damping=0.2).fit([problem], [truth])
     result = method.infer(problem)
     layout: Any = problem.graph.layout
     start = layout.to_raster(np.exp(np.asarray(problem.unary)), fill=np.nan)
@@ -143,9 +143,9 @@ def test_directions_tell_what_lies_above_from_what_lies_below() -> None:
     z = np.full((60, 3), 1 / 3)
     z[0] = 0.9, 0.05, 0.05
     problem = LabelingProblem(graph, NAMES, unary=np.log(z))
-    known = Relaxation(directional=True, iterations=400, tolerance=0).fit([problem], [truth])
+    known = Relaxation(directional=True, max_iterations=400, tolerance=0).fit([problem], [truth])
     np.testing.assert_array_equal(known.infer(problem).labels[:24], truth[:24])
-    blind = Relaxation(iterations=400, tolerance=0).fit([problem], [truth])
+    blind = Relaxation(max_iterations=400, tolerance=0).fit([problem], [truth])
     assert (blind.infer(problem).labels[:24] != truth[:24]).any()
 
 
@@ -158,7 +158,7 @@ def test_a_chain_without_layout_is_the_same_as_a_corridor_of_cells(directional: 
     steps = np.arange(59)
     chain = LabelGraph.from_edges(60, np.stack([steps, steps + 1], axis=1))
     cells = LabelGraph.from_grid(np.ones((1, 60), np.bool_), connectivity=4)
-    method = Relaxation(iterations=4, directional=directional)
+    method = Relaxation(max_iterations=4, directional=directional)
     on_chain = LabelingProblem(chain, NAMES, unary=unary)
     on_cells = LabelingProblem(cells, NAMES, unary=unary)
     first = method.fit([on_chain], [truth])
@@ -194,7 +194,7 @@ def test_four_neighbours_count_and_pass_nothing_over_corners() -> None:
     graph = LabelGraph.from_grid(mask, connectivity=4)
     unary = np.log(np.random.default_rng(1).dirichlet(np.ones(3), graph.n_nodes))
     problem = LabelingProblem(graph, NAMES, unary=unary)
-    method = Relaxation(iterations=5, tolerance=0).fit([problem], [np.arange(7) % 3])
+    method = Relaxation(max_iterations=5, tolerance=0).fit([problem], [np.arange(7) % 3])
     assert method.pair_counts is not None
     assert method.pair_counts.sum() == 2 * graph.n_edges
     found = beliefs(method.infer(problem))
@@ -216,7 +216,7 @@ def test_permuting_the_labels_permutes_the_answer() -> None:
     other = LabelingProblem(
         problem.graph, [NAMES[k] for k in order], unary=np.asarray(problem.unary)[:, order]
     )
-    method = Relaxation(iterations=10)
+    method = Relaxation(max_iterations=10)
     first = method.fit([problem], [truth]).infer(problem)
     second = method.fit([other], [np.argsort(order)[truth]]).infer(other)
     np.testing.assert_allclose(beliefs(first)[:, order], beliefs(second), rtol=0, atol=2e-6)
@@ -226,7 +226,7 @@ def test_constants_per_node_do_not_matter() -> None:
     problem, truth = a_problem(0.3, seed=6)
     shift = np.random.default_rng(0).normal(size=(problem.graph.n_nodes, 1)) * 50
     other = LabelingProblem(problem.graph, NAMES, unary=np.asarray(problem.unary) + shift)
-    method = Relaxation(iterations=10).fit([problem], [truth])
+    method = Relaxation(max_iterations=10).fit([problem], [truth])
     np.testing.assert_allclose(
         beliefs(method.infer(problem)), beliefs(method.infer(other)), rtol=0, atol=1e-5
     )
@@ -264,8 +264,8 @@ def test_fitting_leaves_the_unfitted_one_alone() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"iterations": 0}, "iterations must be at least 1"),
-        ({"iterations": 2.5}, "whole number"),
+        ({"max_iterations": 0}, "max_iterations must be a whole number of at least 1, got 0"),
+        ({"max_iterations": 2.5}, "whole number"),
         ({"damping": 1.0}, "damping"),
         ({"tolerance": -1e-3}, "tolerance"),
         ({"smoothing": -1}, "smoothing"),

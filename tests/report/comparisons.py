@@ -77,7 +77,7 @@ def small_comparison(
             MethodResult(
                 key,
                 key.title(),
-                {"iterations": 50},
+                {"max_iterations": 50},
                 labelings,
                 evaluations,
                 Evaluation.merged(evaluations),

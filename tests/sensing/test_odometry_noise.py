@@ -58,5 +58,5 @@ def test_the_seed_decides() -> None:
 
 @pytest.mark.parametrize("field", ["turn_by_turn", "turn_by_way", "way_by_way", "way_by_turn"])
 def test_negative_errors_are_refused(field: str) -> None:
-    with pytest.raises(InputError, match=f"{field} must be at least 0"):
+    with pytest.raises(InputError, match=f"{field} must be a number of at least 0"):
         OdometryNoise(**{field: -0.1})  # type: ignore[arg-type]

@@ -21,14 +21,7 @@ def test_angles_start_along_x_and_turn_counter_clockwise() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"n_beams": 0}, "n_beams must be a whole number from 1 to 1000000, got 0"),
-        ({"n_beams": 2.5}, "n_beams must be a whole number from 1 to 1000000, got 2.5"),
-        ({"n_beams": True}, "n_beams must be a whole number from 1 to 1000000, got True"),
-        ({"max_range_m": 0}, "max_range_m must be more than 0 metres, got 0"),
-        ({"max_range_m": -1.0}, "max_range_m must be more than 0 metres, got -1"),
-        ({"max_range_m": float("inf")}, "max_range_m must be a finite number, got inf"),
-        ({"max_range_m": "far"}, "max_range_m must be a finite number, got 'far'"),
-        ({"stop_at_unknown": "yes"}, "stop_at_unknown must be true or false, got 'yes'"),
+        ({"n_beams": 2}, "n_beams must be a whole number from 3 to 3600, got 2"),
         ({"noise": 0.1}, "noise must be a SensorNoise or None, got 0.1"),
     ],
 )
@@ -38,21 +31,7 @@ def test_sensor_says_what_is_wrong(arguments: dict[str, object], message: str) -
     assert str(caught.value) == message
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"sigma_m": -0.1}, "sigma_m must be at least 0 metres, got -0.1"),
-        ({"sigma_m": float("nan")}, "sigma_m must be a finite number, got nan"),
-        ({"p_random": 1.5}, "p_random must be a probability from 0 to 1, got 1.5"),
-        ({"p_max": -0.5}, "p_max must be a probability from 0 to 1, got -0.5"),
-        (
-            {"p_random": 0.75, "p_max": 0.5},
-            "p_random and p_max must sum to at most 1, got 0.75 + 0.5 = 1.25",
-        ),
-        ({"seed": -1}, "seed must be a whole number from 0 to 18446744073709551615, got -1"),
-    ],
-)
-def test_noise_says_what_is_wrong(arguments: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError) as caught:
-        SensorNoise(**arguments)  # type: ignore[arg-type]
-    assert str(caught.value) == message
+def test_probabilities_of_noise_leave_room_for_each_other() -> None:
+    wanted = r"p_random and p_max must sum to at most 1, got 0.75 \+ 0.5 = 1.25"
+    with pytest.raises(InputError, match=wanted):
+        SensorNoise(p_random=0.75, p_max=0.5)

@@ -114,7 +114,7 @@ def test_a_tour_ends_where_it_is_cut_and_begins_where_it_is_told(
 
 @pytest.mark.parametrize("field", ["radius_m", "speed_m_s", "turn_rad_s", "scan_every_s"])
 def test_sizes_and_speeds_are_positive(field: str) -> None:
-    with pytest.raises(InputError, match=f"{field} must be a positive number, got 0"):
+    with pytest.raises(InputError, match=f"{field} must be a number above 0, got 0"):
         SimulatedRobot(**{field: 0.0})  # type: ignore[arg-type]
 
 

@@ -1,0 +1,280 @@
+"""Options: declared once, as annotated fields of frozen dataclasses, and checked alike everywhere.
+
+A class of options is a frozen dataclass whose ``__post_init__`` calls :func:`check_options`. Its
+fields say what they take (``Annotated[int, Ge(1)]``, ``Literal["list", "argmax"]``), so that a call
+in Python, a table of a TOML file and a flag of the command line are refused by one declaration, and
+in the same words.
+"""
+
+import dataclasses
+import functools
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal, TypeVar, Union
+
+from annotated_types import Ge, Gt, Le, Lt, MinLen
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import ConfigError, InputError
+
+__all__ = [
+    "AtLeastZero",
+    "OptionError",
+    "Positive",
+    "Probability",
+    "Seed",
+    "Whole",
+    "check_options",
+    "from_mapping",
+    "option_fields",
+    "option_hints",
+    "option_values",
+    "plain_values",
+    "wanted",
+]
+
+AtLeastZero = Annotated[float, Ge(0)]
+Positive = Annotated[float, Gt(0)]
+Probability = Annotated[float, Ge(0), Le(1)]
+Whole = Annotated[int, Ge(1)]
+Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
+
+T = TypeVar("T")
+
+
+class OptionError(ConfigError):
+    """A value that an option does not take; whoever knows more of its place says so."""
+
+    def __init__(self, option: str, problem: str) -> None:
+        super().__init__(f"{option} {problem}")
+        self.option, self.problem = option, problem
+
+
+def option_fields(cls: type[Any]) -> Iterator[dataclasses.Field[Any]]:
+    """The fields of a class that a user may set: all but those that learning fills."""
+    for item in dataclasses.fields(cls):
+        if item.init and not item.metadata.get("learned"):
+            yield item
+
+
+def option_values(item: Any) -> dict[str, Any]:
+    """All options of an object with their values."""
+    return {field.name: getattr(item, field.name) for field in option_fields(type(item))}
+
+
+def plain_values(item: Any) -> Any:
+    """Options all the way down as plain data, ready for JSON: dicts, lists, numbers, strings."""
+    if dataclasses.is_dataclass(item) and not isinstance(item, type):
+        return {name: plain_values(value) for name, value in option_values(item).items()}
+    if isinstance(item, Mapping):
+        return {str(key): plain_values(value) for key, value in item.items()}
+    return [plain_values(value) for value in item] if isinstance(item, list | tuple) else item
+
+
+def option_hints(cls: Any) -> dict[str, Any]:
+    """What each option takes, as its field is annotated."""
+    return _hints(cls)
+
+
+@functools.cache
+def _hints(cls: Any) -> dict[str, Any]:
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return {item.name: hints[item.name] for item in option_fields(cls)}
+
+
+def check_options(item: Any) -> None:
+    """Refuse an object with a value that its class does not declare: for ``__post_init__``.
+
+    A list becomes the tuple that is declared, a number of NumPy one of Python.
+
+    Raises
+    ------
+    ConfigError
+        One line: the option, what it takes, what came.
+    """
+    for field in option_fields(type(item)):
+        value = getattr(item, field.name)
+        if type(value) is type(field.default) and value == field.default:
+            continue  # needs no check, and spares the import of pydantic
+        object.__setattr__(item, field.name, _checked(type(item), field.name, value))
+
+
+def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> T:
+    """The options that a table of a file describes; nested tables become nested options.
+
+    Parameters
+    ----------
+    cls : dataclass
+    values : mapping of str to value
+    path : str
+        Where the table stands, to begin messages: ``"topology"``.
+
+    Raises
+    ------
+    ConfigError
+        An unknown key (the nearest is offered), a missing one, or a value that is refused.
+    """
+    hints = option_hints(cls)
+    for key in values:
+        if key not in hints:
+            raise ConfigError(f"unknown key {_at(path, key)!r}. {nearest_name(key, list(hints))}")
+    for item in option_fields(cls):
+        required = item.default is dataclasses.MISSING is item.default_factory
+        if required and item.name not in values:
+            raise ConfigError(f"{_at(path, item.name)!r} is missing")
+    built = {key: _nested(hints[key], value, _at(path, key)) for key, value in values.items()}
+    try:
+        return cls(**{key: _checked(cls, key, value) for key, value in built.items()})
+    except OptionError as error:
+        raise OptionError(_at(path, error.option), error.problem) from None
+    except InputError as error:
+        raise ConfigError(f"{path}: {error}" if path else str(error)) from None
+
+
+def wanted(hint: Any) -> str:
+    """What an annotation takes, in words.
+
+    Examples
+    --------
+    >>> wanted(Annotated[int, Ge(3), Le(3600)])
+    'a whole number from 3 to 3600'
+    >>> wanted(Literal["list", "argmax"])
+    "'list' or 'argmax'"
+    >>> wanted(tuple[Positive, ...] | None)
+    'a list of numbers above 0 or None'
+    """
+    arms = [_words(arm, plural=False) for arm in _arms(hint)]
+    if len(arms) < 2:
+        return arms[0]
+    comma = "," if len(arms) > 2 or " and " in arms[0] else ""
+    return ", ".join(arms[:-1]) + f"{comma} or {arms[-1]}"
+
+
+# ---------------------------------------------------------------------- the verdict: pydantic's
+
+
+def _checked(cls: Any, name: str, value: Any) -> Any:
+    from pydantic import ValidationError
+
+    hint = option_hints(cls)[name]
+    if dataclasses.is_dataclass(value) and type(value) in _arms(hint):
+        return value  # which has checked its own options
+    for given in (_sequences(value, tuple), _sequences(value, list)):
+        try:
+            return _validator(cls, name).validate_python(given)
+        except ValidationError:
+            continue
+    raise OptionError(name, f"must be {wanted(hint)}, got {value!r}")
+
+
+@functools.cache
+def _validator(cls: Any, name: str) -> Any:
+    """The TypeAdapter of what an option takes besides other classes of options."""
+    from pydantic import ConfigDict, TypeAdapter  # at use: it takes longer to import than to run
+
+    hint = option_hints(cls)[name]
+    others = tuple(arm for arm in _arms(hint) if not dataclasses.is_dataclass(arm))
+    if len(others) < len(_arms(hint)):
+        hint = Union[others or (typing.Never,)]  # noqa: UP007  of what is found at run time
+    settings = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
+    return TypeAdapter(hint, config=settings)
+
+
+def _sequences(value: Any, kind: type[Any]) -> Any:
+    """The value with all its lists and tuples of one kind, and no numbers of NumPy."""
+    if isinstance(value, list | tuple):
+        return kind(_sequences(item, kind) for item in value)
+    if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0:
+        return value.item()
+    return value
+
+
+# ---------------------------------------------------------------------- nested tables
+
+
+def _at(path: str, key: str) -> str:
+    return f"{path}.{key}" if path else key
+
+
+def _nested(hint: Any, value: Any, path: str) -> Any:
+    """A table as the options that are declared for it, a list of tables as a list of them."""
+    for arm in _arms(hint):
+        if dataclasses.is_dataclass(arm) and isinstance(arm, type) and isinstance(value, Mapping):
+            return from_mapping(arm, value, path=path)
+        if typing.get_origin(arm) in (list, tuple) and isinstance(value, list | tuple):
+            inner = typing.get_args(arm)[0]
+            return [_nested(inner, item, f"{path}[{i}]") for i, item in enumerate(value)]
+    return value
+
+
+def _arms(hint: Any) -> list[Any]:
+    """The alternatives of a union, None last; marks of a whole union are not looked at."""
+    if typing.get_origin(hint) is Annotated and typing.get_origin(typing.get_args(hint)[0]) in (
+        Union,
+        types.UnionType,
+    ):
+        hint = typing.get_args(hint)[0]
+    if typing.get_origin(hint) not in (Union, types.UnionType):
+        return [hint]
+    arms = [arm for part in typing.get_args(hint) for arm in _arms(part)]
+    return sorted(arms, key=lambda arm: arm is types.NoneType)
+
+
+# ---------------------------------------------------------------------- the words: ours
+
+_NOUNS = {
+    int: ("a whole number", "whole numbers"),
+    float: ("a finite number", "numbers"),
+    str: ("a string", "strings"),
+    bool: ("true or false", "true or false"),
+    types.NoneType: ("None", "None"),
+}
+
+
+def _words(hint: Any, *, plural: bool) -> str:
+    marks: tuple[Any, ...] = ()
+    if typing.get_origin(hint) is Annotated:
+        hint, *rest = typing.get_args(hint)
+        marks = tuple(rest)
+    origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Literal:
+        return _choices(inner)
+    if origin in (list, tuple):
+        return _list_words(inner, marks)
+    if origin is dict or hint is dict:
+        return "a table"
+    if hint not in _NOUNS:
+        return f"a {getattr(hint, '__name__', hint)}"
+    limits = _limits(marks)
+    noun = _NOUNS[hint][plural]
+    return f"{noun.replace('finite ', '')} {limits}" if limits else noun
+
+
+def _choices(values: tuple[Any, ...]) -> str:
+    shown = [repr(value) for value in values]
+    return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + f" or {shown[-1]}"
+
+
+def _list_words(inner: tuple[Any, ...], marks: tuple[Any, ...]) -> str:
+    if len(inner) == 2 and inner[1] is not Ellipsis:
+        return f"a list of two: {wanted(inner[0])}"
+    least = next((mark.min_length for mark in marks if isinstance(mark, MinLen)), 0)
+    start = "a list of" if not least else "a non-empty list of"
+    if least > 1:
+        start = f"a list of at least {least}"
+    return f"{start} " + " or ".join(_words(arm, plural=True) for arm in _arms(inner[0]))
+
+
+def _limits(marks: tuple[Any, ...]) -> str:
+    """'from 3 to 3600', 'above 0', 'of at least 0 and below 1'."""
+    low = next((mark for mark in marks if isinstance(mark, Ge | Gt)), None)
+    high = next((mark for mark in marks if isinstance(mark, Le | Lt)), None)
+    if isinstance(low, Ge) and isinstance(high, Le):
+        return f"from {low.ge} to {high.le}"
+    found = []
+    if low is not None:
+        found.append(f"of at least {low.ge}" if isinstance(low, Ge) else f"above {low.gt}")
+    if high is not None:
+        found.append(f"at most {high.le}" if isinstance(high, Le) else f"below {high.lt}")
+    return " and ".join(found)
