@@ -1,22 +1,25 @@
 """The colours of every picture: fixed by label, told apart by colour-blind eyes and in grey."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
     "ERROR",
+    "GROUND_SWATCHES",
     "IGNORED",
     "IGNORED_STRIPE",
     "LABEL_COLOURS",
-    "METHOD_COLOURS",
     "RESERVED",
     "RIGHT_TINT",
     "UNKNOWN",
     "WALL",
+    "Swatch",
     "hex_of",
     "label_colours",
+    "label_swatches",
     "levels",
     "rgb_of",
     "tinted",
@@ -52,12 +55,25 @@ LABEL_COLOURS = (
 for normal sight and for simulated protanopia, deuteranopia and tritanopia alike. The lightness of
 the first three is 81, 59 and 41, so corridors, rooms and doorways differ on a grey printer too."""
 
-METHOD_COLOURS = ("#2b6cb0", "#c05621", "#2f855a", "#805ad5", "#b83280", "#718096")
-"""Lines of methods in plots; the dash pattern repeats what the colour says."""
-
 _PROBABILITY = ("#f7fbff", "#c6dbef", "#6baed6", "#2171b5", "#08306b")
 _ENTROPY = ("#fff7ec", "#fdd49e", "#fc8d59", "#d7301f", "#7f0000")
 _GRADIENTS = {"probability": _PROBABILITY, "entropy": _ENTROPY}
+
+
+@dataclass(frozen=True)
+class Swatch:
+    """An entry of a legend: a colour, hatched where asked, and what it stands for."""
+
+    name: str
+    colour: str
+    hatched: bool = False
+
+
+GROUND_SWATCHES = (
+    Swatch("occupied", WALL),
+    Swatch("unknown", UNKNOWN),
+    Swatch("free, unlabelled", IGNORED, hatched=True),
+)
 
 
 def rgb_of(colour: str) -> NDArray[np.uint8]:
@@ -96,6 +112,11 @@ def label_colours(label_names: Sequence[str]) -> tuple[str, ...]:
         colours.append(_darker(LABEL_COLOURS[free[index]], 0.65**turn))
         taken += 1
     return tuple(colours)
+
+
+def label_swatches(label_names: Sequence[str]) -> tuple[Swatch, ...]:
+    """The labels with their colours, in order."""
+    return tuple(map(Swatch, label_names, label_colours(label_names)))
 
 
 def _darker(colour: str, share: float) -> str:

@@ -17,6 +17,8 @@ assert not (here.parent / "models").is_symlink()
 from pgm_places.datasets import generate_building
 from pgm_places.trained import NAMES, trained_labeler
 assert generate_building(size="small").grid.free.any()
+from pgm_places.reproduce.html_page import html_page
+assert "</html>" in html_page([], here.parent)
 for name in NAMES:
     assert trained_labeler(name).label_names == ("corridor", "room", "doorway")
 print("wheel works:", here.parent)
@@ -31,8 +33,12 @@ def check_contents(wheel: Path) -> None:
     for wanted in ("pgm_places/models/boosting.py", "pgm_places/solvers/max_flow.py"):
         if wanted not in names:
             sys.exit(f"{wheel.name} lacks {wanted}")
-    if "pgm_places/py.typed" not in names:
-        sys.exit(f"{wheel.name} lacks py.typed")
+    root = Path(__file__).resolve().parent.parent
+    templates = (root / "pgm_places" / "report" / "templates").iterdir()
+    files = ["pgm_places/py.typed", *(path.relative_to(root).as_posix() for path in templates)]
+    for wanted in files:
+        if wanted not in names:
+            sys.exit(f"{wheel.name} lacks {wanted}")
 
 
 def try_installed(wheel: Path) -> None:

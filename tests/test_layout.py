@@ -44,13 +44,15 @@ def test_public_names_are_sorted_and_exist() -> None:
         assert hasattr(pgm_places, name)
 
 
-@pytest.mark.parametrize("heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "networkx", "typer"])
+@pytest.mark.parametrize(
+    "heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "networkx", "jinja2", "typer"]
+)
 def test_importing_the_package_stays_light(heavy: str) -> None:
     code = f"import sys, pgm_places; sys.exit({heavy!r} in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-@pytest.mark.parametrize("heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "numpy"])
+@pytest.mark.parametrize("heavy", ["numba", "cvxpy", "sklearn", "matplotlib", "jinja2", "numpy"])
 def test_help_needs_nothing_heavy(heavy: str) -> None:
     code = (
         "import sys\n"

@@ -18,7 +18,7 @@ SCHEMA = 1
 
 def write_comparison(comparison: Comparison, folder: Path) -> list[Path]:
     """Write ``results.json`` and ``report.html`` into the folder; the paths written."""
-    from pgm_places.report.html import write_report
+    from pgm_places.report.comparison_page import write_report
 
     results = folder / "results.json"
     write_text(results, json.dumps(comparison_record(comparison), indent=2, allow_nan=False) + "\n")

@@ -1,26 +1,15 @@
-"""Figures measured in pixels: matplotlib without pyplot, without a window, the same bytes again."""
+"""Figures measured in pixels: matplotlib without pyplot or a window, the same bytes every time."""
 
+import contextlib
 import io
 import warnings
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["INK", "MUTED", "PixelFigure", "png_of", "text_width"]
+__all__ = ["INK", "MUTED", "PixelFigure", "text_width"]
 
 INK, MUTED = "#1a202c", "#5a6472"
 _DPI = 100
-
-
-def png_of(figure: "Figure") -> bytes:
-    """The figure as a PNG file without a date or a version in it."""
-    buffer = io.BytesIO()
-    with warnings.catch_warnings():
-        # Label names may be in any script; a box in place of a letter is no reason to fail.
-        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 class PixelFigure:
@@ -73,8 +62,22 @@ class PixelFigure:
         self.figure.add_artist(patch)
 
     def png(self) -> bytes:
-        """The picture as a PNG file."""
-        return png_of(self.figure)
+        """The picture as a PNG file without a date or a version in it."""
+        return self._saved(format="png", metadata={"Software": None})
+
+    def svg(self) -> str:
+        """The picture as an SVG file without a background, its text as text, without a date."""
+        from matplotlib import rc_context
+
+        with rc_context({"svg.fonttype": "none", "svg.hashsalt": "pgm-places"}):
+            nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+            return self._saved(format="svg", transparent=True, metadata=nothing).decode("utf-8")
+
+    def _saved(self, **options: Any) -> bytes:
+        buffer = io.BytesIO()
+        with _without_missing_glyphs():
+            self.figure.savefig(buffer, dpi=_DPI, **options)
+        return buffer.getvalue()
 
 
 def text_width(content: str, size: int) -> float:
@@ -84,7 +87,14 @@ def text_width(content: str, size: int) -> float:
 
     if not content.strip():
         return 0.4 * size * len(content)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
+    with _without_missing_glyphs():
         path = TextPath((0, 0), content.replace("$", "S"), size=size, prop=FontProperties())
     return float(path.get_extents().width)
+
+
+@contextlib.contextmanager
+def _without_missing_glyphs() -> Iterator[None]:
+    """Label names may be in any script; a box in place of a letter is no reason to fail."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
+        yield

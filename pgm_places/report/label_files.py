@@ -21,7 +21,7 @@ def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[
     per label (0 to 255 for 0 to 1, 0 outside the free cells); ``overview.png`` to look at;
     ``summary.json`` for programs.
     """
-    from pgm_places.report.pictures import overview
+    from pgm_places.report.map_pictures import overview
 
     for name in result.label_names:
         if "/" in name or "\\" in name or name.startswith("."):

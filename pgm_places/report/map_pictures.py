@@ -1,4 +1,4 @@
-"""Pictures of labelled maps: labels, differences, probabilities, and an overview."""
+"""Pictures of labelled maps: the labels, and an overview with areas and entropy."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,36 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
-from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.palette import (
-    ERROR,
-    IGNORED,
-    RIGHT_TINT,
-    UNKNOWN,
-    WALL,
-    label_colours,
-    tinted,
-)
-from pgm_places.report.canvas import (
-    View,
-    checked_labels,
-    difference_canvas,
-    label_canvas,
-    row_bands,
-    value_canvas,
-    view_of,
-)
-from pgm_places.report.sheet import ColourBar, Entry, Panel, sheet_png
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches
+from pgm_places.report.canvas import checked_labels, label_canvas, row_bands, value_canvas, view_of
+from pgm_places.report.sheet import ColourBar, Panel, sheet_png
 
-__all__ = ["difference_map", "entropy", "label_map", "overview", "probability_maps"]
+__all__ = ["entropy", "label_map", "overview"]
 
 _NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000
-_GROUND_ENTRIES = (
-    Entry(WALL, "occupied"),
-    Entry(UNKNOWN, "unknown"),
-    Entry(IGNORED, "free, no label", hatched=True),
-)
 
 
 def label_map(
@@ -77,82 +56,8 @@ def label_map(
     labels = checked_labels(grid, label_raster, len(label_names), "label_raster")
     view = view_of(grid, most_pixels=_MOST_PIXELS)
     canvas = label_canvas(grid, labels, label_names, view)
-    entries = (*_label_entries(label_names), *_GROUND_ENTRIES) if legend else ()
+    entries = (*label_swatches(label_names), *GROUND_SWATCHES) if legend else ()
     return sheet_png([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar)
-
-
-def difference_map(
-    grid: OccupancyGrid,
-    truth: ArrayLike,
-    predicted: ArrayLike,
-    label_names: Sequence[str],
-    *,
-    title: str | None = None,
-) -> bytes:
-    """A PNG file of where a prediction is wrong: errors in red over pale right answers.
-
-    ``truth`` and ``predicted`` are (H, W) label indices; cells where either is -1 do not count.
-
-    Raises
-    ------
-    InputError
-        A raster of another shape, or a label without a name.
-    """
-    true = checked_labels(grid, truth, len(label_names), "truth")
-    found = checked_labels(grid, predicted, len(label_names), "predicted")
-    view = view_of(grid, most_pixels=_MOST_PIXELS)
-    canvas = difference_canvas(grid, true, found, label_names, view)
-    n_wrong = n_compared = 0
-    for rows in row_bands(grid.shape):
-        compared = (true[rows] >= 0) & (found[rows] >= 0) & (grid.cells[rows] == FREE)
-        n_compared += int(compared.sum())
-        n_wrong += int((compared & (true[rows] != found[rows])).sum())
-    share = f" ({100 * n_wrong / n_compared:.1f} %)" if n_compared else ""
-    entries = [Entry(ERROR, f"wrong: {n_wrong} of {n_compared} cells{share}")]
-    entries += [
-        Entry(tinted(colour, RIGHT_TINT), f"{name}, right")
-        for name, colour in zip(label_names, label_colours(label_names), strict=True)
-    ]
-    return sheet_png([Panel(canvas)], title=title, legend=[*entries, *_GROUND_ENTRIES])
-
-
-def probability_maps(
-    grid: OccupancyGrid,
-    beliefs: ArrayLike,
-    layout: GridLayout,
-    label_names: Sequence[str],
-    *,
-    title: str | None = None,
-) -> bytes:
-    """A PNG file with a map per label of its probability, and one of the entropy.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-    beliefs : (N, K) float
-        Probability of each label at each node.
-    layout : GridLayout
-        The nodes' cells.
-    label_names : sequence of str
-    title : str or None
-
-    Raises
-    ------
-    InputError
-        Beliefs that fit neither the layout nor the names.
-    """
-    array = finite_array("beliefs", beliefs, (len(layout.cells_rc), len(label_names)))
-    view = view_of(grid, layout.node_of_cell >= 0, most_pixels=_MOST_PIXELS // 2)
-    panels = [
-        Panel(value_canvas(grid, array[:, k], layout, "probability", view), name)
-        for k, name in enumerate(label_names)
-    ]
-    panels.append(_entropy_panel(grid, array, layout, view))
-    bars = (
-        ColourBar("probability", "probability"),
-        ColourBar("entropy", "entropy", "0", "largest"),
-    )
-    return sheet_png(panels, columns=2, title=title, bars=bars)
 
 
 def entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
@@ -204,32 +109,21 @@ def overview(
             raise InputError("beliefs need the layout of their nodes; pass layout as well")
         shape = (len(layout.cells_rc), len(label_names))
         array = finite_array("beliefs", beliefs, shape, dtype=None)
-        panels.append(_entropy_panel(grid, array, layout, view))
-        bars = (ColourBar("entropy", "entropy", "sure", "undecided"),)
+        panels.append(Panel(value_canvas(grid, entropy(array), layout, "entropy", view), "entropy"))
+        bars = (ColourBar("entropy", "entropy", "0 (certain)", "1 (undecided)"),)
     height, width = view.shape
     return sheet_png(
         panels,
         columns=1 if width > 1.3 * height else 2,
         title=title,
-        legend=(*_area_entries(grid, labels, label_names), *_GROUND_ENTRIES),
+        legend=(*_area_entries(grid, labels, label_names), *GROUND_SWATCHES),
         bars=bars,
     )
 
 
-def _entropy_panel(
-    grid: OccupancyGrid, beliefs: NDArray[np.floating[Any]], layout: GridLayout, view: View
-) -> Panel:
-    return Panel(value_canvas(grid, entropy(beliefs), layout, "entropy", view), "entropy")
-
-
-def _label_entries(label_names: Sequence[str]) -> list[Entry]:
-    colours = label_colours(label_names)
-    return [Entry(colour, name) for name, colour in zip(label_names, colours, strict=True)]
-
-
 def _area_entries(
     grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str]
-) -> list[Entry]:
+) -> list[Swatch]:
     counts = np.zeros(len(label_names), np.int64)
     for rows in row_bands(grid.shape):
         band = labels[rows]
@@ -237,6 +131,6 @@ def _area_entries(
     total = max(int(counts.sum()), 1)
     areas = counts * grid.resolution_m**2
     return [
-        Entry(entry.colour, f"{entry.text}  {area:.1f} m², {100 * count / total:.0f} %")
-        for entry, area, count in zip(_label_entries(label_names), areas, counts, strict=True)
+        Swatch(f"{item.name}  {area:.1f} m², {100 * count / total:.0f} %", item.colour)
+        for item, area, count in zip(label_swatches(label_names), areas, counts, strict=True)
     ]

@@ -9,10 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.palette import IGNORED, IGNORED_STRIPE, UNKNOWN, WALL, label_colours
+from pgm_places.palette import (
+    GROUND_SWATCHES,
+    IGNORED,
+    IGNORED_STRIPE,
+    Swatch,
+    label_colours,
+    label_swatches,
+)
 from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED
-from pgm_places.report.sheet import Entry, Panel, sheet_png
+from pgm_places.report.sheet import Panel, sheet_png
 
 __all__ = ["path_map"]
 
@@ -81,12 +88,12 @@ def path_map(
         _pieces(axes, pixels, [colours[place] for place in places])
         _ends(axes, pixels)
 
-    entries = [Entry(colours[k], name) for k, name in enumerate(label_names)]
+    entries = [*label_swatches(label_names)]
     if (places < 0).any():
-        entries.append(Entry(_NO_LABEL, "not known"))
+        entries.append(Swatch("no label", _NO_LABEL))
     if other is not None:
-        entries.append(Entry(_OTHER_COLOUR, f"{other_name} (dashed)"))
-    entries += [Entry(WALL, "occupied"), Entry(UNKNOWN, "unknown")]
+        entries.append(Swatch(f"{other_name} (dashed)", _OTHER_COLOUR))
+    entries += [item for item in GROUND_SWATCHES if not item.hatched]
     return sheet_png([Panel(canvas, overlay=draw)], title=title, legend=entries)
 
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from pgm_places.palette import levels
+from pgm_places.palette import Swatch, levels
 from pgm_places.report.canvas import Canvas
 from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
 
-__all__ = ["ColourBar", "Entry", "Panel", "round_length", "sheet_png"]
+__all__ = ["ColourBar", "Panel", "round_length", "sheet_png"]
 
 _LEAST_WIDTH = 420
 _LARGEST_CELL = 12
@@ -31,15 +31,6 @@ class Panel:
     canvas: Canvas
     title: str = ""
     overlay: Callable[[Any], None] | None = None
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A colour and what it stands for; hatched where asked."""
-
-    colour: str
-    text: str
-    hatched: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +65,7 @@ def sheet_png(
     *,
     columns: int = 1,
     title: str | None = None,
-    legend: Sequence[Entry] = (),
+    legend: Sequence[Swatch] = (),
     bars: Sequence[ColourBar] = (),
     scale_bar: bool = True,
     long_side: int = 2400,
@@ -151,12 +142,12 @@ def _draw_scale_bar(
     page.text(x + length + 8, y + tick / 2, f"{metres:g} m", size=sizes.text - 1)
 
 
-def _flow(legend: Sequence[Entry], width: int, sizes: _Sizes) -> list[list[tuple[float, Entry]]]:
+def _flow(legend: Sequence[Swatch], width: int, sizes: _Sizes) -> list[list[tuple[float, Swatch]]]:
     """The entries in lines that fit the width, each with its place in the line."""
-    lines: list[list[tuple[float, Entry]]] = []
+    lines: list[list[tuple[float, Swatch]]] = []
     x = 0.0
     for entry in legend:
-        needed = sizes.swatch + 8 + text_width(entry.text, sizes.text)
+        needed = sizes.swatch + 8 + text_width(entry.name, sizes.text)
         if not lines or x + needed > width:
             lines.append([])
             x = 0.0
@@ -166,7 +157,7 @@ def _flow(legend: Sequence[Entry], width: int, sizes: _Sizes) -> list[list[tuple
 
 
 def _draw_legend_line(
-    page: PixelFigure, line: list[tuple[float, Entry]], y: int, sizes: _Sizes
+    page: PixelFigure, line: list[tuple[float, Swatch]], y: int, sizes: _Sizes
 ) -> None:
     for x, entry in line:
         left, middle = sizes.edge + x, y + sizes.line / 2
@@ -174,7 +165,7 @@ def _draw_legend_line(
         if entry.hatched:
             options |= {"hatch": "////", "edgecolor": "#b5b5b5"}
         page.box(left, middle - sizes.swatch / 2, sizes.swatch, sizes.swatch, **options)
-        page.text(left + sizes.swatch + 8, middle, entry.text, size=sizes.text)
+        page.text(left + sizes.swatch + 8, middle, entry.name, size=sizes.text)
 
 
 def _draw_bars(page: PixelFigure, bars: Sequence[ColourBar], y: int, sizes: _Sizes) -> None:

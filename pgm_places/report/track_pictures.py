@@ -109,7 +109,7 @@ def belief_plot(track: Track, *, title: str | None = None) -> bytes:
         last = index == len(rows) - 1
         if last:
             axes.tick_params(labelsize=9, colors=MUTED)
-            axes.set_xlabel("way in metres", fontsize=10, color=MUTED)
+            axes.set_xlabel("distance along the path (m)", fontsize=10, color=MUTED)
         else:
             axes.set_xticks([])
     return page.png()

@@ -11,8 +11,8 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.labelers.tracking import Track
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.report.confusion_picture import confusion_picture
 from pgm_places.report.path_pictures import path_map
-from pgm_places.report.plots import confusion_picture
 from pgm_places.report.track_pictures import belief_plot
 from pgm_places.reproduce.building79 import (
     CATEGORIES,

@@ -1,4 +1,4 @@
-"""Pictures of a comparison as in the paper: the labels of each method, and where they are wrong."""
+"""Pictures of a comparison as in the paper: the labels of each method, and its errors."""
 
 from collections.abc import Sequence
 
@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
-from pgm_places.palette import ERROR, IGNORED, RIGHT_TINT, WALL, label_colours, tinted
-from pgm_places.palette import UNKNOWN as UNKNOWN_COLOUR
+from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
-from pgm_places.report.plots import confusion_picture
-from pgm_places.report.sheet import Entry, Panel, sheet_png
+from pgm_places.report.confusion_picture import confusion_picture
+from pgm_places.report.sheet import Panel, sheet_png
 
 __all__ = ["confusion_of", "error_sheet", "label_sheet", "window_grid"]
 
@@ -30,12 +29,12 @@ def label_sheet(comparison: Comparison, index: int = 0, *, title: str | None = N
     panels = [Panel(label_canvas(grid, truth, names, view), "ground truth")]
     for method in comparison.methods:
         canvas = label_canvas(grid, _raster(item, method, index), names, view)
-        panels.append(Panel(canvas, f"{method.id}: {_right(method, index)}"))
-    return _sheet(panels, view, title, _entries(names))
+        panels.append(Panel(canvas, f"{method.id}: {_correct(method, index)}"))
+    return _sheet(panels, view, title, label_swatches(names))
 
 
 def error_sheet(comparison: Comparison, index: int = 0, *, title: str | None = None) -> bytes:
-    """A PNG file: the wrong cells of each method on a test map, over pale right ones."""
+    """A PNG file: the errors of each method on a test map, over pale correct labels."""
     item, names = comparison.maps[index], comparison.label_names
     grid, view = _shown(item)
     panels = []
@@ -44,11 +43,11 @@ def error_sheet(comparison: Comparison, index: int = 0, *, title: str | None = N
         canvas = difference_canvas(grid, item.truth, found, names, view)
         evaluation = method.evaluations[index]
         wrong = evaluation.n - int(np.trace(evaluation.confusion))
-        panels.append(Panel(canvas, f"{method.id}: {wrong:,} of {evaluation.n:,} cells wrong"))
-    entries = [Entry(ERROR, "wrong")]
+        panels.append(Panel(canvas, f"{method.id}: errors in {wrong:,} of {evaluation.n:,} cells"))
+    entries = [Swatch("error", ERROR)]
     entries += [
-        Entry(tinted(colour, RIGHT_TINT), f"{name}, right")
-        for name, colour in zip(names, label_colours(names), strict=True)
+        Swatch(f"{item.name}, correct", tinted(item.colour, RIGHT_TINT))
+        for item in label_swatches(names)
     ]
     return _sheet(panels, view, title, entries)
 
@@ -89,26 +88,20 @@ def _raster(item: TestMap, method: MethodResult, index: int) -> NDArray[np.int16
     return raster
 
 
-def _right(method: MethodResult, index: int) -> str:
-    return f"{100 * method.evaluations[index].accuracy:.1f} % right"
-
-
-def _entries(names: Sequence[str]) -> list[Entry]:
-    return [Entry(c, name) for name, c in zip(names, label_colours(names), strict=True)]
+def _correct(method: MethodResult, index: int) -> str:
+    return f"{100 * method.evaluations[index].accuracy:.1f} % correct"
 
 
 def _sheet(
-    panels: Sequence[Panel], view: View, title: str | None, entries: Sequence[Entry]
+    panels: Sequence[Panel], view: View, title: str | None, legend: Sequence[Swatch]
 ) -> bytes:
     height, width = view.shape
     most = 3 if len(panels) == 3 else 2  # no gap at the end of a second row
     columns = 1 if width > 2.5 * height else min(most, len(panels))
-    legend = [
-        *entries,
-        Entry(WALL, "occupied"),
-        Entry(UNKNOWN_COLOUR, "unknown"),
-        Entry(IGNORED, "free, no label", hatched=True),
-    ]
     return sheet_png(
-        panels, columns=columns, title=title, legend=legend, long_side=_PANEL_SIDE * columns
+        panels,
+        columns=columns,
+        title=title,
+        legend=(*legend, *GROUND_SWATCHES),
+        long_side=_PANEL_SIDE * columns,
     )

@@ -20,8 +20,7 @@ def markdown_page(sections: Sequence[Section]) -> str:
 
 def markdown_section(section: Section, *, with_pictures: bool) -> str:
     """A section with its heading of the second level."""
-    name = f"{section.id} {section.title}" if section.paper else section.title
-    lines = [f"## {name}\n", f"{section.setting}\n"]
+    lines = [f"## {section.heading}\n", f"{section.setting}\n"]
     if section.paper:
         lines.insert(1, f"The paper: {section.paper}\n")
     if not section.real:

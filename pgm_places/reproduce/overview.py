@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from pgm_places.reproduce.figures import percent
 from pgm_places.reproduce.section import Finding, Section, Table
 
-__all__ = ["PAPER_COLUMN", "STAND_IN_WARNING", "overview_table"]
+__all__ = ["OVERVIEW", "PAPER_COLUMN", "STAND_IN_WARNING", "overview_table"]
 
 PAPER_COLUMN = "paper"
+OVERVIEW = "Comparison with the paper"
 STAND_IN_WARNING = (
-    "The real maps are not at hand: generated buildings stand in for them. The figures of these "
-    "sections say that everything runs; they are not to be compared with the paper's."
+    "The real maps are not available: generated buildings stand in for them. These figures only "
+    "show that everything runs; do not compare them with the paper's."
 )
 
 
@@ -22,7 +23,7 @@ def overview_table(sections: Sequence[Section]) -> Table:
         for section in [item for item in sections if item.paper] or sections
         for item in section.findings
     ]
-    return Table("Accuracy in percent, the paper's beside ours", heading, tuple(rows))
+    return Table("Accuracy in percent: the paper's and ours", heading, tuple(rows))
 
 
 def _figures(item: Finding) -> tuple[str, ...]:

@@ -102,6 +102,11 @@ class Section:
     pictures: tuple[Picture, ...] = ()
     remarks: tuple[str, ...] = ()
 
+    @property
+    def heading(self) -> str:
+        """Number and title; ablations have no number of the paper."""
+        return f"{self.id} {self.title}" if self.paper else self.title
+
     def to_dict(self) -> dict[str, Any]:
         """The section as plain data, ready for JSON."""
         return asdict(self)

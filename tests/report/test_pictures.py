@@ -11,8 +11,8 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report import pictures
-from pgm_places.report.map_pictures import entropy
+from pgm_places.report.confusion_picture import confusion_picture
+from pgm_places.report.map_pictures import entropy, label_map, overview
 from pgm_places.report.sheet import round_length
 from tests.report.comparisons import NAMES, labeling_of, small_comparison, small_map
 
@@ -31,7 +31,7 @@ def test_a_labelled_corner_lands_in_its_corner(row: int, column: int) -> None:
     grid = OccupancyGrid(np.zeros((6, 8), np.int8), 0.5)
     labels = np.ones(grid.shape, np.int16)
     labels[row, column] = 2
-    picture = pixels(pictures.label_map(grid, labels, NAMES, legend=False))
+    picture = pixels(label_map(grid, labels, NAMES, legend=False))
     whole, corner = where(picture, LABEL_COLOURS[1]), where(picture, LABEL_COLOURS[2])
     middle = (whole.min(axis=0) + whole.max(axis=0)) / 2
     assert ((corner.mean(axis=0) - middle) > 0).tolist() == [row == 0, column == 7]
@@ -41,7 +41,7 @@ def test_cells_are_squares_of_whole_pixels() -> None:
     grid = OccupancyGrid(np.zeros((6, 8), np.int8), 0.5)
     labels = np.ones(grid.shape, np.int16)
     labels[3, 4] = 2
-    cell = where(pixels(pictures.label_map(grid, labels, NAMES, legend=False)), LABEL_COLOURS[2])
+    cell = where(pixels(label_map(grid, labels, NAMES, legend=False)), LABEL_COLOURS[2])
     height, width = cell.max(axis=0) - cell.min(axis=0) + 1
     assert height == width > 10
     assert len(cell) == height * width
@@ -49,59 +49,40 @@ def test_cells_are_squares_of_whole_pixels() -> None:
 
 def test_the_same_call_gives_the_same_bytes() -> None:
     item = small_map()
-    first, second = (pictures.label_map(item.grid, item.truth, NAMES, title="x") for _ in range(2))
+    first, second = (label_map(item.grid, item.truth, NAMES, title="x") for _ in range(2))
     assert first == second
 
 
 def test_every_option_draws() -> None:
     item = small_map()
-    bare = pictures.label_map(item.grid, item.truth, NAMES, legend=False, scale_bar=False)
-    full = pictures.label_map(item.grid, item.truth, NAMES, title="A map")
+    bare = label_map(item.grid, item.truth, NAMES, legend=False, scale_bar=False)
+    full = label_map(item.grid, item.truth, NAMES, title="A map")
     assert pixels(full).shape[0] > pixels(bare).shape[0]
-
-
-def test_difference_maps_need_rasters_that_fit() -> None:
-    item = small_map()
-    assert pictures.difference_map(item.grid, item.truth, item.truth, NAMES)[1:4] == b"PNG"
-    with pytest.raises(InputError, match="predicted must have the map's shape"):
-        pictures.difference_map(item.grid, item.truth, item.truth[1:], NAMES)
-
-
-def test_probability_maps_need_beliefs_that_fit() -> None:
-    item = small_map()
-    beliefs = labeling_of(item, beliefs=True).beliefs
-    assert beliefs is not None
-    png = pictures.probability_maps(item.grid, beliefs, item.layout, NAMES, title="p")
-    assert png[1:4] == b"PNG"
-    with pytest.raises(InputError, match=r"beliefs must have shape \(28, 2\), got \(28, 3\)"):
-        pictures.probability_maps(item.grid, beliefs, item.layout, NAMES[:2])
 
 
 @pytest.mark.parametrize("with_beliefs", [True, False])
 def test_an_overview_with_and_without_beliefs(with_beliefs: bool) -> None:
     item = small_map()
     beliefs = labeling_of(item, beliefs=with_beliefs).beliefs
-    png = pictures.overview(
-        item.grid, item.truth, NAMES, beliefs=beliefs, layout=item.layout, title="floor"
-    )
+    png = overview(item.grid, item.truth, NAMES, beliefs=beliefs, layout=item.layout, title="floor")
     assert pixels(png).std() > 10
 
 
 def test_beliefs_without_a_layout_are_refused() -> None:
     item = small_map()
     with pytest.raises(InputError, match="beliefs need the layout of their nodes"):
-        pictures.overview(item.grid, item.truth, NAMES, beliefs=np.ones((28, 3)) / 3)
+        overview(item.grid, item.truth, NAMES, beliefs=np.ones((28, 3)) / 3)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1)])
 def test_maps_of_any_shape(shape: tuple[int, int]) -> None:
     grid = OccupancyGrid(np.zeros(shape, np.int8), 0.05)
-    assert pictures.label_map(grid, np.zeros(shape, int), NAMES)[1:4] == b"PNG"
+    assert label_map(grid, np.zeros(shape, int), NAMES)[1:4] == b"PNG"
 
 
 def test_large_maps_give_pictures_of_a_bounded_size() -> None:
     grid = OccupancyGrid(np.zeros((2500, 4000), np.int8), 0.05)
-    png = pictures.label_map(grid, np.zeros(grid.shape, np.int16), NAMES)
+    png = label_map(grid, np.zeros(grid.shape, np.int16), NAMES)
     height, width = pixels(png).shape[:2]
     assert height * width < 4e6
     assert width > height
@@ -110,32 +91,15 @@ def test_large_maps_give_pictures_of_a_bounded_size() -> None:
 def test_names_in_any_script_and_with_signs_of_mathematics() -> None:
     names = ("$\\frac{1}{0}$", "部屋", "<b>&</b>")
     item = small_map()
-    assert pictures.label_map(item.grid, item.truth, names, title="$x_{")[1:4] == b"PNG"
+    assert label_map(item.grid, item.truth, names, title="$x_{")[1:4] == b"PNG"
     method = small_comparison(label_names=names).methods[1]
-    assert pictures.confusion_picture(method.evaluation.confusion, names, title="$")[1:4] == b"PNG"
-    table = method.evaluation.reliability
-    assert table is not None
-    assert pictures.reliability_plot({"$x_{": table}, title="$")[1:4] == b"PNG"
-    assert pictures.history_plot({"$x_{": {"$y_{": [1.0, 2.0]}}, title="$")[1:4] == b"PNG"
+    assert confusion_picture(method.evaluation.confusion, names, title="$")[1:4] == b"PNG"
 
 
 def test_confusion_of_a_label_that_never_occurs() -> None:
-    assert pictures.confusion_picture([[3, 1], [0, 0]], ["room", "corridor"])[1:4] == b"PNG"
+    assert confusion_picture([[3, 1], [0, 0]], ["room", "corridor"])[1:4] == b"PNG"
     with pytest.raises(InputError, match=r"confusion must have shape \(3, 3\)"):
-        pictures.confusion_picture([[3, 1], [0, 0]], NAMES)
-
-
-@pytest.mark.parametrize("values", [[1.0], [1e-6, 1.0, 1e3], [-5.0, -4.0], [0.0, 0.0]])
-def test_histories_of_any_length_and_sign(values: list[float]) -> None:
-    png = pictures.history_plot({"a": {"energy": values}, "b": {"change": [0.5, 0.1]}})
-    assert png[1:4] == b"PNG"
-
-
-def test_plots_of_nothing_are_refused() -> None:
-    with pytest.raises(InputError, match="at least one quantity"):
-        pictures.history_plot({})
-    with pytest.raises(InputError, match="at least one method"):
-        pictures.reliability_plot({})
+        confusion_picture([[3, 1], [0, 0]], NAMES)
 
 
 @pytest.mark.parametrize(
@@ -154,11 +118,12 @@ def test_entropy_is_a_share_of_the_largest() -> None:
 
 def test_no_window_system_is_touched() -> None:
     code = (
-        "import sys; from pgm_places.report import pictures, html;"
+        "import sys; from pgm_places.report import comparison_page;"
+        "from pgm_places.report.map_pictures import label_map;"
         "from pgm_places.datasets import generate_building;"
         "assert 'matplotlib' not in sys.modules;"
         "b = generate_building(0, size='small');"
-        "pictures.label_map(b.grid, b.labels, b.label_names);"
+        "label_map(b.grid, b.labels, b.label_names);"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -166,6 +131,6 @@ def test_no_window_system_is_touched() -> None:
 
 def test_a_real_floor_is_drawn_in_its_colours() -> None:
     building = generate_building(1, size="small")
-    picture = pixels(pictures.label_map(building.grid, building.labels, building.label_names))
+    picture = pixels(label_map(building.grid, building.labels, building.label_names))
     for colour in LABEL_COLOURS[:3]:
         assert len(where(picture, colour)) > 1000

@@ -12,8 +12,9 @@ import pytest
 from PIL import Image
 
 from pgm_places.errors import OutputError
+from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.palette import LABEL_COLOURS, rgb_of
-from pgm_places.report.html import report_page, write_report
+from pgm_places.report.comparison_page import report_page, write_report
 from tests.report.comparisons import small_comparison
 
 HISTORY = {
@@ -83,6 +84,8 @@ def test_nothing_is_loaded_from_elsewhere() -> None:
     assert all("src" not in script for script in page.all("script"))
     assert all(image["src"].startswith("data:") for image in page.all("img"))
     assert all(link["href"].startswith("#") for link in page.all("a"))
+    sections = {section["id"] for section in page.all("section")}
+    assert {link["href"].removeprefix("#") for link in page.all("a")} == sections
 
 
 def test_the_policy_lets_only_the_reports_own_script_run() -> None:
@@ -152,10 +155,6 @@ def test_a_label_that_never_occurs_has_dashes() -> None:
     # Seven columns hold all four labels, so take the last one out of the truth.
     for item in comparison.maps:
         assert {0, 1, 2, 3} <= set(np.unique(item.truth).tolist())
-    from dataclasses import replace
-
-    from pgm_places.evaluation.evaluation import Evaluation
-
     counts = np.diag([5, 5, 5, 0])
     methods = tuple(
         replace(method, evaluation=Evaluation(comparison.label_names, counts))
@@ -221,7 +220,37 @@ def test_learned_weights_have_their_certificate_and_their_history() -> None:
     )
     page = report_page(replace(comparison, methods=(comparison.methods[0], amn)))
     text = Reader(page).text
-    assert "How far from the best the learned weights may be" in text
+    assert "Distance of the learned weights from the optimum" in text
     assert all(word in text for word in ("2.010", "1.990", "1.00", "41"))
     assert "amn: learning" in text
     assert "learned weights" not in Reader(report_page(comparison)).text
+
+
+def test_charts_are_images_that_say_what_they_show() -> None:
+    page = Reader(report_page(small_comparison(info=HISTORY)))
+    charts = [image for image in page.all("img") if "svg" in image["src"]]
+    words = [chart["alt"] for chart in charts]
+    assert len(charts) == 4
+    assert any(text.startswith("accuracy over confidence. relaxation (ECE ") for text in words)
+    assert "energy over iteration. relaxation: from -10 to -12" in words
+
+
+def test_the_best_of_each_column_is_marked() -> None:
+    comparison = small_comparison()
+    plain, other = comparison.methods
+    worse = replace(plain, evaluation=Evaluation(comparison.label_names, np.ones((3, 3), np.int64)))
+    rows = re.findall(
+        r'<tr><th scope="row">(plain|relaxation)<.*?</tr>',
+        report_page(replace(comparison, methods=(worse, other))),
+        re.DOTALL,
+    )
+    assert rows[:2] == ["plain", "relaxation"]
+    marked = [
+        re.findall(r'class="best', row)
+        for row in re.findall(
+            r"<tr>.*?</tr>",
+            report_page(replace(comparison, methods=(worse, other))).split("By label", 1)[0],
+            re.DOTALL,
+        )
+    ]
+    assert [len(found) for found in marked] == [0, 0, 5]

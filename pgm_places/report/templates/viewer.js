@@ -1,8 +1,4 @@
-"""The report's only script: open a map large, zoom, and flip between methods in place."""
-
-__all__ = ["SCRIPT"]
-
-SCRIPT = """
+// Open a map large, zoom, and flip between methods in place.
 (() => {
   const dialog = document.querySelector('dialog');
   if (!dialog || !dialog.showModal) return;
@@ -75,4 +71,3 @@ SCRIPT = """
     document.querySelectorAll('details').forEach((part) => { part.open = true; });
   });
 })();
-"""

@@ -1,0 +1,219 @@
+"""A comparison as one HTML file that needs nothing else: to read, to print, to send."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pgm_places.evaluation.evaluation import Evaluation, Interval
+from pgm_places.experiment.comparison import BLOCK_M, Comparison, MethodResult
+from pgm_places.inference.labeling import Labeling
+from pgm_places.io.atomic import write_text
+from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
+from pgm_places.report.comparison_charts import history_charts, reliability_chart
+from pgm_places.report.map_layers import label_layers, probability_layers
+from pgm_places.report.page import render
+
+__all__ = ["report_page", "write_report"]
+
+_GRADIENTS = (
+    ("probability", ("0", "1"), levels("probability", 9)),
+    ("entropy", ("0 (certain)", "1 (undecided)"), levels("entropy", 9)),
+)
+_STEP_COUNTS = ("iterations", "n_iterations", "sweeps")
+
+
+def write_report(comparison: Comparison, path: Path | str) -> Path:
+    """The path, once the file holds the whole report.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written; what stood there before is then untouched.
+    """
+    return write_text(path, report_page(comparison))
+
+
+def report_page(comparison: Comparison) -> str:
+    """The report as text: the same comparison gives the same text, without a date.
+
+    Pictures, style and script are in the file, and a content policy in its head forbids it to load
+    anything else. Every text from configurations, maps and label names is escaped.
+    """
+    labels = label_swatches(comparison.label_names)
+    config = json.dumps(comparison.config, indent=2, ensure_ascii=False, default=str)
+    return render(
+        "comparison.html",
+        script="viewer.js",
+        title=comparison.title,
+        methods=comparison.methods,
+        maps=comparison.maps,
+        labels=labels,
+        n_cells=sum(method.evaluation.n for method in comparison.methods[:1]),
+        warnings=comparison.warnings,
+        cards=list(_cards(comparison)),
+        figures=_FIGURES,
+        results=[(method, _row(method, comparison.methods)) for method in comparison.methods],
+        results_by_label=[
+            (method, _row_by_label(method, comparison)) for method in comparison.methods
+        ],
+        block_m=BLOCK_M,
+        truth=_truth(comparison, labels),
+        stage_seconds=comparison.stage_seconds,
+        legend=(*labels, Swatch("error", ERROR), *GROUND_SWATCHES),
+        map_layers=label_layers(comparison),
+        reliability=reliability_chart(comparison),
+        histories=history_charts(comparison),
+        gradients=_GRADIENTS,
+        beliefs=probability_layers(comparison),
+        certificates=list(_certificates(comparison)),
+        learned_certificates=_learned_certificates(comparison),
+        config=config,
+        versions=comparison.versions,
+        inputs=comparison.inputs,
+    )
+
+
+def _mean_iou(evaluation: Evaluation) -> float | None:
+    defined = [value for value in evaluation.iou.values() if value is not None]
+    return float(np.mean(defined)) if defined else None
+
+
+Figure = Callable[[Evaluation], float | None]
+_FIGURES: dict[str, Figure] = {
+    "Accuracy": lambda found: found.accuracy,
+    "Balanced": lambda found: found.balanced_accuracy,
+    "Macro F1": lambda found: found.macro_f1,
+    "Mean IoU": _mean_iou,
+    "MCC": lambda found: found.mcc,
+}
+_INTERVALS = {"Accuracy": "accuracy", "Balanced": "balanced_accuracy"}
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A figure of a method, with whether it is the best of all methods."""
+
+    value: float | None
+    best: bool
+    interval: Interval | None = None
+
+
+def _cell(
+    figure: Figure,
+    method: MethodResult,
+    methods: Sequence[MethodResult],
+    interval: Interval | None = None,
+) -> _Cell:
+    value = figure(method.evaluation)
+    others = [other for item in methods if (other := figure(item.evaluation)) is not None]
+    best = value is not None and len(methods) > 1 and value == max(others)
+    return _Cell(value, best, interval)
+
+
+def _row(method: MethodResult, methods: Sequence[MethodResult]) -> list[_Cell]:
+    return [
+        _cell(figure, method, methods, method.intervals.get(_INTERVALS.get(name, "")))
+        for name, figure in _FIGURES.items()
+    ]
+
+
+def _row_by_label(method: MethodResult, comparison: Comparison) -> list[_Cell]:
+    """Recall, precision and IoU of each label in turn."""
+
+    def figure(kind: str, name: str) -> Figure:
+        return lambda found: getattr(found, kind)[name]
+
+    return [
+        _cell(figure(kind, name), method, comparison.methods)
+        for name in comparison.label_names
+        for kind in ("recall", "precision", "iou")
+    ]
+
+
+def _cards(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    """The figures most readers come for."""
+    methods = comparison.methods
+    if not methods:
+        return
+
+    def best(figure: Figure, words: str) -> tuple[str, str]:
+        top = max(methods, key=lambda method: figure(method.evaluation) or 0.0)
+        return f"{100 * (figure(top.evaluation) or 0.0):.1f} %", f"{words}: {top.id}"
+
+    yield best(_FIGURES["Accuracy"], "best accuracy")
+    yield best(_FIGURES["Balanced"], "best balanced accuracy")
+    counts = methods[0].evaluation.confusion.sum(axis=1)
+    if (counts > 0).sum() > 1:  # where methods differ most
+        rarest = comparison.label_names[int(np.where(counts > 0, counts, counts.max()).argmin())]
+        yield best(lambda found: found.recall[rarest], f"best recall of {rarest}, the rarest label")
+    inferred = sum(method.seconds.get("infer", 0.0) for method in methods)
+    yield f"{sum(comparison.stage_seconds.values()) + inferred:.1f} s", "total time"
+
+
+@dataclass(frozen=True)
+class _Share:
+    """How much of the ground truth is one label."""
+
+    label: Swatch
+    n_cells: int
+    area_m2: float
+    share: float
+
+
+def _truth(comparison: Comparison, labels: Sequence[Swatch]) -> list[_Share]:
+    """What a constant answer would score."""
+    counts = np.zeros(len(labels), np.int64)
+    areas_m2 = np.zeros(len(labels))
+    for item in comparison.maps:
+        truth = item.layout.from_raster(item.truth)
+        on_map = np.bincount(truth[truth >= 0], minlength=len(counts))
+        counts += on_map
+        areas_m2 += on_map * item.grid.resolution_m**2
+    total = max(int(counts.sum()), 1)
+    return [
+        _Share(label, int(count), float(area), count / total)
+        for label, count, area in zip(labels, counts, areas_m2, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class _Certificate:
+    """How far from the best a labelling may be."""
+
+    name: str
+    labeling: Labeling
+
+    @property
+    def gap_percent(self) -> str:
+        """The gap as a share of the score."""
+        found = self.labeling
+        if found.gap is None or found.score is None:
+            return "–"
+        return f"{100 * found.gap / max(abs(found.score), 1e-12):.3g}"
+
+    @property
+    def iterations(self) -> str:
+        """How many there were, whatever the method calls them."""
+        info = self.labeling.info
+        return str(next((info[key] for key in _STEP_COUNTS if key in info), "–"))
+
+
+def _certificates(comparison: Comparison) -> Iterator[_Certificate]:
+    for method in comparison.methods:
+        for item, labeling in zip(comparison.maps, method.labelings, strict=True):
+            name = f"{method.id}, {item.name}" if len(comparison.maps) > 1 else method.id
+            yield _Certificate(name, labeling)
+
+
+def _learned_certificates(comparison: Comparison) -> list[tuple[str, Mapping[str, Any]]]:
+    """Methods that learned by optimisation, with what they say of their weights."""
+    keys = {"objective", "lower_bound", "certified_objective", "certified_gap"}
+    return [
+        (method.id, method.learned)
+        for method in comparison.methods
+        if keys <= method.learned.keys()
+    ]

@@ -1,0 +1,206 @@
+"""The layers of a comparison's maps as images of a page: truth, labels, errors, probabilities."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
+from pgm_places.report.canvas import (
+    Canvas,
+    View,
+    difference_canvas,
+    label_canvas,
+    value_canvas,
+    view_of,
+)
+from pgm_places.report.map_pictures import entropy
+from pgm_places.report.page import data_uri
+from pgm_places.report.sheet import round_length
+
+__all__ = ["Layer", "MapLayers", "label_layers", "probability_layers"]
+
+_LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000
+"""Pixels of all label pictures and of all probability pictures together. A pixel of the first takes
+some 0.05 bytes, of the second at most 0.6, so that a report stays below 8 MB."""
+
+_MOST_PIXELS = 1_500_000
+_LEAST_WIDTH = 1000
+"""Narrower pictures are enlarged by a whole number, so that a browser's smoothing does no harm."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A picture of a test map.
+
+    Parameters
+    ----------
+    map_index : int
+        Which map; the viewer flips between the layers of one map.
+    name : str
+        Its name among the map's layers.
+    words, caption : str
+        What it shows, in full and in short.
+    canvas : Canvas
+    """
+
+    map_index: int
+    name: str
+    words: str
+    caption: str
+    canvas: Canvas
+
+    @property
+    def _enlarged(self) -> Canvas:
+        times = -(-_LEAST_WIDTH // self.canvas.indices.shape[1])
+        indices = self.canvas.indices.repeat(times, axis=0).repeat(times, axis=1)
+        return replace(self.canvas, indices=indices)
+
+    @property
+    def source(self) -> str:
+        """The address of the image that holds the picture."""
+        return data_uri(self._enlarged.png())
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the image in pixels."""
+        height, width = self._enlarged.indices.shape
+        return width, height
+
+    @property
+    def _width_m(self) -> float:
+        return self.canvas.m_per_pixel * self.canvas.indices.shape[1]
+
+    @property
+    def scale_m(self) -> float:
+        """Length of the scale bar."""
+        return round_length(self._width_m / 4)
+
+    @property
+    def scale_percent(self) -> float:
+        """Length of the scale bar as a share of the picture's width."""
+        return 100 * self.scale_m / self._width_m
+
+
+@dataclass(frozen=True)
+class MapLayers:
+    """A test map: what it is, its truth, and per method its labels and its errors."""
+
+    name: str
+    facts: Sequence[tuple[str, str]]
+    truth: Layer
+    methods: Sequence[tuple[str, Sequence[Layer]]]
+
+
+def label_layers(comparison: Comparison) -> list[MapLayers]:
+    """Per test map: the truth, then each method's labels beside where they are wrong."""
+    n_pictures = len(comparison.maps) * (1 + 2 * len(comparison.methods))
+    most_pixels = min(_MOST_PIXELS, _LABEL_PIXELS // max(n_pictures, 1))
+    return [_layers(comparison, index, most_pixels) for index in range(len(comparison.maps))]
+
+
+def _layers(comparison: Comparison, index: int, most_pixels: int) -> MapLayers:
+    item, names = comparison.maps[index], comparison.label_names
+    view = _view(item, most_pixels)
+    truth = item.layout.to_raster(item.layout.from_raster(item.truth), fill=-1)
+    canvas = label_canvas(item.grid, truth, names, view)
+    first = Layer(index, "Ground truth", f"{item.name}: ground truth", "ground truth", canvas)
+    methods = [
+        (method.id, _pair(index, item, method, (truth, names), view))
+        for method in comparison.methods
+    ]
+    return MapLayers(item.name, _facts(item), first, methods)
+
+
+def _pair(
+    index: int,
+    item: TestMap,
+    method: MethodResult,
+    truth: tuple[NDArray[np.integer], Sequence[str]],
+    view: View,
+) -> tuple[Layer, Layer]:
+    true, names = truth
+    found = item.layout.to_raster(method.labelings[index].labels.astype(np.int16), fill=-1)
+    evaluation = method.evaluations[index]
+    correct = f"{100 * evaluation.accuracy:.2f} % correct"
+    n_wrong = evaluation.n - round(evaluation.accuracy * evaluation.n)
+    return (
+        Layer(
+            index,
+            method.id,
+            f"{item.name}: labels by {method.id}, {correct}",
+            f"labels: {correct}",
+            label_canvas(item.grid, found, names, view),
+        ),
+        Layer(
+            index,
+            f"{method.id} errors",
+            f"{item.name}: {n_wrong} of {evaluation.n} cells that {method.id} labels wrongly",
+            f"errors: {n_wrong:,} of {evaluation.n:,} cells",
+            difference_canvas(item.grid, true, found, names, view),
+        ),
+    )
+
+
+def _facts(item: TestMap) -> list[tuple[str, str]]:
+    height, width = item.grid.shape
+    side = item.grid.resolution_m
+    size = f"{width} × {height} cells of {side:g} m ({width * side:.1f} × {height * side:.1f} m)"
+    n_evaluated = int((item.layout.from_raster(item.truth) >= 0).sum())
+    return [
+        ("map", size),
+        ("labelled", f"{len(item.layout.cells_rc):,} free cells of the test window"),
+        ("evaluated", f"{n_evaluated:,} cells with ground truth"),
+    ]
+
+
+def probability_layers(comparison: Comparison) -> list[tuple[str, list[Layer]]]:
+    """Per test map and method with beliefs: its title, a picture per label, and the entropy."""
+    shown = [
+        (index, item, method)
+        for index, item in enumerate(comparison.maps)
+        for method in comparison.methods
+        if method.labelings[index].beliefs is not None
+    ]
+    n_pictures = max(len(shown) * (len(comparison.label_names) + 1), 1)
+    most_pixels = min(_MOST_PIXELS, _VALUE_PIXELS // n_pictures)
+    several = len(comparison.maps) > 1
+    return [
+        (
+            f"{item.name}: {method.id}" if several else method.id,
+            _beliefs(index, item, method, comparison.label_names, most_pixels),
+        )
+        for index, item, method in shown
+    ]
+
+
+def _beliefs(
+    index: int, item: TestMap, method: MethodResult, names: Sequence[str], most_pixels: int
+) -> list[Layer]:
+    beliefs = method.labelings[index].beliefs
+    assert beliefs is not None  # chosen by the caller
+    view = _view(item, most_pixels)
+    shown = [
+        (name, f"probability of {name}", beliefs[:, k], "probability")
+        for k, name in enumerate(names)
+    ]
+    shown.append(("entropy", "entropy", entropy(beliefs), "entropy"))
+    return [
+        Layer(
+            index,
+            f"{method.id}: {name}",
+            f"{item.name}: {words} by {method.id}, {_mean(values)}",
+            f"{name}, {_mean(values)}",
+            value_canvas(item.grid, values, item.layout, gradient, view),
+        )
+        for name, words, values, gradient in shown
+    ]
+
+
+def _mean(values: NDArray[np.floating]) -> str:
+    return f"mean {values.mean():.3f}" if len(values) else "no cells"
+
+
+def _view(item: TestMap, most_pixels: int) -> View:
+    return view_of(item.grid, item.layout.node_of_cell >= 0, most_pixels=most_pixels)

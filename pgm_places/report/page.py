@@ -1,0 +1,103 @@
+"""Pages: Jinja2 templates filled in as single HTML files that load nothing else."""
+
+import base64
+import hashlib
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from pgm_places._version import __version__
+
+__all__ = ["data_uri", "render", "template_text"]
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_NONE = "–"
+_MOST_ITEMS, _MOST_NUMBERS = 24, 12
+
+
+def render(template: str, *, script: str | None = None, **values: object) -> str:
+    """The page that a template makes of its values; every text among them is escaped.
+
+    Parameters
+    ----------
+    template : str
+        File name in the package's folder of templates.
+    script : str or None
+        File name of the page's only script; the page's content policy allows this one by its hash.
+    values : object
+        What the template calls by name; a name that it does not find is an error.
+    """
+    code = "" if script is None else template_text(script)
+    digest = base64.b64encode(hashlib.sha256(code.encode("utf-8")).digest()).decode("ascii")
+    page = (
+        _environment()
+        .get_template(template)
+        .render(script=code, script_digest=digest, version=__version__, **values)
+    )
+    return page.encode("utf-8", "replace").decode("utf-8")  # lone surrogates in file names
+
+
+def template_text(name: str) -> str:
+    """A style sheet or a script of the package as it stands in its file."""
+    return (_TEMPLATES / name).read_text("utf-8")
+
+
+def data_uri(content: bytes, kind: str = "image/png") -> str:
+    """The content as an address that holds it."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+@lru_cache(maxsize=1)
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {
+        "counted": _counted,
+        "figure": lambda value: _or_dash(value, ",.3f"),
+        "percent": _percent,
+        "plain": _plain,
+        "seconds": _seconds,
+    }
+    return environment
+
+
+def _or_dash(value: float | None, form: str) -> str:
+    return _NONE if value is None else f"{value:{form}}"
+
+
+def _percent(share: float | None, digits: int = 1) -> str:
+    """A share in percent, a dash where there is none."""
+    return _or_dash(None if share is None else 100 * share, f".{digits}f")
+
+
+def _seconds(value: float | None) -> str:
+    return _or_dash(value, ".2f" if value is None or value < 10 else ".1f")
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _plain(value: Any) -> str:
+    """A value as a reader likes it: short numbers, long arrays by their shape."""
+    if isinstance(value, float | np.floating):
+        return f"{float(value):.6g}"
+    if isinstance(value, np.ndarray):
+        large = value.size > _MOST_NUMBERS
+        return f"array of shape {value.shape}" if large else _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        shown = ", ".join(_plain(item) for item in value[:_MOST_ITEMS])
+        return shown if len(value) <= _MOST_ITEMS else f"{shown} … ({len(value)} values)"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_plain(item)}" for key, item in value.items())
+    return str(value)
