@@ -9,10 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 
 __all__ = ["CellMap", "GridLayout", "StepLayout"]
-
-ROWS_AT_ONCE = 256
 
 
 @runtime_checkable
@@ -71,12 +70,12 @@ class GridLayout:
         """The layout whose nodes are the cells of a mask (H, W), in row-major order."""
         starts = np.concatenate([[0], np.cumsum(np.count_nonzero(mask, axis=1))])
         cells = np.empty((int(starts[-1]), 2), np.int32)
-        for row in range(0, len(mask), ROWS_AT_ONCE):  # np.argwhere would take four times as much
-            part = mask[row : row + ROWS_AT_ONCE]
-            inside = cells[starts[row] : starts[row + len(part)]]
-            inside[:, 0], inside[:, 1] = np.nonzero(part)
-            inside[:, 0] += row
-        return cls((mask.shape[0], mask.shape[1]), sealed(cells), walls, source)
+        shape = (mask.shape[0], mask.shape[1])
+        for rows in bands_of_rows(shape):  # np.argwhere would take four times as much
+            inside = cells[starts[rows.start] : starts[rows.stop]]
+            inside[:, 0], inside[:, 1] = np.nonzero(mask[rows])
+            inside[:, 0] += rows.start
+        return cls(shape, sealed(cells), walls, source)
 
     def part(self, keep: NDArray[np.bool_]) -> "GridLayout":
         """The layout of the nodes where the mask (N,) is true."""

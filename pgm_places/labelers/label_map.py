@@ -1,16 +1,17 @@
 """Label a map with a stored model, whatever the two resolutions are."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.maps.coarsening import coarsen, coarsening_factor
+from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor, refine
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 
@@ -31,9 +32,9 @@ class LabelledPlaces:
     labels : (H, W) int16
         Label index per free cell in the grid's order, -1 elsewhere.
     layout : GridLayout
-        The cells behind ``labeling``: of ``grid``, or of its coarsened form.
+        The cells behind ``labeling``: of ``grid``, or of its coarsened form, ``layout.source``.
     labeling : Labeling
-        What the method returned.
+        What the method returned; of a map that was refined, brought back to its cells.
     label_names : tuple of str
     method : str
     warnings : tuple of str
@@ -41,12 +42,16 @@ class LabelledPlaces:
 
     grid: OccupancyGrid
     labels: NDArray[np.int16]
-    labelled_grid: OccupancyGrid
     layout: GridLayout
     labeling: Labeling
     label_names: tuple[str, ...]
     method: str
     warnings: tuple[str, ...] = ()
+
+    def on_map(self, values: ArrayLike, fill: Any) -> NDArray[Any]:
+        """Values of the nodes (N, ...) on the map's raster (H, W, ...), ``fill`` elsewhere."""
+        raster = self.layout.to_raster(values, fill=fill)
+        return Coarsening.behind(self.layout, self.grid).paint(raster, fill)
 
     def shares(self) -> dict[str, float]:
         """Square metres per label."""
@@ -73,14 +78,14 @@ def label_map(
 ) -> LabelledPlaces:
     """The map labelled by a fitted labeler, on the map's own raster.
 
-    Structured weights belong to one resolution. A map that is finer than the model by a whole
-    factor is coarsened, labelled, and painted back; any other difference is labelled as it is,
-    with a warning.
+    Structured weights belong to one resolution. A map that is finer than the model is coarsened,
+    labelled, and its labels are painted back; one that is coarser is refined, labelled, and each
+    cell takes the most frequent label of its parts. A warning says so.
 
     Raises
     ------
     MapError
-        The map has no free cell.
+        The map has no free cell, or none that is left at the model's resolution.
     """
     progress = progress or Silent()
     if not grid.free.any():
@@ -88,13 +93,21 @@ def label_map(
             "the map has no free cell to label; look at its thresholds ('pgm-places doctor MAP')"
         )
     used, warnings = _at_model_resolution(labeler, grid)
+    if not used.free.any():
+        raise MapError(
+            f"no free cell is left where the map's cells of {grid.resolution_m:g} m are joined to "
+            f"the model's of {used.resolution_m:g} m; look at its thresholds ('pgm-places doctor "
+            "MAP'), or use a model of a finer resolution"
+        )
     name = method or labeler.default_method
     layout, labeling = _labelled(labeler, used, name, n_threads, progress)
+    if used.resolution_m < grid.resolution_m:
+        cells, layout = layout, GridLayout.of_mask(grid.free, grid.occupied, grid)
+        labeling = _brought_back(labeling, used, cells, layout)
     raster = layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
-    if used is not grid:
-        raster = _painted_back(raster, used, grid)
+    painted = Coarsening.behind(layout, grid).paint(raster, -1)
     return LabelledPlaces(
-        grid, raster, used, layout, labeling, tuple(labeler.label_names), name, tuple(warnings)
+        grid, painted, layout, labeling, tuple(labeler.label_names), name, tuple(warnings)
     )
 
 
@@ -105,7 +118,7 @@ def _labelled(
     n_threads: int | None,
     progress: Progress,
 ) -> tuple[GridLayout, Labeling]:
-    """What a method makes of a map; the scores it is made from are let go of."""
+    """What a method makes of a map; the scores that it is made from are freed."""
     problem = labeler.problem(grid, method=name, n_threads=n_threads, progress=progress)
     with progress.stage(f"labelling with {name}"):
         labeling = labeler.method(name).backend.infer(problem)
@@ -117,38 +130,40 @@ def _labelled(
 def _at_model_resolution(
     labeler: PlaceLabeler, grid: OccupancyGrid
 ) -> tuple[OccupancyGrid, Sequence[str]]:
+    """The map with the model's cells, and what there is to say about it."""
     wanted = labeler.resolution_m
     if wanted is None or abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
         return grid, []
+    note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "
     if wanted > grid.resolution_m:
-        note = (
-            f"the map has cells of {grid.resolution_m:g} m, the model learned at {wanted:g} m: "
-            f"coarsened by {float(coarsening_factor(grid, wanted)):g} and painted back"
-        )
-        return coarsen(grid, wanted), [note]
-    note = (
-        f"the map has cells of {grid.resolution_m:g} m, the model learned at {wanted:g} m; "
-        "expect worse labels, or train a model at this resolution"
-    )
-    return grid, [note]
+        factor = float(coarsening_factor(grid, wanted))
+        return coarsen(grid, wanted), [f"{note}coarsened by {factor:g} and painted back"]
+    used = refine(grid, wanted)
+    factor = grid.resolution_m / used.resolution_m
+    return used, [
+        f"{note}split by {factor:g}, each cell takes the most frequent label of its parts"
+    ]
 
 
-def _painted_back(
-    raster: NDArray[np.int16], coarse: OccupancyGrid, grid: OccupancyGrid
-) -> NDArray[np.int16]:
-    """Coarse labels on the fine raster; free cells without one take the nearest label."""
-    from scipy.ndimage import distance_transform_edt
+def _brought_back(
+    labeling: Labeling, refined: OccupancyGrid, cells: GridLayout, layout: GridLayout
+) -> Labeling:
+    """A refined map's labeling at the nodes of the map: most frequent label, mean probability.
 
-    # A fine cell takes the label of the coarse cell that holds its centre.
-    ratio = grid.resolution_m / coarse.resolution_m
-    rows, columns = (
-        np.minimum(((np.arange(size) + 0.5) * ratio).astype(np.int64), limit - 1)
-        for size, limit in zip(grid.shape, coarse.shape, strict=True)
-    )
-    fine = raster[np.ix_(rows, columns)]
-    open_cells = grid.free & (fine < 0)
-    if open_cells.any() and (fine >= 0).any():
-        nearest = distance_transform_edt(fine < 0, return_distances=False, return_indices=True)
-        fine = np.where(open_cells, fine[tuple(nearest)], fine)
-    painted: NDArray[np.int16] = np.where(grid.free, fine, -1).astype(np.int16)
-    return painted
+    ``cells`` are those of the refined map, ``layout`` those of the map. Of labels that are equally
+    frequent the first is taken. Score and bound stay those of the refined map.
+    """
+    assert isinstance(layout.source, OccupancyGrid)  # label_map made it from the map
+    holders = Coarsening(refined, layout.source).holders(cells.cells_rc)
+    node, n_nodes = layout.nodes_at(holders), len(layout.cells_rc)
+
+    def total(values: NDArray[Any] | None) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(node, values, n_nodes), np.float64)
+
+    n_labels = int(labeling.labels.max()) + 1
+    votes = np.stack([total(labeling.labels == k) for k in range(n_labels)], axis=1)
+    beliefs = labeling.beliefs
+    if beliefs is not None:
+        means = [total(beliefs[:, k]) / total(None) for k in range(beliefs.shape[1])]
+        beliefs = np.stack(means, axis=1).astype(beliefs.dtype)
+    return replace(labeling, labels=votes.argmax(axis=1), beliefs=beliefs)

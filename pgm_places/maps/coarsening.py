@@ -1,23 +1,26 @@
-"""A map with larger cells: which blocks are free, occupied or unknown, and their labels."""
+"""Maps with larger or smaller cells, and how values of one go to the raster of the other."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import count
 from math import ceil
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import LabelError, MapError
+from pgm_places.graph.bands import bands_of_rows
+from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-__all__ = ["coarsen", "coarsen_labels", "coarsening_factor"]
+__all__ = ["Coarsening", "coarsen", "coarsen_labels", "coarsening_factor", "refine"]
 
 # 0.2 / 0.05 is 4 to the last bits; map files round resolutions to three or four digits
 _SAME = 1e-3
-_CHUNK_CELLS = 1 << 22
 
 
 def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
@@ -36,6 +39,10 @@ def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
             f"a map with cells of {grid.resolution_m:g} m cannot be brought to {resolution_m:g} m: "
             f"cells are joined, never split; take at least {grid.resolution_m:g} m"
         )
+    return _simplest(ratio)
+
+
+def _simplest(ratio: float) -> Fraction:
     fractions = (Fraction(round(ratio * parts), parts) for parts in count(1))
     return next(f for f in fractions if abs(ratio - f) <= _SAME * ratio)
 
@@ -150,6 +157,177 @@ def coarsen_labels(
     return result
 
 
+def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
+    """The map with cells split: each new cell is as the cell of ``grid`` that holds its centre.
+
+    Walls and doorways get no sharper. Origin and yaw are kept; the new map ends at the last centre
+    inside the old one.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The coarse map.
+    resolution_m : float
+        Side of the new cells, at most the map's own.
+
+    Raises
+    ------
+    MapError
+        Where the cells would be larger, or too many to be numbered by 32 bits.
+
+    Examples
+    --------
+    >>> refine(OccupancyGrid([[0, 100]], resolution_m=0.1), 0.05).cells.tolist()
+    [[0, 0, 100, 100], [0, 0, 100, 100]]
+    """
+    ratio = grid.resolution_m / resolution_m if resolution_m > 0 else 0.0
+    if not 1 - _SAME <= ratio < np.inf:
+        raise MapError(
+            f"a map with cells of {grid.resolution_m:g} m cannot be refined to {resolution_m:g} m: "
+            f"take more than 0 m and at most {grid.resolution_m:g} m"
+        )
+    factor = _simplest(ratio)
+    if factor == 1:
+        return grid
+    height, width = (ceil(size * factor - Fraction(1, 2)) for size in grid.shape)
+    if height * width >= 2**31:
+        raise MapError(
+            f"a map of {grid.shape} cells of {grid.resolution_m:g} m would have {height * width:,} "
+            f"of {resolution_m:g} m; crop it, or take a model for larger cells"
+        )
+    cells = grid.cells[np.ix_(_holders(height, factor), _holders(width, factor))]
+    return OccupancyGrid(cells, grid.resolution_m / float(factor), grid.origin_xy_m, grid.yaw_rad)
+
+
+@dataclass(frozen=True, eq=False)
+class Coarsening:
+    """A map and the same map with larger cells: how values of one go to the other's raster.
+
+    A free cell of the fine map takes its value from the coarse cell that holds its centre. Where
+    that one is not free, it is the free coarse cell with the nearest centre; of several, the first.
+
+    Parameters
+    ----------
+    fine, coarse : OccupancyGrid
+        A map and what :func:`coarsen` made of it, or what :func:`refine` made of a map and the map.
+
+    Raises
+    ------
+    MapError
+        The coarse map has the smaller cells, or another shape.
+
+    Examples
+    --------
+    >>> fine = OccupancyGrid([[0, 0, 0, 100], [0, 0, 0, 0]], resolution_m=0.05)
+    >>> pair = Coarsening(fine, coarsen(fine, 0.1, occupied_share=0.5))
+    >>> pair.paint([[3, 7]], fill=-1).tolist()
+    [[3, 3, 7, -1], [3, 3, 7, 7]]
+    """
+
+    fine: OccupancyGrid
+    coarse: OccupancyGrid
+
+    def __post_init__(self) -> None:
+        for size, n_fine in zip(self.coarse.shape, self.fine.shape, strict=True):
+            refined = int(_holders(n_fine, self.factor)[-1]) + 1
+            if size not in (refined, ceil(n_fine / self.factor)):
+                raise MapError(
+                    f"a map of {self.coarse.shape} cells is not one of {self.fine.shape} cells "
+                    f"coarsened by {self.factor}"
+                )
+
+    @classmethod
+    def behind(cls, layout: GridLayout, grid: OccupancyGrid) -> Self:
+        """The coarsening by which the nodes of a layout stand for the cells of a map.
+
+        Parameters
+        ----------
+        layout : GridLayout
+            The cells that were labelled: of ``grid``, or of the map that it was coarsened to.
+        grid : OccupancyGrid
+            The map.
+
+        Raises
+        ------
+        MapError
+            The layout is of another map, or has other cells and no map of its own.
+        """
+        if isinstance(layout.source, OccupancyGrid):
+            return cls(grid, layout.source)
+        if layout.shape == grid.shape:
+            return cls(grid, grid)
+        raise MapError(
+            f"the layout has {layout.shape} cells but the map {grid.shape}; pass the layout that "
+            "the labels were made with, from LabelGraph.from_grid of the coarsened map"
+        )
+
+    @cached_property
+    def factor(self) -> Fraction:
+        """How many fine cells stand along the side of a coarse one."""
+        return coarsening_factor(self.fine, self.coarse.resolution_m)
+
+    def holders(self, cells_rc: NDArray[np.integer]) -> NDArray[np.int64]:
+        """(N, 2) the coarse cells that hold the centres of fine cells, all row and column."""
+        return _holder(np.asarray(cells_rc, np.int64), self.factor)
+
+    def paint(self, values: ArrayLike, fill: Any, *, rows: slice | None = None) -> NDArray[Any]:
+        """Values of the coarse raster (h, w, ...) on the fine one, ``fill`` on cells not free.
+
+        With ``rows`` only that band of the fine raster, for maps that are too large at once: see
+        :func:`~pgm_places.graph.bands.bands_of_rows`.
+        """
+        array = np.asarray(values)
+        if array.shape[:2] != self.coarse.shape:
+            raise MapError(
+                f"values must have the coarse map's shape {self.coarse.shape}, got {array.shape}"
+            )
+        if rows is not None:
+            return self._painted(array, fill, rows)
+        result = np.empty((*self.fine.shape, *array.shape[2:]), array.dtype)
+        for band in bands_of_rows(self.fine.shape):
+            result[band] = self._painted(array, fill, band)
+        return result
+
+    def _painted(self, array: NDArray[Any], fill: Any, rows: slice) -> NDArray[Any]:
+        if self.factor == 1:
+            painted, inside = array[rows].copy(), self.fine.free[rows]
+        else:
+            source = self._sources(rows)
+            painted, inside = array.reshape(-1, *array.shape[2:])[source], source >= 0
+        painted[~inside] = fill
+        return painted
+
+    def _sources(self, rows: slice) -> NDArray[np.int64]:
+        """(n, W) flat index of the coarse cell behind each fine cell of a band, -1 for none."""
+        from pgm_places.maps._painting_kernels import source_cells
+
+        free = self.fine.free[rows]
+        out = np.full(free.shape, -1, np.int64)
+        if not self.coarse.free.any():
+            return out
+        height, width = self.fine.shape
+        source_cells(
+            free,
+            range(height)[rows].start,
+            _holders(height, self.factor)[rows],
+            _holders(width, self.factor),
+            self.coarse.free,
+            self.factor.numerator,
+            self.factor.denominator,
+            out,
+        )
+        return out
+
+
+def _holders(n_cells: int, factor: Fraction) -> NDArray[np.int64]:
+    """(n_cells,) the run of ``factor`` cells that holds the centre of each cell."""
+    return _holder(np.arange(n_cells, dtype=np.int64), factor)
+
+
+def _holder(cell: NDArray[np.int64], factor: Fraction) -> NDArray[np.int64]:
+    return (2 * cell + 1) * factor.denominator // (2 * factor.numerator)
+
+
 def _coarse_shape(grid: OccupancyGrid, factor: Fraction) -> tuple[int, int]:
     height, width = grid.shape
     return ceil(height / factor), ceil(width / factor)
@@ -164,13 +342,10 @@ def _block_rows(
     cells: NDArray[np.integer], factor: Fraction
 ) -> Iterator[tuple[slice, NDArray[np.integer]]]:
     """Rows of blocks and their cells, a few million cells at a time; no cell is in two parts."""
-    height, width = cells.shape
     blocks, tall = factor.denominator, factor.numerator  # so many blocks hold so many whole cells
-    repeats = max(1, _CHUNK_CELLS // (width * tall))
-    for turn in range(0, ceil(height / tall), repeats):
-        part = cells[turn * tall : (turn + repeats) * tall]
-        first = turn * blocks
-        yield slice(first, first + ceil(len(part) / factor)), part
+    for rows in bands_of_rows((cells.shape[0], cells.shape[1]), multiple=tall):
+        first = rows.start // tall * blocks
+        yield slice(first, first + ceil((rows.stop - rows.start) / factor)), cells[rows]
 
 
 def _areas(mask: NDArray[np.bool_], factor: Fraction, shape: tuple[int, ...]) -> NDArray[np.int64]:

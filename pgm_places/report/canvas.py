@@ -1,7 +1,7 @@
 """Maps as small paletted images: cropped, made smaller where needed, right way up."""
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.maps.occupancy_grid import UNKNOWN as UNKNOWN_CELL
 from pgm_places.palette import (
@@ -31,7 +33,6 @@ __all__ = [
     "checked_labels",
     "difference_canvas",
     "label_canvas",
-    "row_bands",
     "value_canvas",
     "view_of",
 ]
@@ -47,9 +48,6 @@ _LABEL_WEIGHT, _STRONG_WEIGHT = 2, 4
 """What a block of cells shows when a map is made smaller: the kind with the largest weighted
 count of unknown, wall, free without a label, and labels. Walls and errors weigh most, as they are
 thin."""
-
-_BAND_CELLS = 4_000_000
-"""Cells that are looked at together when a map is made smaller: bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ def view_of(
     nothing = UNKNOWN_CELL if raster is grid.cells else False
     in_row = np.zeros(grid.shape[0], np.bool_)
     in_column = np.zeros(grid.shape[1], np.bool_)
-    for band in row_bands(grid.shape):
+    for band in bands_of_rows(grid.shape):
         used = raster[band] != nothing
         in_row[band] = used.any(axis=1)
         in_column |= used.any(axis=0)
@@ -120,14 +118,6 @@ def view_of(
     cells = (rows.stop - rows.start) * (columns.stop - columns.start)
     shrink = max(1, int(np.ceil(np.sqrt(cells / most_pixels))))
     return View(rows, columns, shrink)
-
-
-def row_bands(shape: tuple[int, int]) -> Iterator[slice]:
-    """Bands of rows that are small enough to be worked on one at a time."""
-    rows, columns = shape
-    high = max(1, _BAND_CELLS // max(columns, 1))
-    for first in range(0, rows, high):
-        yield slice(first, min(first + high, rows))
 
 
 def _span(used: NDArray[np.bool_], grid: OccupancyGrid) -> slice:
@@ -206,11 +196,12 @@ def value_canvas(
     array = finite_array("values", values, (len(layout.cells_rc),))
     steps = np.clip(array * N_LEVELS, 0, N_LEVELS - 1).astype(np.int16)
     raster = layout.to_raster(steps, fill=np.int16(-1))
+    coarsening = Coarsening.behind(layout, grid)
     colours = (*_GROUND, *levels(gradient, N_LEVELS))
 
     def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:
         picture = _ground(grid, cells)
-        part = raster[cells]
+        part = coarsening.paint(raster, -1, rows=cells[0])[:, cells[1]]
         picture[part >= 0] = (part[part >= 0] + _FIRST).astype(np.uint8)
         return picture
 
@@ -239,10 +230,9 @@ def _canvas(
     height, width = view.shape
     picture = np.empty((height, width), np.uint8)
     columns = view.columns.stop - view.columns.start
-    band = max(1, _BAND_CELLS // (columns * view.shrink))
-    for first in range(0, height, band):
-        low = view.rows.start + first * view.shrink
-        rows = slice(low, min(view.rows.stop, low + band * view.shrink))
+    for band in bands_of_rows((view.rows.stop - view.rows.start, columns), multiple=view.shrink):
+        rows = slice(view.rows.start + band.start, view.rows.start + band.stop)
+        first = band.start // view.shrink
         painted = paint((rows, view.columns))
         if view.shrink > 1:
             painted = _shrunk(painted, view.shrink, len(colours), strong, averaged=averaged)

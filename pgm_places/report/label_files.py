@@ -32,15 +32,14 @@ def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[
     written += _write_probabilities(result, folder)
     picture = folder / "overview.png"
     title = f"{source.yaml_path.stem}: {result.method}"
-    beliefs = result.labeling.beliefs
     write_bytes(
         picture,
         overview(
             result.grid,
             result.labels,
             result.label_names,
-            beliefs=beliefs if result.labelled_grid is result.grid else None,
-            layout=result.layout if result.labelled_grid is result.grid else None,
+            beliefs=result.labeling.beliefs,
+            layout=result.layout,
             title=title,
         ),
     )
@@ -66,15 +65,9 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
     beliefs = result.labeling.beliefs
     if beliefs is None:
         return []
-    factor = round(result.labelled_grid.resolution_m / result.grid.resolution_m)
-    rows, columns = result.grid.shape
     written = []
     for k, name in enumerate(result.label_names):
-        scaled = np.round(255 * beliefs[:, k]).astype(np.uint8)
-        raster = result.layout.to_raster(scaled, fill=0)
-        if factor > 1:
-            raster = np.repeat(np.repeat(raster, factor, axis=0), factor, axis=1)
-            raster = np.where(result.grid.free, raster[:rows, :columns], 0).astype(np.uint8)
+        raster = result.on_map(np.round(255 * beliefs[:, k]).astype(np.uint8), 0)
         buffer = io.BytesIO()
         Image.fromarray(raster[::-1]).save(buffer, "PNG")  # row 0 of an image is its top
         path = folder / f"probability_{name}.png"

@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches
-from pgm_places.report.canvas import checked_labels, label_canvas, row_bands, value_canvas, view_of
+from pgm_places.report.canvas import checked_labels, label_canvas, value_canvas, view_of
 from pgm_places.report.sheet import ColourBar, Panel, sheet_png
 
 __all__ = ["entropy", "label_map", "overview"]
@@ -125,7 +126,7 @@ def _area_entries(
     grid: OccupancyGrid, labels: NDArray[np.integer], label_names: Sequence[str]
 ) -> list[Swatch]:
     counts = np.zeros(len(label_names), np.int64)
-    for rows in row_bands(grid.shape):
+    for rows in bands_of_rows(grid.shape):
         band = labels[rows]
         counts += np.bincount(band[band >= 0], minlength=len(label_names))
     total = max(int(counts.sum()), 1)

@@ -1,16 +1,14 @@
 """Connected components of equal labels (Rosenfeld and Pfaltz, paper section 6.2)."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["Components", "bands_of_rows", "connected_components"]
-
-BAND_CELLS = 4_000_000
+__all__ = ["Components", "connected_components"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +70,3 @@ def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) ->
         label[numbers] = raster[rows][inside]
         size += np.bincount(numbers, minlength=count)
     return Components(piece, label, size)
-
-
-def bands_of_rows(shape: tuple[int, int]) -> Iterator[slice]:
-    """Bands of rows, small enough that what is made of one takes little memory."""
-    high = max(1, BAND_CELLS // max(shape[1], 1))
-    for first in range(0, shape[0], high):
-        yield slice(first, first + high)

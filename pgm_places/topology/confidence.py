@@ -4,15 +4,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pgm_places._checks import finite_array
-from pgm_places.errors import InputError, LabelError
+from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
-from pgm_places.topology.components import Components, bands_of_rows
+from pgm_places.maps.coarsening import Coarsening
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.components import Components
 
 __all__ = ["mean_confidences"]
 
 
 def mean_confidences(
-    pieces: Components, beliefs: ArrayLike, layout: GridLayout | None, n_labels: int
+    pieces: Components,
+    beliefs: ArrayLike,
+    layout: GridLayout | None,
+    n_labels: int,
+    grid: OccupancyGrid,
 ) -> list[float | None]:
     """The mean probability of each piece's label, None for a piece without a known cell.
 
@@ -22,33 +29,27 @@ def mean_confidences(
     beliefs : (N, K) float
         Probabilities of the labels at the nodes of ``layout``.
     layout : GridLayout
-        The cells behind ``beliefs``: of the map, or of the map coarsened by a whole factor.
+        The cells behind ``beliefs``: of the map, or of the map coarsened.
     n_labels : int
         K.
+    grid : OccupancyGrid
+        The map that the pieces lie on.
 
     Raises
     ------
     InputError
         Beliefs without a layout.
-    LabelError
+    MapError
         The layout is of another map.
     """
     if layout is None:
         raise InputError("beliefs need the layout of their nodes; pass layout as well")
     array = finite_array("beliefs", beliefs, (len(layout.cells_rc), n_labels), dtype=np.float32)
-    shape = pieces.piece.shape
-    factor = -(-shape[0] // layout.shape[0])
-    if layout.shape != tuple(-(-side // factor) for side in shape):
-        raise LabelError(
-            f"the layout has {layout.shape} cells, which the labels' {shape} are no whole "
-            "multiple of; pass the layout that the labels were made with"
-        )
+    coarsening = Coarsening.behind(layout, grid)
     counts, sums = np.zeros(pieces.count, np.int64), np.zeros(pieces.count)
-    columns = np.arange(shape[1]) // factor
-    for rows in bands_of_rows(shape):
+    for rows in bands_of_rows(grid.shape):
         piece = pieces.piece[rows]
-        part = np.arange(rows.start, rows.start + len(piece)) // factor
-        node = layout.node_of_cell[part[:, None], columns]
+        node = coarsening.paint(layout.node_of_cell, -1, rows=rows)
         known = (piece >= 0) & (node >= 0)
         numbers = piece[known]
         counts += np.bincount(numbers, minlength=pieces.count)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.topology.borders import contacts
-from pgm_places.topology.components import Components, bands_of_rows, connected_components
+from pgm_places.topology.components import Components, connected_components
 
 __all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]
 

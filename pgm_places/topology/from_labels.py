@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster, sealed
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.clearance import squared_clearance
-from pgm_places.topology.components import bands_of_rows, connected_components
+from pgm_places.topology.components import connected_components
 from pgm_places.topology.confidence import mean_confidences
 from pgm_places.topology.corrections import (
     Correction,
@@ -59,7 +60,7 @@ def topological_map(
     beliefs : (N, K) float, optional
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
-        The cells behind ``beliefs``: of ``grid``, or of the same map coarsened by a whole factor.
+        The cells behind ``beliefs``: of ``grid``, or of the same map coarsened.
     known : KnownPlaces, optional
         An earlier topological map's ``known_places``: places that are found again keep their ids
         and names.
@@ -95,7 +96,7 @@ def topological_map(
     pieces = connected_components(raster)
     confidences = None
     if beliefs is not None:
-        confidences = mean_confidences(pieces, beliefs, layout, len(names))
+        confidences = mean_confidences(pieces, beliefs, layout, len(names), grid)
     ids, next_id = identify(pieces, grid, names, known)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)

@@ -8,6 +8,10 @@ import pytest
 from pgm_places import PlaceLabeler, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ModelFileError
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import save_map
+from pgm_places.io.places.topology_files import load_topology
+from pgm_places.maps.coarsening import coarsen, refine
 from pgm_places.persistence.place_labeler import save_labeler
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from tests.cli.conftest import Run
@@ -54,3 +58,20 @@ def test_label_needs_no_model(tmp_path: Path, run: Run, building: Path) -> None:
     )
     assert code == 2
     assert "did you mean 'default'" in err
+
+
+@pytest.mark.parametrize("resolution_m", [0.015, 0.04, 0.2])
+def test_label_takes_maps_of_other_resolutions(
+    resolution_m: float, tmp_path: Path, run: Run
+) -> None:
+    grid = generate_building(9, size="small", resolution_m=0.05).grid
+    corner = grid.with_cells(grid.cells[:100, :160])
+    other = (refine if resolution_m < 0.05 else coarsen)(corner, resolution_m)
+    out = tmp_path / "labelled"
+    code, _, err = run("label", save_map(other, tmp_path / "map"), "--out", out)
+    assert code == 0, err
+    assert f"the map has cells of {resolution_m:g} m" in err
+    labels = load_labels(out / "labels.png", ("corridor", "room", "doorway"), grid=other)
+    assert ((labels >= 0) == other.free).all()
+    topology = load_topology(out)
+    assert all(region.confidence for region in topology.regions)

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, Sensor, evaluate
+from pgm_places import LabelledMap, PlaceLabeler, Sensor, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, InputError, LabelError, ModelFileError, NotFittedError
-from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.model_folder import load_folder, save_folder
@@ -137,25 +136,6 @@ def test_a_spoiled_model_is_refused(spoil, labeler: PlaceLabeler, tmp_path: Path
     save_folder(tmp_path / "spoiled", manifest, arrays)
     with pytest.raises(ModelFileError):
         load_labeler(tmp_path / "spoiled")
-
-
-def test_a_finer_map_is_coarsened_and_painted_back(
-    labeler: PlaceLabeler, known: LabelledMap
-) -> None:
-    fine = OccupancyGrid(
-        known.grid.cells.repeat(2, axis=0).repeat(2, axis=1), known.grid.resolution_m / 2
-    )
-    result = label_map(labeler, fine, method="adaboost")
-    assert result.labels.shape == fine.shape
-    assert ((result.labels >= 0) == fine.free).all()
-    assert "coarsened by 2 and painted back" in result.warnings[0]
-    coarse = label_map(labeler, known.grid, method="adaboost")
-    assert (result.labels[::2, ::2] == coarse.labels).mean() > 0.99
-
-
-def test_another_resolution_is_warned_about(labeler: PlaceLabeler, known: LabelledMap) -> None:
-    odd = dataclasses.replace(known.grid, resolution_m=known.grid.resolution_m * 1.3)
-    assert "expect worse labels" in label_map(labeler, odd, method="adaboost").warnings[0]
 
 
 def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler) -> None:

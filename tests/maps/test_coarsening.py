@@ -9,9 +9,15 @@ from hypothesis import strategies as st
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError, MapError
-from pgm_places.maps import coarsening as module
-from pgm_places.maps.coarsening import coarsen, coarsen_labels, coarsening_factor
-from tests.reference.coarse_blocks import coarse_cells, coarse_labels, passable_doors
+from pgm_places.graph import bands
+from pgm_places.maps.coarsening import (
+    Coarsening,
+    coarsen,
+    coarsen_labels,
+    coarsening_factor,
+    refine,
+)
+from tests.reference.coarse_blocks import coarse_cells, coarse_labels, passable_doors, source_cell
 
 shapes = st.tuples(st.integers(1, 13), st.integers(1, 13))
 
@@ -41,7 +47,7 @@ def test_cells_and_labels_are_those_of_the_reference(
     grid = random_grid(shape, seed)
     labels = np.random.default_rng(seed + 1).integers(-1, 3, shape).astype(np.int16)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_CHUNK_CELLS", chunk)
+        patch.setattr(bands, "BAND_CELLS", chunk)
         coarse = coarsen(grid, float(factor) * 0.05, occupied_share=shares[0], free_share=shares[1])
         found = coarsen_labels(labels, grid, coarse)
     default = 1 / (factor if factor.denominator == 1 else 2 * factor)
@@ -150,3 +156,107 @@ def test_bad_shares_and_shapes_are_refused() -> None:
         coarsen_labels(
             np.zeros((4, 4), np.int16), grid, OccupancyGrid(np.zeros((1, 1), np.int8), 0.1)
         )
+
+
+FACTORS = (Fraction(5, 4), Fraction(3, 2), Fraction(2), Fraction(5, 2), Fraction(10, 3))
+
+
+@given(
+    shape=shapes,
+    factor=st.sampled_from(FACTORS),
+    seed=st.integers(0, 1000),
+    cells_at_once=st.sampled_from([1, 40, 1 << 22]),
+)
+def test_painted_values_are_those_of_the_reference(
+    shape: tuple[int, int], factor: Fraction, seed: int, cells_at_once: int
+) -> None:
+    grid = random_grid(shape, seed)
+    coarse = coarsen(grid, float(factor) * grid.resolution_m)
+    values = np.random.default_rng(seed).normal(size=(*coarse.shape, 2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bands, "BAND_CELLS", cells_at_once)
+        painted = Coarsening(grid, coarse).paint(values, -9.0)
+    expected = np.full((*shape, 2), -9.0)
+    if coarse.free.any():
+        for r, c in np.argwhere(grid.free):
+            expected[r, c] = values[source_cell((r, c), coarse.free, factor)]
+    assert np.array_equal(painted, expected)
+
+
+@given(shape=shapes, factor=st.sampled_from(FACTORS), seed=st.integers(0, 1000))
+def test_every_free_cell_gets_a_label_and_probabilities_that_go_with_it(
+    shape: tuple[int, int], factor: Fraction, seed: int
+) -> None:
+    grid = random_grid(shape, seed)
+    coarse = coarsen(grid, float(factor) * grid.resolution_m)
+    beliefs = np.random.default_rng(seed).dirichlet(np.ones(3), coarse.shape)
+    pair = Coarsening(grid, coarse)
+    labels = pair.paint(np.where(coarse.free, beliefs.argmax(axis=2), -1), -1)
+    probabilities = np.stack([pair.paint(beliefs[:, :, k], 0.0) for k in range(3)], axis=2)
+    labelled = grid.free if coarse.free.any() else np.zeros(shape, np.bool_)
+    assert ((labels >= 0) == labelled).all()
+    assert probabilities[~labelled].sum() == 0
+    np.testing.assert_allclose(probabilities[labelled].sum(axis=1), 1, rtol=0, atol=1e-12)
+    assert (probabilities[labelled].argmax(axis=1) == labels[labelled]).all()
+
+
+def test_values_do_not_leak_through_a_wall() -> None:
+    cells = np.zeros((6, 9), np.int8)
+    cells[:, 4] = 100  # in the middle of the second column of blocks, which is occupied throughout
+    grid = OccupancyGrid(cells, 0.05)
+    painted = Coarsening(grid, coarsen(grid, 0.15)).paint([[1, 0, 2]] * 2, -1)
+    assert painted.tolist() == [[1, 1, 1, 1, -1, 2, 2, 2, 2]] * 6
+
+
+def test_a_band_of_rows_is_that_part_of_the_whole() -> None:
+    grid = random_grid((13, 11), 3)
+    pair = Coarsening(grid, coarsen(grid, 0.125))
+    values = np.arange(np.prod(pair.coarse.shape)).reshape(pair.coarse.shape)
+    whole = pair.paint(values, -1)
+    assert (pair.paint(values, -1, rows=slice(4, 9)) == whole[4:9]).all()
+    same = Coarsening(grid, grid)
+    assert (same.paint(whole, -1, rows=slice(4, 9)) == whole[4:9]).all()
+
+
+@given(
+    shape=shapes,
+    factor=st.builds(Fraction, st.integers(1, 20), st.integers(1, 6)).filter(lambda f: f >= 1),
+    seed=st.integers(0, 1000),
+)
+def test_a_refined_cell_is_as_the_cell_that_holds_its_centre(
+    shape: tuple[int, int], factor: Fraction, seed: int
+) -> None:
+    grid = random_grid(shape, seed)
+    fine = refine(grid, grid.resolution_m / float(factor))
+    assert fine.resolution_m == pytest.approx(grid.resolution_m / float(factor), rel=1e-12)
+    assert (fine.origin_xy_m, fine.yaw_rad) == (grid.origin_xy_m, grid.yaw_rad)
+    held = np.zeros(shape, np.int64)
+    cells = np.argwhere(np.ones(fine.shape))
+    for cell, holder in zip(cells, Coarsening(fine, grid).holders(cells), strict=True):
+        by_hand = tuple(int((index + Fraction(1, 2)) / factor) for index in cell.tolist())
+        assert tuple(holder) == by_hand
+        assert fine.cells[tuple(cell)] == grid.cells[by_hand]
+        held[by_hand] += 1
+    assert held.min() >= 1  # no cell of the map is lost
+    last = [(Fraction(size) + Fraction(1, 2)) / factor for size in fine.shape]
+    assert all(end >= size for end, size in zip(last, shape, strict=True))
+
+
+@pytest.mark.parametrize("resolution_m", [0.06, 0.0, -0.1, float("nan")])
+def test_larger_cells_are_no_refinement(resolution_m: float) -> None:
+    with pytest.raises(MapError, match=r"cells of 0\.05 m cannot be refined to"):
+        refine(random_grid((4, 4), 0), resolution_m)
+
+
+def test_too_many_cells_are_refused() -> None:
+    grid = OccupancyGrid(np.zeros((50, 50), np.int8), 1.0)
+    with pytest.raises(MapError, match=r"would have 2,500,000,000 of 0\.001 m; crop it"):
+        refine(grid, 0.001)
+
+
+def test_maps_that_do_not_belong_together_are_refused() -> None:
+    grid = random_grid((9, 9), 0)
+    with pytest.raises(MapError, match=r"is not one of \(9, 9\) cells coarsened by 2"):
+        Coarsening(grid, OccupancyGrid(grid.cells, 0.1))
+    with pytest.raises(MapError, match=r"the coarse map's shape \(5, 5\), got \(9, 9\)"):
+        Coarsening(grid, coarsen(grid, 0.1)).paint(grid.cells, 0)

@@ -64,6 +64,18 @@ def coarse_labels(
     return out
 
 
+def source_cell(
+    cell: tuple[int, int], coarse_free: NDArray[np.bool_], factor: Fraction
+) -> tuple[int, int]:
+    """The free coarse cell that holds a fine cell's centre, or else the one nearest to it."""
+    y, x = ((index + Fraction(1, 2)) / factor for index in cell)
+    if coarse_free[int(y), int(x)]:
+        return int(y), int(x)
+    half = Fraction(1, 2)
+    cells = [(int(r), int(c)) for r, c in np.argwhere(coarse_free)]  # the first of equals
+    return min(cells, key=lambda rc: (rc[0] + half - y) ** 2 + (rc[1] + half - x) ** 2)
+
+
 def passable_doors(
     before: NDArray[np.bool_],
     after: NDArray[np.bool_],

@@ -7,10 +7,10 @@ from PIL import Image
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
+from pgm_places.graph import bands
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import ERROR, LABEL_COLOURS, UNKNOWN, WALL, rgb_of
-from pgm_places.report import canvas as canvas_module
 from pgm_places.report.canvas import (
     View,
     checked_labels,
@@ -130,14 +130,14 @@ def test_bands_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     view = view_of(building.grid, most_pixels=4000)
     assert view.shrink > 1
     whole = label_canvas(building.grid, building.labels, building.label_names, view)
-    monkeypatch.setattr(canvas_module, "_BAND_CELLS", 1000)
+    monkeypatch.setattr(bands, "BAND_CELLS", 1000)
     banded = label_canvas(building.grid, building.labels, building.label_names, view)
     assert np.array_equal(whole.indices, banded.indices)
     assert view_of(building.grid, most_pixels=4000) == view
 
 
 def test_memory_stays_small_on_a_huge_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(canvas_module, "_BAND_CELLS", 200_000)
+    monkeypatch.setattr(bands, "BAND_CELLS", 200_000)
     grid = OccupancyGrid(np.zeros((3000, 3000), np.int8), 0.05)
     labels = np.zeros(grid.shape, np.int16)
     tracemalloc.start()

@@ -1,0 +1,137 @@
+"""Maps of any resolution, labelled by a model of 5 cm, and what is written of them."""
+
+import io
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pgm_places import LabelGraph, OccupancyGrid, PlaceLabeler
+from pgm_places.datasets import LabelledBuilding, generate_building
+from pgm_places.errors import MapError
+from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.io.maps.geotiff import write_geotiff
+from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.labelers.label_map import LabelledPlaces, _brought_back, label_map
+from pgm_places.maps.coarsening import coarsen, refine
+from pgm_places.report.label_files import write_labels
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.trained import trained_labeler
+
+FINER = (0.04, 0.05 / 1.5, 0.025, 0.02, 0.015, 0.005)  # by 1.25, 1.5, 2, 2.5, 3.33, 10
+COARSER = (0.06, 0.1, 0.2, 1.0)
+CROP = np.s_[:100, :160]
+
+
+@cache
+def building() -> LabelledBuilding:
+    return generate_building(9, size="small", resolution_m=0.05)
+
+
+@cache
+def labeler() -> PlaceLabeler:
+    return trained_labeler("generated")
+
+
+@cache
+def labelled(resolution_m: float) -> LabelledPlaces:
+    grid = building().grid
+    if resolution_m < 0.05:
+        corner = grid.with_cells(grid.cells[CROP])
+        return label_map(labeler(), refine(corner, resolution_m))
+    coarse = coarsen(grid, resolution_m, occupied_share=None if resolution_m < 0.5 else 0.5)
+    return label_map(labeler(), coarse)
+
+
+@pytest.mark.parametrize("resolution_m", [*FINER, *COARSER])
+def test_every_free_cell_gets_a_label_and_a_note_says_how(resolution_m: float) -> None:
+    found = labelled(resolution_m)
+    assert ((found.labels >= 0) == found.grid.free).all()
+    [note] = found.warnings
+    assert f"cells of {resolution_m:g} m, the model was trained at 0.05 m" in note
+    assert ("coarsened by" if resolution_m < 0.05 else "split by") in note
+
+
+@pytest.mark.parametrize("resolution_m", FINER)
+def test_labels_of_a_finer_map_are_those_of_the_map_itself(resolution_m: float) -> None:
+    grid = building().grid
+    own = label_map(labeler(), grid.with_cells(grid.cells[CROP]))
+    found = labelled(resolution_m)
+    cells = np.argwhere(found.grid.free)
+    there = own.grid.cells_at_m(found.grid.cell_centres_m(cells))
+    same = own.labels[there[:, 0], there[:, 1]] == found.labels[cells[:, 0], cells[:, 1]]
+    assert same.mean() > 0.95
+
+
+@pytest.mark.parametrize(("resolution_m", "least"), [(0.06, 0.9), (0.1, 0.9), (0.2, 0.85)])
+def test_labels_of_a_coarser_map_are_mostly_right(resolution_m: float, least: float) -> None:
+    found = labelled(resolution_m)
+    cells = np.argwhere(found.labels >= 0)
+    there = building().grid.cells_at_m(found.grid.cell_centres_m(cells))
+    truth = building().labels[there[:, 0], there[:, 1]]
+    right = truth == found.labels[cells[:, 0], cells[:, 1]]
+    assert right[truth >= 0].mean() > least
+
+
+@pytest.mark.parametrize("resolution_m", [*FINER, *COARSER])
+def test_probabilities_of_labelled_cells_sum_to_one_in_memory_and_in_images(
+    resolution_m: float, tmp_path: Path
+) -> None:
+    found = labelled(resolution_m)
+    beliefs = found.labeling.beliefs
+    assert beliefs is not None
+    total = found.on_map(beliefs, 0).sum(axis=2)
+    np.testing.assert_allclose(total, found.labels >= 0, rtol=0, atol=1e-5)
+    source = load_map(save_map(found.grid, tmp_path / "map"))
+    written = {path.name: path for path in write_labels(found, source, tmp_path)}
+    images = [
+        np.asarray(Image.open(io.BytesIO(written[f"probability_{name}.png"].read_bytes())))[::-1]
+        for name in found.label_names
+    ]
+    sums = np.sum(images, axis=0, dtype=np.int64)
+    assert (sums[found.labels < 0] == 0).all()
+    assert (np.abs(sums[found.labels >= 0] - 255) <= 1).all()  # each is rounded
+
+
+@pytest.mark.parametrize("resolution_m", [*FINER, 0.1, 0.2, 1.0])
+def test_places_have_the_mean_probability_of_their_cells_and_lie_on_the_map(
+    resolution_m: float, tmp_path: Path
+) -> None:
+    found = labelled(resolution_m)
+    beliefs = found.labeling.beliefs
+    assert beliefs is not None
+    places = topological_map(
+        found.grid, found.labels, found.label_names, beliefs=beliefs, layout=found.layout
+    )
+    on_map = found.on_map(beliefs, 0)
+    for region in places.regions:
+        inside = places.region == region.id
+        mean = on_map[inside][:, found.label_names.index(region.label)].mean(dtype=np.float64)
+        assert region.confidence == pytest.approx(mean, rel=1e-5)
+    with Image.open(write_geotiff(tmp_path / "regions.tif", places)) as image:
+        assert (np.asarray(image)[::-1] == places.region).all()
+
+
+def test_parts_vote_and_their_probabilities_are_averaged() -> None:
+    grid = OccupancyGrid([[0, 0, 100]], resolution_m=0.1)
+    fine = refine(grid, 0.05)
+    cells = LabelGraph.from_grid(fine).layout
+    assert isinstance(cells, GridLayout)
+    layout = GridLayout.of_mask(grid.free, grid.occupied, grid)
+    labels = np.array([1, 1, 2, 2, 1, 0, 2, 0])  # two rows of four cells
+    beliefs = np.eye(3)[labels]
+    beliefs[0] = [0.5, 0.5, 0.0]
+    found = _brought_back(Labeling(labels, Status.CONVERGED, beliefs), fine, cells, layout)
+    assert found.labels.tolist() == [1, 2]
+    assert found.beliefs is not None
+    assert found.beliefs.tolist() == [[0.375, 0.625, 0.0], [0.25, 0.0, 0.75]]
+
+
+def test_a_map_without_room_for_a_cell_of_the_model_is_refused() -> None:
+    cells = np.full((20, 20), 100, np.int8)
+    cells[::10] = 0
+    with pytest.raises(MapError, match=r"no free cell is left .* 0\.005 m .* 0\.05 m; look at"):
+        label_map(labeler(), OccupancyGrid(cells, 0.005))
