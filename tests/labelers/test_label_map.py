@@ -91,7 +91,7 @@ def test_probabilities_of_labelled_cells_sum_to_one_in_memory_and_in_images(
         np.asarray(Image.open(io.BytesIO(written[f"probability_{name}.png"].read_bytes())))[::-1]
         for name in found.label_names
     ]
-    sums = np.sum(images, axis=0, dtype=np.int64)
+    sums = np.stack(images).sum(axis=0, dtype=np.int64)
     assert (sums[found.labels < 0] == 0).all()
     assert (np.abs(sums[found.labels >= 0] - 255) <= 1).all()  # each is rounded
 
@@ -116,7 +116,7 @@ def test_places_have_the_mean_probability_of_their_cells_and_lie_on_the_map(
 
 
 def test_parts_vote_and_their_probabilities_are_averaged() -> None:
-    grid = OccupancyGrid([[0, 0, 100]], resolution_m=0.1)
+    grid = OccupancyGrid(np.array([[0, 0, 100]]), resolution_m=0.1)
     fine = refine(grid, 0.05)
     cells = LabelGraph.from_grid(fine).layout
     assert isinstance(cells, GridLayout)
