@@ -57,7 +57,7 @@ def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) ->
         raise InputError(f"labels must be a 2-D integer raster, got {raster.dtype} {raster.shape}")
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
-    from pgm_places.topology._component_kernels import label_components
+    from pgm_places.maps._component_kernels import label_components
 
     raster = np.ascontiguousarray(raster, np.int16)
     piece = np.empty(raster.shape, np.int32)

@@ -1,0 +1,261 @@
+"""Basins of a relief: every cell belongs to the summit that its steepest way up leads to.
+
+All rasters are flat with a frame of one cell around the map, so that the neighbours of a cell are
+fixed steps away. Every rule looks at values only, never at the order of cells, so that a map turned
+by a right angle or mirrored falls into the same basins.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.kernels.jit import inlined, njit
+
+__all__ = ["PARTED", "climb", "cross_plateaus", "number_lines", "number_summits", "steepest_ways"]
+
+PARTED = 2**31 - 1
+"""The basin of a cell whose steepest ways up lead to summits that nothing tells apart."""
+
+N_SIDES = 4  # the first four neighbours share a side, the others a corner
+SIDE_WEIGHT, CORNER_WEIGHT = 181, 128  # a slope is a rise over 1 or over the root of 2
+
+
+@njit
+def steepest_ways(
+    relief: NDArray[np.int32], steps: NDArray[np.int64], ways: NDArray[np.uint8]
+) -> None:
+    """Write the set of steepest ways up from each cell, a bit a neighbour; none on flat ground.
+
+    Where a way over a side is as steep as one over a corner, the sides' ways are taken.
+    """
+    width = -steps[0]
+    for i in range(width, relief.size - width):
+        own = np.int64(relief[i])
+        if own == 0:
+            ways[i] = 0
+            continue
+        best, found = np.int64(0), 0
+        for k in range(N_SIDES):
+            slope = (relief[i + steps[k]] - own) * SIDE_WEIGHT
+            if slope > best:
+                best, found = slope, 1 << k
+            elif slope == best and best > 0:
+                found |= 1 << k
+        for k in range(N_SIDES, 8):
+            slope = (relief[i + steps[k]] - own) * CORNER_WEIGHT
+            if slope > best:
+                best, found = slope, 1 << k
+            elif slope == best and found >= 1 << N_SIDES:
+                found |= 1 << k
+        ways[i] = found
+
+
+@njit
+def cross_plateaus(
+    relief: NDArray[np.int32],
+    steps: NDArray[np.int64],
+    ways: NDArray[np.uint8],
+    basin: NDArray[np.int32],
+    queue: NDArray[np.int32],
+) -> None:
+    """Give the cells of plateaus that lead higher their ways to the nearest cells that do.
+
+    Waves run inward from those. ``basin`` is -1 on entry and on return less than -1 where a wave
+    came by; ``queue`` is scratch for one entry a cell.
+    """
+    width = -steps[0]
+    end = 0
+    for i in range(width, relief.size - width):
+        if relief[i] == 0 or ways[i] != 0:
+            continue
+        for k in range(8):
+            j = i + steps[k]
+            if relief[j] == relief[i] and ways[j] != 0:
+                queue[end] = i
+                end += 1
+                basin[i] = -2
+                break
+    begin, wave = 0, -2
+    while begin < end:
+        last = end
+        for q in range(begin, last):
+            i = queue[q]
+            ways[i] = _ways_back(relief, steps, basin, ways, i, wave)
+        for q in range(begin, last):
+            i = queue[q]
+            for k in range(8):
+                j = i + steps[k]
+                if relief[j] == relief[i] and ways[j] == 0 and basin[j] == -1:
+                    basin[j] = wave - 1
+                    queue[end] = j
+                    end += 1
+        begin, wave = last, wave - 1
+
+
+@inlined
+def _ways_back(
+    relief: NDArray[np.int32],
+    steps: NDArray[np.int64],
+    basin: NDArray[np.int32],
+    ways: NDArray[np.uint8],
+    i: int,
+    wave: int,
+) -> int:
+    """The neighbours on the same plateau that the wave before this one reached, sides first."""
+    found = 0
+    for k in range(8):
+        if k == N_SIDES and found:
+            break
+        j = i + steps[k]
+        if relief[j] == relief[i] and ways[j] != 0 and basin[j] == wave + 1:
+            found |= 1 << k
+    return found
+
+
+@njit
+def number_summits(
+    relief: NDArray[np.int32],
+    steps: NDArray[np.int64],
+    ways: NDArray[np.uint8],
+    basin: NDArray[np.int32],
+    stack: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    """(B,) rank of each summit: the higher and then the larger plateau; writes their basins.
+
+    Summits are the plateaus that lead nowhere higher, numbered in the order of their first cell.
+    """
+    width = -steps[0]
+    rank = np.empty(1024, np.int64)
+    count = 0
+    for i in range(width, relief.size - width):
+        if relief[i] == 0 or ways[i] != 0 or basin[i] >= 0:
+            continue
+        if count == len(rank):
+            longer = np.empty(2 * count, np.int64)
+            longer[:count] = rank
+            rank = longer
+        basin[i] = count
+        stack[0] = i
+        top, size = 1, 0
+        while top > 0:
+            top -= 1
+            at = stack[top]
+            size += 1
+            for k in range(8):
+                j = at + steps[k]
+                if relief[j] == relief[at] and basin[j] < 0:
+                    basin[j] = count
+                    stack[top] = j
+                    top += 1
+        rank[count] = (np.int64(relief[i]) << 32) + size
+        count += 1
+    return rank[:count].copy()
+
+
+@njit
+def climb(
+    relief: NDArray[np.int32],
+    steps: NDArray[np.int64],
+    ways: NDArray[np.uint8],
+    rank: NDArray[np.int64],
+    basin: NDArray[np.int32],
+    stack: NDArray[np.int32],
+) -> int:
+    """Write the basin of every cell; returns how many are ``PARTED``.
+
+    Where the ways lead to several basins, the one with the highest rank takes the cell.
+    """
+    width = -steps[0]
+    n_parted = 0
+    for start in range(width, relief.size - width):
+        if relief[start] == 0 or basin[start] >= 0:
+            continue
+        stack[0] = start
+        top = 1
+        while top > 0:
+            i = stack[top - 1]
+            left = np.int64(ways[i])
+            own, tied, waiting = -1, False, False
+            k = 0
+            while left:
+                if left & 1:
+                    found = basin[i + steps[k]]
+                    if found < 0:
+                        stack[top] = i + steps[k]
+                        top += 1
+                        waiting = True
+                        break
+                    if own < 0 or own == PARTED:
+                        own = found
+                    elif found != own and found != PARTED:
+                        if rank[found] > rank[own]:
+                            own, tied = found, False
+                        elif rank[found] == rank[own]:
+                            tied = True
+                left >>= 1
+                k += 1
+            if waiting:
+                continue
+            top -= 1
+            basin[i] = PARTED if tied else own
+            n_parted += basin[i] == PARTED
+    return n_parted
+
+
+@njit
+def number_lines(
+    basin: NDArray[np.int32], steps: NDArray[np.int64], count: int, stack: NDArray[np.int32]
+) -> tuple[int, NDArray[np.int64]]:
+    """Number the lines that ``PARTED`` cells form from ``count`` on.
+
+    Returns how many there are, and the pairs (line, basin beside it), with repetitions.
+    """
+    width = -steps[0]
+    beside = np.empty((1024, 2), np.int64)
+    n_pairs, n_lines = 0, 0
+    for i in range(width, basin.size - width):
+        if basin[i] != PARTED:
+            continue
+        line = count + n_lines
+        n_lines += 1
+        basin[i] = line
+        stack[0] = i
+        top = 1
+        while top > 0:
+            top -= 1
+            at = stack[top]
+            for k in range(8):
+                j = at + steps[k]
+                if basin[j] == PARTED:
+                    basin[j] = line
+                    stack[top] = j
+                    top += 1
+                elif 0 <= basin[j] < count:
+                    if n_pairs == len(beside):
+                        longer = np.empty((2 * n_pairs, 2), np.int64)
+                        longer[:n_pairs] = beside
+                        beside = longer
+                    beside[n_pairs, 0] = line
+                    beside[n_pairs, 1] = basin[j]
+                    n_pairs += 1
+    return n_lines, beside[:n_pairs].copy()
+
+
+@njit
+def areas_and_volumes(
+    basin: NDArray[np.int32], relief: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(B,) cells and summed heights of the basins numbered below ``count``."""
+    area, volume = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    for i in range(basin.size):
+        if 0 <= basin[i] < count:
+            area[basin[i]] += 1
+            volume[basin[i]] += relief[i]
+    return area, volume
+
+
+@njit
+def renumber(basin: NDArray[np.int32], number: NDArray[np.int32]) -> None:
+    """Replace every number of a raster, -1 excepted."""
+    for i in range(basin.size):
+        if basin[i] >= 0:
+            basin[i] = number[basin[i]]

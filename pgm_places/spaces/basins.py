@@ -1,0 +1,116 @@
+"""Basins: the finest pieces of open space, one around every summit of the relief (watershed)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Basins", "find_basins", "neighbour_steps"]
+
+
+@dataclass(frozen=True, eq=False)
+class Basins:
+    """The watershed of a relief.
+
+    Parameters
+    ----------
+    raster : (H + 2, W + 2) int32
+        Basin of each cell, with a frame of one cell; -1 where it is not open. Numbers from
+        ``count`` on are lines: cells half-way between basins that nothing tells apart.
+    count : int
+        B, the number of basins.
+    area : (B + n_lines,) int64
+        Cells of each basin and line.
+    summit : (B + n_lines,) int32
+        The largest height in each basin, 0 for lines.
+    beside : (P, 2) int64
+        Each line with each basin that it touches, sorted.
+    n_lines : int
+        How many lines there are.
+    """
+
+    raster: NDArray[np.int32]
+    count: int
+    area: NDArray[np.int64]
+    summit: NDArray[np.int32]
+    beside: NDArray[np.int64]
+    n_lines: int
+
+    def segment_of_line(self, segment_of: NDArray[np.int32]) -> NDArray[np.int32]:
+        """(n_lines,) the segment that all basins beside a line lie in, -1 where they differ."""
+        low = np.full(self.n_lines, np.iinfo(np.int32).max, np.int32)
+        high = np.full(self.n_lines, -1, np.int32)
+        line, segment = self.beside[:, 0] - self.count, segment_of[self.beside[:, 1]]
+        np.minimum.at(low, line, segment)
+        np.maximum.at(high, line, segment)
+        return np.where(low == high, low, np.int32(-1)).astype(np.int32)
+
+
+def neighbour_steps(padded_width: int) -> NDArray[np.int64]:
+    """(8,) steps to the neighbours of a cell in a flat raster, sides first, then corners.
+
+    Those with odd numbers lead to cells of higher numbers.
+    """
+    w = padded_width
+    return np.array([-w, w, -1, 1, -w - 1, w + 1, -w + 1, w - 1], np.int64)
+
+
+def find_basins(relief: NDArray[np.int32]) -> Basins:
+    """The basins of a relief (H + 2, W + 2) with a frame of 0.
+
+    Every cell goes to the summit that its steepest ways up lead to; across a plateau to the
+    nearest cells that lead higher. Where several summits are reached alike, the cell goes to the
+    highest, then to that of the largest plateau, and then to the basin of the larger area and
+    volume. Cells for which all of these are equal lie on a line between the basins and belong to
+    none, because any choice would depend on how the map is turned.
+    """
+    from pgm_places.spaces import _watershed_kernels as kernels
+
+    flat, steps = relief.reshape(-1), neighbour_steps(relief.shape[1])
+    ways = np.zeros(flat.size, np.uint8)
+    basin = np.full(flat.size, -1, np.int32)
+    scratch = np.empty(flat.size, np.int32)  # its pages are touched only as far as it is used
+    kernels.steepest_ways(flat, steps, ways)
+    kernels.cross_plateaus(flat, steps, ways, basin, scratch)
+    rank = kernels.number_summits(flat, steps, ways, basin, scratch)
+    n_parted = kernels.climb(flat, steps, ways, rank, basin, scratch)
+    n_lines, beside = 0, np.empty((0, 2), np.int64)
+    area, volume = kernels.areas_and_volumes(basin, flat, len(rank))
+    if n_parted:
+        n_lines, beside = kernels.number_lines(basin, steps, len(rank), scratch)
+        beside = np.unique(beside, axis=0)
+        number, n_lines, beside = _settled(len(rank), n_lines, beside, rank, area, volume)
+        kernels.renumber(basin, number)
+        area = kernels.areas_and_volumes(basin, flat, len(rank) + n_lines)[0]
+    summit = np.concatenate([rank >> 32, np.zeros(n_lines, np.int64)]).astype(np.int32)
+    return Basins(basin.reshape(relief.shape), len(rank), area, summit, beside, n_lines)
+
+
+def _settled(
+    count: int,
+    n_lines: int,
+    beside: NDArray[np.int64],
+    rank: NDArray[np.int64],
+    area: NDArray[np.int64],
+    volume: NDArray[np.int64],
+) -> tuple[NDArray[np.int32], int, NDArray[np.int64]]:
+    """New numbers of basins and lines: lines beside one largest basin become part of it."""
+    line, basin = beside.T
+    order = np.lexsort((volume[basin], area[basin], rank[basin], line))
+    line, basin = line[order], basin[order]
+    number = np.arange(count + n_lines, dtype=np.int32)
+    last = np.flatnonzero(np.append(line[1:] != line[:-1], True))
+    before = np.maximum(last - 1, 0)
+    alone = (last == 0) | (line[before] != line[last])
+    best, second = basin[last], basin[before]
+    alone |= (
+        (rank[best] != rank[second])
+        | (area[best] != area[second])
+        | (volume[best] != volume[second])
+    )
+    number[line[last[alone]]] = best[alone]
+    kept = line[last[~alone]]
+    number[kept] = count + np.arange(len(kept))
+    still = np.isin(beside[:, 0], kept)
+    left = np.column_stack([number[beside[still, 0]], beside[still, 1]]).astype(np.int64)
+    return number, len(kept), left

@@ -1,0 +1,168 @@
+"""Openings: where one segment of open space leads to another, each gap of its own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.spaces.relief import half_width_m
+
+__all__ = ["Borders", "Openings", "find_openings"]
+
+_REACH = 2
+"""Places of one border are at most a cell apart: two halves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Borders:
+    """Every place where basins of different segments touch.
+
+    Parameters
+    ----------
+    halves_rc : (M, 2) int32
+        Row and column half-way between the two cells, in halves of a cell: twice those of a cell
+        that lies between the basins.
+    basins : (M, 2) int32
+        The two basins, the smaller number first.
+    relief : (M,) int32
+        The lower one of the two cells' heights.
+    is_side : (M,) bool
+        Whether the cells share a side; else a corner.
+    """
+
+    halves_rc: NDArray[np.int32]
+    basins: NDArray[np.int32]
+    relief: NDArray[np.int32]
+    is_side: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Openings:
+    """The gaps between segments; two segments may share several.
+
+    Parameters
+    ----------
+    segments : (O, 2) int32
+        The two segments, the smaller number first; rows are sorted.
+    half_width_m : (O,) float64
+        Half the width of the free space at the saddle: the largest distance to a wall along the
+        border.
+    saddle_rc : (O, 2) float64
+        Row and column of the saddle, whole numbers being centres of cells.
+    centre_rc : (O, 2) float64
+        Middle of the border.
+    direction_rc : (O, 2) float64
+        Unit vector along the border; (0, 0) where it has none.
+    length_m : (O,) float64
+        Extent along the border, at least one cell.
+    sides : (O,) int64
+        Sides of cells along the border.
+    basins : (O, 2) int32
+        Two basins that touch at the saddle.
+    """
+
+    segments: NDArray[np.int32]
+    half_width_m: NDArray[np.float64]
+    saddle_rc: NDArray[np.float64]
+    centre_rc: NDArray[np.float64]
+    direction_rc: NDArray[np.float64]
+    length_m: NDArray[np.float64]
+    sides: NDArray[np.int64]
+    basins: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.segments)
+
+
+def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m: float) -> Openings:
+    """The openings between the segments that basins are merged to.
+
+    Parameters
+    ----------
+    borders : Borders
+        Of a division at least as fine.
+    segment_of : (B,) int32
+        Segment of each basin.
+    resolution_m : float
+
+    Places of one pair of segments belong to one opening where they are at most a cell apart, so
+    that a pillar or a wall between two doors parts two openings.
+    """
+    both = np.sort(segment_of[borders.basins], axis=1)
+    kept = np.flatnonzero((both[:, 0] != both[:, 1]) & (both[:, 0] >= 0))
+    both = both[kept]
+    opening = _pieces(both, borders.halves_rc[kept])
+    first = np.unique(opening, return_index=True)[1]
+    count = len(first)
+    places = borders.halves_rc[kept] / 2.0
+    relief = borders.relief[kept]
+    top = np.zeros(count, np.int32)
+    np.maximum.at(top, opening, relief)
+    at_saddle = np.flatnonzero(relief == top[opening])
+    centre = _means(opening, places, count)
+    direction, extent = _directions(opening, places - centre[opening], count)
+    saddle = at_saddle[np.unique(opening[at_saddle], return_index=True)[1]]
+    return Openings(
+        segments=both[first],
+        half_width_m=half_width_m(top, resolution_m),
+        saddle_rc=_means(opening[at_saddle], places[at_saddle], count),
+        centre_rc=centre,
+        direction_rc=direction,
+        length_m=(extent + 1) * resolution_m,
+        sides=np.bincount(opening, borders.is_side[kept], count).astype(np.int64),
+        basins=borders.basins[kept][saddle],
+    )
+
+
+def _pieces(both: NDArray[np.int32], halves_rc: NDArray[np.int32]) -> NDArray[np.int64]:
+    """(M,) number of the connected piece of border that each place lies on, sorted by pair."""
+    from scipy import sparse
+
+    if not len(both):
+        return np.zeros(0, np.int64)
+    span = halves_rc.max(axis=0).astype(np.int64) + 2 * _REACH + 1
+    _, pair = np.unique(both, axis=0, return_inverse=True)
+    place = halves_rc + _REACH
+    key = (pair.reshape(-1) * span[0] + place[:, 0]) * span[1] + place[:, 1]
+    known, index = np.unique(key, return_inverse=True)
+    joined: list[NDArray[np.int64]] = []
+    for dr in range(_REACH + 1):
+        for dc in range(-_REACH if dr else 1, _REACH + 1):
+            wanted = known + dr * span[1] + dc
+            at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+            found = np.flatnonzero(known[at] == wanted)
+            joined.append(np.stack([found, at[found]]))
+    i, j = np.concatenate(joined, axis=1)
+    matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(len(known), len(known)))
+    _, piece = sparse.csgraph.connected_components(matrix, directed=False)
+    # numbered in the order of the pairs, then of the first place
+    _, start = np.unique(piece, return_index=True)
+    order = np.empty(len(start), np.int64)
+    order[np.argsort(start)] = np.arange(len(start))
+    return np.asarray(order[piece][index.reshape(-1)])
+
+
+def _means(
+    group: NDArray[np.int64], places: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    n = np.bincount(group, minlength=count)
+    return np.stack([np.bincount(group, axis, count) / n for axis in places.T], axis=1)
+
+
+def _directions(
+    group: NDArray[np.int64], offset: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(O, 2) principal axis of each group's offsets from its mean, and the extent along it."""
+    rr, rc, cc = (
+        np.bincount(group, product, count)
+        for product in (offset[:, 0] ** 2, offset[:, 0] * offset[:, 1], offset[:, 1] ** 2)
+    )
+    # The larger eigenvalue's eigenvector of [[rr, rc], [rc, cc]] lies at half of this angle.
+    angle = 0.5 * np.arctan2(2 * rc, cc - rr)
+    direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    direction[np.hypot(2 * rc, cc - rr) <= 1e-9 * (rr + cc)] = 0.0
+    along = (offset * direction[group]).sum(axis=1)
+    low, high = np.zeros(count), np.zeros(count)
+    np.minimum.at(low, group, along)
+    np.maximum.at(high, group, along)
+    return direction, high - low

@@ -1,0 +1,235 @@
+"""Segments: the open space of a map cut at its narrow passages, at several scales."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import sealed
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.basins import Basins, find_basins, neighbour_steps
+from pgm_places.spaces.open_space import open_space
+from pgm_places.spaces.openings import Borders, Openings, find_openings
+from pgm_places.spaces.relief import half_width_m, relief_of
+
+__all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
+
+RATIOS = (0.9, 0.75, 0.6)
+"""Neighbours are one segment where the pass between them is wider than this share of the smaller
+one's radius: the larger the share, the finer the segments."""
+
+_LEAST_RADIUS_M = 0.15
+"""Basins that are narrower join a neighbour whatever the pass: gaps between specks."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watershed:
+    """What all divisions of a map's open space are made of.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    relief : (H + 2, W + 2) int32
+        Smoothed distance to the nearest wall, with a frame; see ``relief_of``.
+    basins : Basins
+    borders : Borders
+        Where the segments of the finest scale touch.
+    """
+
+    grid: OccupancyGrid
+    relief: NDArray[np.int32]
+    basins: Basins
+    borders: Borders
+
+    def at(self, cells_rc: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """(n,) basin, -1 for none, and (n,) half width in metres of cells (n, 2), row and column.
+
+        Raises
+        ------
+        InputError
+            If a cell lies outside the map.
+        """
+        cells = np.asarray(cells_rc)
+        if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
+            raise InputError(
+                f"cells_rc must be integers of shape (n, 2), row and column, got {cells.dtype} of "
+                f"shape {cells.shape}"
+            )
+        outside = ((cells < 0) | (cells >= self.grid.shape)).any(axis=1)
+        if outside.any():
+            raise InputError(
+                f"cells_rc must lie on the map of {self.grid.shape} cells, got "
+                f"{tuple(cells[outside][0].tolist())} at index {int(outside.argmax())}"
+            )
+        r, c = cells[:, 0] + 1, cells[:, 1] + 1
+        height = self.relief[r, c]
+        clearance = np.where(height > 0, half_width_m(height, self.grid.resolution_m), 0.0)
+        return self.basins.raster[r, c], clearance
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """One division of open space: each basin in a segment, and the openings between segments.
+
+    Parameters
+    ----------
+    watershed : Watershed
+    segment_of : (B + n_lines,) int32
+        Segment of each basin and of each line between basins, -1 for lines between segments.
+        Segments are numbered in the order of their first summit.
+    openings : Openings
+        Where segments touch.
+    """
+
+    watershed: Watershed
+    segment_of: NDArray[np.int32]
+    openings: Openings
+
+    @property
+    def count(self) -> int:
+        """S, the number of segments."""
+        return len(self.area_m2)
+
+    @cached_property
+    def area_m2(self) -> NDArray[np.float64]:
+        """(S,) area of each segment."""
+        inside = self.segment_of >= 0
+        cells = np.bincount(
+            self.segment_of[inside], self.watershed.basins.area[inside].astype(np.float64)
+        )
+        return sealed(cells * self.watershed.grid.resolution_m**2)
+
+    @cached_property
+    def radius_m(self) -> NDArray[np.float64]:
+        """(S,) radius of the largest disc in each segment."""
+        top = np.zeros(self.count, np.int32)
+        inside = self.segment_of >= 0
+        np.maximum.at(top, self.segment_of[inside], self.watershed.basins.summit[inside])
+        return sealed(half_width_m(top, self.watershed.grid.resolution_m))
+
+    @cached_property
+    def graph(self) -> LabelGraph:
+        """The segments as nodes, those that share an opening joined."""
+        return LabelGraph.from_edges(self.count, np.unique(self.openings.segments, axis=0))
+
+    def at(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
+        """(n,) segment of cells (n, 2) given as row and column, -1 for none."""
+        return self.of_basins(self.watershed.at(cells_rc)[0])
+
+    def of_basins(self, basin: NDArray[np.int32]) -> NDArray[np.int32]:
+        """The segment of each basin of an array of any shape, -1 for none."""
+        return np.append(self.segment_of, np.int32(-1))[basin]
+
+    def raster(self) -> NDArray[np.int32]:
+        """(H, W) segment of each cell; -1 where it is not open, or on a line between segments."""
+        return self.of_basins(self.watershed.basins.raster[1:-1, 1:-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """The segments of a map at several scales, all made of the same basins.
+
+    Parameters
+    ----------
+    watershed : Watershed
+    ratios : tuple of float
+        See ``RATIOS``; one scale each.
+    scales : tuple of Segments
+        The finest first.
+
+    Examples
+    --------
+    >>> cells = np.zeros((20, 42), np.int8)
+    >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
+    >>> found = Segmentation.of(OccupancyGrid(cells, resolution_m=0.2))
+    >>> found.scales[0].area_m2.round(1).tolist()
+    [16.2, 16.2]
+    >>> found.scales[0].openings.half_width_m.round(1).tolist()
+    [0.4]
+    """
+
+    watershed: Watershed
+    ratios: tuple[float, ...]
+    scales: tuple[Segments, ...]
+
+    @classmethod
+    def of(cls, grid: OccupancyGrid, ratios: tuple[float, ...] = RATIOS) -> Self:
+        """The segments of a map.
+
+        Obstacles under 0.35 m2 are filled and free pieces under 1 m2 dropped (``open_space``); the
+        distance to the walls, smoothed by one cell, is cut into basins by a watershed; basins are
+        merged over passes wider than a share of the smaller one's radius, the widest passes first.
+        Time and memory are linear in the cells: about 20 bytes a cell at most, 8 of them kept.
+
+        Parameters
+        ----------
+        grid : OccupancyGrid
+        ratios : tuple of float
+            Shares in (0, 1], from the finest scale to the coarsest.
+
+        Raises
+        ------
+        InputError
+            If a ratio is not in (0, 1], there is none, or they do not fall.
+        """
+        _require_ratios(ratios)
+        relief = relief_of(open_space(grid))
+        basins = find_basins(relief)
+        divisions = _divisions(basins, relief, ratios, grid.resolution_m)
+        watershed = Watershed(grid, sealed(relief), basins, _borders(basins, relief, divisions))
+        scales = tuple(divided(watershed, segment_of) for segment_of in divisions)
+        return cls(watershed, tuple(ratios), scales)
+
+
+def divided(watershed: Watershed, segment_of: NDArray[np.int32]) -> Segments:
+    """The division that puts basins (B,) into segments, at least as coarse as the borders kept."""
+    lines = watershed.basins.segment_of_line(segment_of)
+    openings = find_openings(watershed.borders, segment_of, watershed.grid.resolution_m)
+    return Segments(watershed, sealed(np.concatenate([segment_of, lines])), openings)
+
+
+def _require_ratios(ratios: tuple[float, ...]) -> None:
+    falling = all(a > b for a, b in pairwise(ratios))
+    if not ratios or not falling or not all(0 < ratio <= 1 for ratio in ratios):
+        raise InputError(f"ratios must be falling numbers in (0, 1], at least one, got {ratios}")
+
+
+def _divisions(
+    basins: Basins, relief: NDArray[np.int32], ratios: tuple[float, ...], resolution_m: float
+) -> NDArray[np.int32]:
+    """(R, B) segment of each basin for each ratio."""
+    from pgm_places.spaces._border_kernels import highest_passes
+    from pgm_places.spaces._merge_kernels import merge_basins
+
+    steps = neighbour_steps(relief.shape[1])
+    pairs, height = highest_passes(
+        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count
+    )
+    order = np.argsort(-height, kind="stable")
+    widths = half_width_m(height[order], resolution_m)
+    radii = half_width_m(basins.summit[: basins.count], resolution_m)
+    found = np.empty((len(ratios), basins.count), np.int32)
+    for root, ratio in zip(found, ratios, strict=True):
+        area = basins.area[: basins.count].copy()
+        merge_basins(pairs[order], widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
+        root[:] = np.unique(root, return_inverse=True)[1].reshape(-1)
+    return found
+
+
+def _borders(basins: Basins, relief: NDArray[np.int32], divisions: NDArray[np.int32]) -> Borders:
+    """Where basins touch that lie in different segments of any division."""
+    from pgm_places.spaces._border_kernels import places_of_borders
+
+    places, height = places_of_borders(
+        basins.raster.reshape(-1),
+        relief.reshape(-1),
+        neighbour_steps(relief.shape[1]),
+        basins.count,
+        divisions,
+    )
+    return Borders(places[:, :2], places[:, 2:4], height, places[:, 4].astype(np.bool_))
