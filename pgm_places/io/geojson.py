@@ -1,13 +1,15 @@
 """GeoJSON files of polygons in a map's metres, checked feature by feature."""
 
-import json
-import math
+import codecs
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter, ValidationError
+from pydantic_core import from_json
 
 from pgm_places.errors import LabelError
 
@@ -53,7 +55,7 @@ def read_regions(path: Path | str, property_name: str = "class") -> list[Region]
     Raises
     ------
     LabelError
-        Where the file is missing, no GeoJSON or larger than 64 MiB, or a feature is no closed
+        Where the file is missing, not GeoJSON or larger than 64 MiB, or a feature is not a closed
         polygon of finite numbers or has no class; the message names the feature's index.
     """
     file = Path(path).expanduser()
@@ -81,13 +83,26 @@ def _json(path: Path) -> Any:
     if len(text) > MAX_BYTES:
         raise LabelError(f"{path}: larger than {MAX_BYTES} bytes; simplify its polygons")
     try:
-        return json.loads(text.decode("utf-8-sig"), parse_constant=_no_constant)
-    except (ValueError, RecursionError) as error:
+        return from_json(text.removeprefix(codecs.BOM_UTF8), allow_inf_nan=False)
+    except ValueError as error:
         raise LabelError(f"{path}: not a GeoJSON file: {error}") from None
 
 
-def _no_constant(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no JSON number")
+_Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=-1e9, lt=1e9)]
+_Point: TypeAlias = Annotated[list[_Number], Field(min_length=2)]
+_Ring: TypeAlias = Annotated[list[_Point], Field(min_length=4)]
+_Polygon: TypeAlias = Annotated[list[_Ring], Field(min_length=1)]
+_POLYGONS = TypeAdapter(Annotated[list[_Polygon], Field(min_length=1)])
+"""Coordinates of a MultiPolygon in GeoJSON (RFC 7946, section 3.1.7)."""
+
+_WANTED = (
+    "a list of polygons",
+    "a list of rings",
+    "a ring of at least 4 points, the last equal to the first",
+    "a point [x, y] in metres",
+    "a number of metres below 1e9",
+)
+"""What stands at each depth of these coordinates."""
 
 
 def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
@@ -99,34 +114,28 @@ def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
         raise LabelError(
             f"{where}: property {property_name!r} must be a text that names its class, got {code!r}"
         )
-    geometry = feature["geometry"]
-    coordinates = geometry.get("coordinates")
-    if geometry.get("type") == "Polygon":
-        listed = [coordinates]
-    elif geometry.get("type") == "MultiPolygon" and isinstance(coordinates, list) and coordinates:
-        listed = coordinates
-    else:
-        raise LabelError(
-            f"{where} is a {geometry.get('type')!r}; a region must be a Polygon or a MultiPolygon"
-        )
-    return Region(index, str(code), tuple(_polygon(where, item) for item in listed))
+    kind, coordinates = (feature["geometry"].get(key) for key in ("type", "coordinates"))
+    if kind not in ("Polygon", "MultiPolygon"):
+        raise LabelError(f"{where} is a {kind!r}; a region must be a Polygon or a MultiPolygon")
+    single = kind == "Polygon"
+    try:
+        polygons = _POLYGONS.validate_python([coordinates] if single else coordinates)
+    except ValidationError as error:
+        raise LabelError(f"{where}: {_complaint(error, depth=int(single))}") from None
+    return Region(
+        index, str(code), tuple(tuple(_ring(where, ring) for ring in item) for item in polygons)
+    )
 
 
-def _polygon(where: str, rings: Any) -> tuple[Ring, ...]:
-    if not isinstance(rings, list) or not rings:
-        raise LabelError(f"{where}: a polygon must be a list of rings, got {_short(rings)}")
-    return tuple(_ring(where, ring) for ring in rings)
+def _complaint(error: ValidationError, *, depth: int) -> str:
+    """The first problem: what was wanted, what came, and where below a depth."""
+    problem = error.errors(include_url=False)[0]
+    steps = "".join(f"[{step}]" for step in problem["loc"][depth:])
+    wanted, got = _WANTED[len(problem["loc"])], reprlib.repr(problem["input"])
+    return f"coordinates{steps} must be {wanted}, got {got}"
 
 
-def _ring(where: str, points: Any) -> Ring:
-    if not isinstance(points, list) or len(points) < 4:
-        raise LabelError(
-            f"{where}: a ring must be a list of at least 4 points, the last equal to the first, "
-            f"got {_short(points)}"
-        )
-    for point in points:
-        if not isinstance(point, list) or len(point) < 2 or not all(map(_is_number, point[:2])):
-            raise LabelError(f"{where}: a point must be [x, y] in metres, got {_short(point)}")
+def _ring(where: str, points: _Ring) -> Ring:
     ring = np.array([point[:2] for point in points], np.float64)
     if (ring[0] != ring[-1]).any():
         raise LabelError(
@@ -137,17 +146,6 @@ def _ring(where: str, points: Any) -> Ring:
     return ring
 
 
-def _is_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return math.isfinite(value) and abs(value) < 1e9
-
-
 def _ring_area(ring: Ring) -> float:
     x, y = (ring - ring[0]).T
     return abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -169,13 +169,26 @@ def test_polygons_that_share_edges_share_no_cell_and_leave_none(
         (feature([box(0, 0, 1, 1)], None), "property 'class' must be a text that names its class"),
         (feature([box(0, 0, 1, 1)], True), "must be a text that names its class, got True"),
         (feature([0, 0], kind="Point"), "is a 'Point'; a region must be a Polygon or a MultiPol"),
-        (feature([], kind="MultiPolygon"), "is a 'MultiPolygon'; a region must be a Polygon or a"),
-        (feature([]), "a polygon must be a list of rings, got []"),
-        (feature([box(0, 0, 1, 1)[:3]]), "a ring must be a list of at least 4 points, the last"),
+        (feature([]) | {"properties": 3}, "property 'class' must be a text that names its class"),
+        (feature([], kind="MultiPolygon"), "coordinates must be a list of polygons, got []"),
+        (feature([]), "coordinates must be a list of rings, got []"),
+        (feature(None), "coordinates must be a list of rings, got None"),
+        (
+            feature([box(0, 0, 1, 1)[:3]]),
+            "coordinates[0] must be a ring of at least 4 points, the last equal to the first, got ",
+        ),
+        (
+            feature([[box(0, 0, 1, 1), box(0, 0, 1, 1)[:3]]], kind="MultiPolygon"),
+            "coordinates[0][1] must be a ring of at least 4 points",
+        ),
         (feature([[*box(0, 0, 1, 1)[:4], [0, 0.1]]]), "a ring must end where it starts, but it"),
-        (feature([[[0, 0], [1, "1"], [1, 0], [0, 0]]]), "a point must be [x, y] in metres, got "),
-        (feature([[[0, 0], [1], [1, 0], [0, 0]]]), "a point must be [x, y] in metres, got [1]"),
-        (feature([[[0, 0], [1e10, 1], [1, 0], [0, 0]]]), "a point must be [x, y] in metres, got"),
+        (feature([[[0, 0], [1, "1"], [1, 0], [0, 0]]]), "coordinates[0][1][1] must be a number of"),
+        (feature([[[0, 0], [True, 0], [1, 0], [0, 0]]]), "a number of metres below 1e9, got True"),
+        (feature([[[0, 0], [1], [1, 0], [0, 0]]]), "must be a point [x, y] in metres, got [1]"),
+        (
+            feature([[[0, 0], [1e10, 1], [1, 0], [0, 0]]]),
+            "coordinates[0][1][0] must be a number of",
+        ),
         (
             feature([box(0, 0, 1, 1)], "rom"),
             "has class 'rom', which is not a configured label; did you mean 'room'? Known: "
@@ -194,13 +207,13 @@ def test_bad_features_are_refused_by_their_index(tmp_path: Path, item: Any, mess
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "not a GeoJSON file: Expecting property name"),
-        ("[" * 100_000, "not a GeoJSON file: maximum recursion depth"),
+        ("{", "not a GeoJSON file: EOF while parsing an object"),
+        ("[" * 100_000, "not a GeoJSON file: recursion limit exceeded"),
         ("[]", "not a GeoJSON FeatureCollection (its type is None)"),
         ('{"type": "Point"}', "not a GeoJSON FeatureCollection (its type is 'Point')"),
         ('{"type": "FeatureCollection"}', "not a GeoJSON FeatureCollection"),
-        ('{"type": NaN}', "not a GeoJSON file: NaN is no JSON number"),
-        ("\xff", "not a GeoJSON file: 'utf-8' codec can't decode"),
+        ('{"type": NaN}', "not a GeoJSON file: expected value at line 1 column 10"),
+        ("\xff", "not a GeoJSON file: expected value at line 1"),
     ],
 )
 def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
