@@ -5,68 +5,92 @@ the later stages on a tiny map, and leaves their machine code in the cache that 
 that comes to a kernel before the other is done with it compiles it itself.
 """
 
-import json
 import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["REHEARSALS", "compiled_ahead", "main", "stage_of_model"]
+__all__ = ["REHEARSALS", "WarmUp", "compiled_ahead", "main"]
 
 
-@contextmanager
-def compiled_ahead(stages: Sequence[str], *, n_threads: int | None = None) -> Iterator[None]:
-    """Have those of the stages compiled elsewhere meanwhile that never were on this machine.
-
-    Nothing is done where a single thread is wanted, or where no cache can be written.
+class WarmUp:
+    """The second process; it is started by the first stage that never was on this machine.
 
     Parameters
     ----------
-    stages : sequence of str
-        Names of ``REHEARSALS``; others are passed over.
     n_threads : int, optional
-        The threads that the run itself may use.
+        The threads that the run itself may use; for a single one no process is started.
     """
-    waiting = [name for name in stages if name in REHEARSALS and _is_new(name)]
-    if not waiting or not sys.executable or _only_one(n_threads):
-        yield
-        return
-    helper = subprocess.Popen(
-        [sys.executable, "-m", "pgm_places.cli.ahead", *waiting],
-        stdin=subprocess.DEVNULL,
+
+    def __init__(self, n_threads: int | None = None) -> None:
+        self._n_threads = n_threads
+        self._process: subprocess.Popen[str] | None = None
+
+    def compile(self, stages: Sequence[str]) -> None:
+        """Have those of the stages compiled that are new, after those of earlier calls.
+
+        Nothing is done where no cache can be written.
+
+        Parameters
+        ----------
+        stages : sequence of str
+            Names of ``REHEARSALS``; others are passed over.
+        """
+        waiting = [name for name in stages if name in REHEARSALS and _is_new(name)]
+        if not waiting or not sys.executable or _only_one(self._n_threads):
+            return
+        self._process = self._process or _started()
+        with suppress(OSError):  # it may have ended; then the run compiles what it needs
+            _input(self._process).write("".join(f"{name}\n" for name in waiting))
+            _input(self._process).flush()
+
+    def end(self) -> None:
+        """Stop compiling; what is compiled by now stays in the cache."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        self._process.wait()
+        with suppress(OSError):
+            _input(self._process).close()
+
+
+def _started() -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "pgm_places.cli.ahead"],
+        stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        text=True,
     )
+
+
+def _input(process: subprocess.Popen[str]) -> IO[str]:
+    assert process.stdin is not None  # it was started with a pipe
+    return process.stdin
+
+
+@contextmanager
+def compiled_ahead(stages: Sequence[str], *, n_threads: int | None = None) -> Iterator[WarmUp]:
+    """Have stages compiled elsewhere meanwhile; further ones can be added as they become known."""
+    warm_up = WarmUp(n_threads)
+    warm_up.compile(stages)
     try:
-        yield
+        yield warm_up
     finally:
-        helper.terminate()
-        helper.wait()
+        warm_up.end()
 
 
-def stage_of_model(folder: Path, method: str | None) -> str:
-    """The backend of a stored model's method, its last one for None; "" where that is not clear.
-
-    The model is not loaded, which takes longer than it takes the second process to start.
-    """
-    try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        backends = {item["name"]: item["backend"] for item in manifest["content"]["methods"]}
-        return str(backends[method or list(backends)[-1]])
-    except (OSError, ValueError, LookupError, TypeError):
-        return ""  # what is wrong with the model shows when it is loaded
-
-
-def main(stages: Sequence[str]) -> None:
+def main(stages: Iterable[str]) -> None:
     """Go through the stages, and note down each so that it is not gone through again."""
-    for name in stages:
+    for line in stages:
+        name = line.strip()
         REHEARSALS[name]()
         mark = _mark(name)
         if mark is not None:
@@ -188,4 +212,4 @@ REHEARSALS: dict[str, Callable[[], None]] = {
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(sys.stdin)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pgm_places.cli.ahead import compiled_ahead, stage_of_model
+from pgm_places.cli.ahead import compiled_ahead
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
 
@@ -112,14 +112,15 @@ def run_label(
 
     progress = make_progress(quiet=quiet)
     folder = model_folder(model)
-    stages = ["features", stage_of_model(folder, method), "topology"]
-    with compiled_ahead(stages, n_threads=n_threads):  # before the imports, which take seconds
+    with compiled_ahead(["features"], n_threads=n_threads) as warm_up:  # imports take seconds
+        from pgm_places.inference.backends import METHODS
         from pgm_places.io.atomic import check_writable_folder
         from pgm_places.io.maps.map_server import load_map
         from pgm_places.persistence.place_labeler import load_labeler
 
         labeler, record = load_labeler(folder)
-        labeler.method(method)  # an unknown method shows before the work
+        backend = labeler.method(method).backend  # an unknown method shows before the work
+        warm_up.compile([METHODS.name_of(type(backend)), "topology"])
         with progress.stage("map"):
             loaded = load_map(map_yaml, unknown_value=unknown_value)
         for message in loaded.warnings:
@@ -154,6 +155,7 @@ def _label(
     options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
     del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
-        written += write_places(out, title, grid=loaded.grid, **options, **rules_of(record))
+        _, paths = write_places(out, title, grid=loaded.grid, **options, **rules_of(record))
+    written += paths
     for path in written:
         typer.echo(f"wrote {path}")

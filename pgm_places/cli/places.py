@@ -26,8 +26,8 @@ def rules_of(record: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def write_places(out: Path, title: str, **options: Any) -> list[Path]:
-    """Build a topological map and write it beside an earlier one, whose ids it keeps; the paths.
+def write_places(out: Path, title: str, **options: Any) -> tuple["TopologicalMap", list[Path]]:
+    """A topological map that keeps the ids of an earlier one in the folder, and what was written.
 
     ``options`` are those of ``topological_map``, the grid among them.
     """
@@ -39,7 +39,7 @@ def write_places(out: Path, title: str, **options: Any) -> list[Path]:
     found = topological_map(known=known, own_names=read_own_names(out), **options)
     written = write_topology(out, options["grid"], found, title=title)
     typer.echo(topology_summary(found))
-    return written
+    return found, written
 
 
 def run_topology(
@@ -70,7 +70,7 @@ def run_topology(
         progress.warn(message)
     check_writable_folder(out)
     with progress.stage("places"):
-        written = write_places(
+        topology, written = write_places(
             out,
             map_yaml.stem,
             grid=loaded.grid,
@@ -81,9 +81,7 @@ def run_topology(
             min_width_m=min_width_m,
         )
     if propose_splits_m:
-        from pgm_places.io.places.topology_files import load_topology
-
-        for line in _proposals(load_topology(out), propose_splits_m):
+        for line in _proposals(topology, propose_splits_m):
             typer.echo(line)
     for path in written:
         typer.echo(f"wrote {path}")

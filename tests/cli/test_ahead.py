@@ -1,68 +1,91 @@
 """Compiling ahead: what is started, when, and that every rehearsal goes through."""
 
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pgm_places.cli import ahead
-from pgm_places.trained import model_folder
 
 
 class Helper:
-    """Stands in for the second process."""
+    """Stands in for the second process; what is written to one that has ended is lost."""
 
-    started: list[list[str]]
+    asked: list[list[str]]
 
     def __init__(self, command: list[str], **_: Any) -> None:
-        self.started.append(command[3:])
-        self.ended: list[str] = []
+        assert command[1:] == ["-m", "pgm_places.cli.ahead"]
+        self.asked.append([])
+        self.stdin = self
+        self.closed = self.ended = False
+
+    def write(self, text: str) -> None:
+        if self.ended:
+            raise BrokenPipeError
+        self.asked[-1] += text.splitlines()
+
+    def flush(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
 
     def terminate(self) -> None:
-        self.ended.append("terminate")
+        self.ended = True
 
     def wait(self) -> None:
-        self.ended.append("wait")
+        assert self.ended
 
 
 @pytest.fixture
-def started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """What would be compiled in other processes, with an empty cache."""
-    Helper.started = []
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """What each second process is to compile, with an empty cache."""
+    Helper.asked = []
     monkeypatch.setattr(subprocess, "Popen", Helper)
     monkeypatch.setenv("PGM_PLACES_CACHE_DIR", str(tmp_path))
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
-    return Helper.started
+    return Helper.asked
 
 
 def test_known_stages_are_compiled_once(
-    started: list[list[str]], monkeypatch: pytest.MonkeyPatch
+    asked: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with ahead.compiled_ahead(["topology", "their-own", "amn"], n_threads=2):
-        assert started == [["topology", "amn"]]
+        assert asked == [["topology", "amn"]]
     monkeypatch.setitem(ahead.REHEARSALS, "topology", lambda: None)
-    ahead.main(["topology"])
+    ahead.main(["topology\n"])
     with ahead.compiled_ahead(["topology", "amn"], n_threads=2):
-        assert started[1:] == [["amn"]]
+        assert asked[1:] == [["amn"]]
 
 
-def test_nothing_is_started_for_one_thread(started: list[list[str]]) -> None:
+def test_stages_that_become_known_later_go_to_the_same_process(asked: list[list[str]]) -> None:
+    with ahead.compiled_ahead([], n_threads=2) as warm_up:
+        assert not asked
+        warm_up.compile(["features"])
+        warm_up.compile(["potts", "topology"])
+        assert asked == [["features", "potts", "topology"]]
+    warm_up.compile(["amn"])  # nobody is there to hear it
+    assert asked == [["features", "potts", "topology"]]
+
+
+def test_nothing_is_started_for_one_thread(asked: list[list[str]]) -> None:
     with ahead.compiled_ahead(["topology"], n_threads=1):
         pass
-    assert not started
+    assert not asked
 
 
 @pytest.mark.parametrize("without", ["NUMBA_DISABLE_JIT", "PGM_PLACES_CACHE_DIR"])
 def test_nothing_is_started_without_compiler_or_cache(
-    started: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without: str
+    asked: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without: str
 ) -> None:
     (tmp_path / "file").write_text("")
     value = "1" if without == "NUMBA_DISABLE_JIT" else str(tmp_path / "file" / "below")
     monkeypatch.setenv(without, value)
     with ahead.compiled_ahead(["topology"], n_threads=2):
         pass
-    assert not started
+    assert not asked
 
 
 @pytest.mark.parametrize("name", list(ahead.REHEARSALS))
@@ -70,11 +93,11 @@ def test_a_rehearsal_goes_through(name: str) -> None:
     ahead.REHEARSALS[name]()
 
 
-def test_a_stored_model_tells_its_methods_without_being_loaded(tmp_path: Path) -> None:
-    folder = model_folder("default")
-    assert ahead.stage_of_model(folder, None) == "potts"
-    assert ahead.stage_of_model(folder, "adaboost") == "independent"
-    assert ahead.stage_of_model(folder, "no such method") == ""
-    assert ahead.stage_of_model(tmp_path, None) == ""
-    (tmp_path / "manifest.json").write_text('{"content": {"methods": []}}')
-    assert ahead.stage_of_model(tmp_path, None) == ""
+def test_a_second_process_compiles_what_it_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PGM_PLACES_CACHE_DIR", str(tmp_path))
+    monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
+    command = [sys.executable, "-m", "pgm_places.cli.ahead"]
+    subprocess.run(command, input="potts\n", text=True, check=True)
+    assert [path.name.partition("-")[0] for path in tmp_path.rglob("potts-*")] == ["potts"]
