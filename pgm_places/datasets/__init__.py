@@ -1,17 +1,19 @@
-"""Data that ships with the package: a generated building."""
+"""Data that the package makes: generated buildings."""
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pgm_places.datasets.building import LABEL_NAMES as LABEL_NAMES
+    from pgm_places.datasets.building import STYLES as STYLES
     from pgm_places.datasets.building import LabelledBuilding as LabelledBuilding
     from pgm_places.datasets.building import generate_building as generate_building
     from pgm_places.datasets.tiling import building_tiled as building_tiled
 
-__all__ = ["LABEL_NAMES", "LabelledBuilding", "building_tiled", "generate_building"]
+__all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "building_tiled", "generate_building"]
 
 _HOMES = {
     "LABEL_NAMES": "building",
+    "STYLES": "building",
     "LabelledBuilding": "building",
     "building_tiled": "tiling",
     "generate_building": "building",

@@ -3,26 +3,30 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.filling import draw_floor
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.datasets.furniture import furnish, hang_doors
+from pgm_places.datasets.kinds import KINDS, style_of_kind
+from pgm_places.datasets.layout import draw_layout
 from pgm_places.datasets.style import OFFICE, Style, draw_style
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 
-__all__ = ["LABEL_NAMES", "LabelledBuilding", "generate_building"]
+__all__ = ["HALLS", "LABEL_NAMES", "STYLES", "LabelledBuilding", "generate_building"]
 
 LABEL_NAMES = ("corridor", "room", "doorway")
 """The labels of the generated building, in index order."""
 
-_CORRIDOR, _ROOM, _DOORWAY = range(3)
+_CORRIDOR, _ROOM, _DOORWAY, _HALL = range(4)
 
 _DOORWAY_MARGIN_CM = 30
 """A doorway reaches so far before and behind its wall: what hand-made labels of real maps show."""
@@ -30,7 +34,14 @@ _DOORWAY_MARGIN_CM = 30
 _MARGIN_CM = 150
 """Unknown space that is left around a building."""
 
-_STYLES = ("office", "varied")
+STYLES = ("office", "varied", *sorted(KINDS))
+"""Offices, offices with other widths and sizes, and kinds of buildings."""
+
+HALLS = ("corridor", "room", "hall")
+"""What a hall may be labelled."""
+
+_SHORTENED = (60, 110)
+"""Per cent of their wings' length that the corridors of a kind of building have."""
 
 _FINEST_M, _COARSEST_M = 0.02, 0.2
 
@@ -85,15 +96,19 @@ def generate_building(
     resolution_m: float | None = None,
     wings: int = 2,
     size: Literal["floor", "small"] = "floor",
-    style: Literal["office", "varied"] = "office",
+    style: str = "office",
     furniture: bool = True,
     slam_noise: bool = True,
+    halls: Literal["corridor", "room", "hall"] = "corridor",
 ) -> LabelledBuilding:
     """A building drawn from a seed: the same cells on every platform, another building per seed.
 
-    Wings stand side by side. Each has corridors that run straight, branch, turn or close a loop;
-    rooms from small offices to seminar rooms; doors with leaves more or less open. A simulated
-    tour with a laser then decides what is free, occupied or unknown.
+    Corridors run straight, branch, turn or close a loop; rooms lie along them, from cells to gyms;
+    doors have leaves more or less open. A simulated tour with a laser then decides what is free,
+    occupied or unknown.
+
+    A space through which one passes to reach several rooms is circulation. Lobbies, foyers and
+    waiting areas are such spaces: halls. They count as corridor unless ``halls`` says otherwise.
 
     Parameters
     ----------
@@ -102,16 +117,21 @@ def generate_building(
     resolution_m : float or None
         Side of a cell, 0.02 to 0.2 m in whole millimetres; 0.05, or 0.1 for a small building.
     wings : int
-        How many wings; at least one.
+        How many wings, each about 28 m long; at least one.
     size : str
         ``"floor"`` (wings of about 28 x 24 m) or ``"small"`` (8 x 8 m: for quick tests).
     style : str
-        ``"office"``, or ``"varied"``: corridors of 1.2 to 3.8 m, rooms from cells to halls, doors
-        of 0.7 to 1.8 m, drawn for each building; for floors only.
+        ``"office"``; or, for floors only, ``"varied"``: corridors of 1.2 to 3.8 m, rooms from cells
+        to halls, doors of 0.7 to 1.8 m, drawn for each building; or a kind of building:
+        ``"cells"``, ``"clinic"``, ``"hall"``, ``"hotel"``, ``"open-plan"``, ``"ring"``,
+        ``"school"``, ``"university"``, with the sizes that real ones have.
     furniture : bool
         Whether anybody has moved in.
     slam_noise : bool
         Whether poses and ranges err, panes let rays through, and the map is slightly bent.
+    halls : str
+        What halls are labelled: ``"corridor"``, ``"room"``, or ``"hall"``, a fourth label. Offices
+        and varied buildings have none.
 
     Raises
     ------
@@ -126,11 +146,10 @@ def generate_building(
     >>> building.grid.shape == building.labels.shape
     True
     """
-    _check(seed, wings, size, style)
+    _check(seed, wings, size, style, halls)
     scale = Scale(_millimetres(resolution_m, size))
-    looks = OFFICE if style == "office" else draw_style(Dice(seed, 5))
-    shape, plan, split = _draw_plan(Dice(seed, 0), scale, looks, _SIZES[size], wings)
-    labels = _truth(scale, plan, shape)
+    shape, plan, split = _draw_plan(seed, scale, style, _SIZES[size], wings)
+    labels = _truth(scale, plan, shape, _HALL if halls == "hall" else LABEL_NAMES.index(halls))
     solid = _walls(plan, shape)
     glass = ~_open(plan.windows, shape) & solid
     hang_doors(Dice(seed, 1), scale, plan, solid)
@@ -142,21 +161,28 @@ def generate_building(
     kept = _mapped_rows(cells, scale.cells(_MARGIN_CM))
     cells, labels = cells[kept], labels[kept]
     labels[~_main_component(cells == FREE)] = -1
+    if split is None:
+        kept = _mapped_rows(cells.T, scale.cells(_MARGIN_CM))
+        cells, labels = cells[:, kept], labels[:, kept]
+        split = _fair_split(labels)
     grid = OccupancyGrid(cells, scale.mm_per_cell / 1000)
-    return LabelledBuilding(grid, labels, LABEL_NAMES, split, f"generated building {seed}")
+    names = (*LABEL_NAMES, "hall") if halls == "hall" else LABEL_NAMES
+    return LabelledBuilding(grid, labels, names, split, f"generated building {seed}")
 
 
-def _check(seed: int, wings: int, size: str, style: str) -> None:
+def _check(seed: int, wings: int, size: str, style: str, halls: str) -> None:
     if seed < 0:
         raise InputError(f"seed must not be negative, got {seed}")
     if wings < 1:
         raise InputError(f"wings must be at least 1, got {wings}")
     if size not in _SIZES:
         raise InputError(f"size must be one of {', '.join(_SIZES)}, got {size!r}")
-    if style not in _STYLES:
-        raise InputError(f"style must be one of {', '.join(_STYLES)}, got {style!r}")
-    if style == "varied" and size != "floor":
-        raise InputError(f"style 'varied' needs size 'floor', got size {size!r}")
+    if style not in STYLES:
+        raise InputError(f"style must be one of {', '.join(STYLES)}, got {style!r}")
+    if style != "office" and size != "floor":
+        raise InputError(f"style {style!r} needs size 'floor', got size {size!r}")
+    if halls not in HALLS:
+        raise InputError(f"halls must be one of {', '.join(HALLS)}, got {halls!r}")
 
 
 def _millimetres(resolution_m: float | None, size: str) -> int:
@@ -170,9 +196,25 @@ def _millimetres(resolution_m: float | None, size: str) -> int:
 
 
 def _draw_plan(
+    seed: int, scale: Scale, style: str, size: _Size, wings: int
+) -> tuple[tuple[int, int], FloorPlan, int | None]:
+    """Shape of the raster, the plan in its cells, and the split column of a building of wings."""
+    if style not in KINDS:
+        drawn = OFFICE if style == "office" else draw_style(Dice(seed, 5))
+        return _draw_wings(Dice(seed, 0), scale, drawn, size, wings)
+    dice = Dice(seed, crc32(style.encode()))  # a school and a clinic of one seed are not alike
+    kind = style_of_kind(dice, style)
+    length = sum(dice.integer(*size.wing_cm) for _ in range(wings))
+    layout = draw_layout(dice, kind, length * dice.integer(*_SHORTENED) // 100)
+    width, height = (scale.cells(cm + kind.deepest_cm) for cm in layout.size)
+    plan = draw_floor(dice, scale, kind, layout, (height, width))
+    margin = scale.cells(_MARGIN_CM)
+    return (height + 2 * margin, width + 2 * margin), plan.moved(margin, margin), None
+
+
+def _draw_wings(
     dice: Dice, scale: Scale, style: Style, size: _Size, wings: int
 ) -> tuple[tuple[int, int], FloorPlan, int]:
-    """Shape of the raster, the plan in its cells, and the split column."""
     margin, height = scale.cells(_MARGIN_CM), scale.cells(style.height_cm or size.height_cm)
     y = height // 2 - scale.cells(110)
     x, plan, edges = 0, FloorPlan(), []
@@ -186,7 +228,7 @@ def _draw_plan(
         drawn, y = draw_wing(dice, scale, style, wing, kind)
         plan.add(drawn)
         if index and dice.chance(2, 3):
-            plan.add(partition(dice, scale, wing))
+            plan.add(partition(dice, scale, wing.entrance))
         x += length
     split = edges[wings // 2] if wings > 1 else x // 2
     return (height + 2 * margin, x + 2 * margin), plan.moved(margin, margin), split + margin
@@ -212,7 +254,7 @@ def _open(parts: Sequence[Rect], shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 def _walls(plan: FloorPlan, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """(H, W) what is solid in the empty building."""
-    solid = _open(plan.corridors + plan.rooms, shape)
+    solid = _open(plan.corridors + plan.rooms + plan.halls, shape)
     for wall in plan.walls:
         solid[wall.slices] = True
     for door in plan.doors:
@@ -220,10 +262,10 @@ def _walls(plan: FloorPlan, shape: tuple[int, int]) -> NDArray[np.bool_]:
     return solid
 
 
-def _truth(scale: Scale, plan: FloorPlan, shape: tuple[int, int]) -> NDArray[np.int16]:
-    """(H, W) label of each cell of the empty building, -1 in walls."""
+def _truth(scale: Scale, plan: FloorPlan, shape: tuple[int, int], hall: int) -> NDArray[np.int16]:
+    """(H, W) label of each cell of the empty building, -1 in walls; ``hall`` is that of halls."""
     labels = np.full(shape, -1, np.int16)
-    for label, parts in ((_ROOM, plan.rooms), (_CORRIDOR, plan.corridors)):
+    for label, parts in ((_ROOM, plan.rooms), (_CORRIDOR, plan.corridors), (hall, plan.halls)):
         for part in parts:
             labels[part.slices] = label
     for door in plan.doors:
@@ -254,6 +296,13 @@ def _mapped_rows(cells: NDArray[np.int8], margin: int) -> slice:
     """The rows with anything known, and a margin."""
     known = np.flatnonzero((cells != UNKNOWN).any(axis=1))
     return slice(max(0, known[0] - margin), known[-1] + 1 + margin)
+
+
+def _fair_split(labels: NDArray[np.int16]) -> int:
+    """The column nearest to the middle with every label of LABEL_NAMES on both sides of it."""
+    columns = [np.flatnonzero((labels == k).any(axis=0)) for k in range(len(LABEL_NAMES))]
+    first, last = max(c[0] for c in columns) + 1, min(c[-1] for c in columns)
+    return int(np.clip(labels.shape[1] // 2, first, max(first, last)))
 
 
 def _main_component(free: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -42,6 +42,11 @@ class Dice:
         """One of the options."""
         return options[self.integer(0, len(options) - 1)]
 
+    def shuffled(self, items: Sequence[T]) -> list[T]:
+        """All of the items in another order."""
+        left = list(items)
+        return [left.pop(self.integer(0, len(left) - 1)) for _ in items]
+
     def integers(self, low: int, high: int, size: int) -> NDArray[np.int64]:
         """(size,) whole numbers, ``low`` and ``high`` included."""
         words = np.asarray(self._words.random_raw(size), np.uint64) >> np.uint64(_HALF_WORD)

@@ -1,7 +1,7 @@
 """The floor plan: corridors, rooms and doors as rectangles of cells, before anybody moves in."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal, Self
 
 from pgm_places.datasets.dice import Dice
@@ -39,6 +39,21 @@ class Rect:
     def size(self) -> tuple[int, int]:
         """Columns and rows."""
         return self.x1 - self.x0, self.y1 - self.y0
+
+    def overlaps(self, other: "Rect") -> bool:
+        """Whether a cell belongs to both."""
+        columns = min(self.x1, other.x1) - max(self.x0, other.x0)
+        rows = min(self.y1, other.y1) - max(self.y0, other.y0)
+        return columns > 0 and rows > 0
+
+    def joined(self, other: "Rect") -> "Rect":
+        """The smallest rectangle around both."""
+        return Rect(
+            min(self.x0, other.x0),
+            min(self.y0, other.y0),
+            max(self.x1, other.x1),
+            max(self.y1, other.y1),
+        )
 
     def grown(self, columns: int, rows: int) -> "Rect":
         """The rectangle with so many more columns and rows on either side."""
@@ -88,6 +103,7 @@ class Door:
 class FloorPlan:
     """Everything that is open between the walls; what no rectangle covers is solid.
 
+    ``halls`` are lobbies and waiting areas, which one passes through to reach several rooms;
     ``walls`` stand across what is open; ``windows`` are stretches of outer wall that a laser may
     see through.
     """
@@ -97,33 +113,26 @@ class FloorPlan:
     walls: list[Rect] = field(default_factory=list)
     doors: list[Door] = field(default_factory=list)
     windows: list[Rect] = field(default_factory=list)
+    halls: list[Rect] = field(default_factory=list)
 
     def add(self, other: Self) -> None:
         """Take over the parts of another plan."""
-        self.corridors += other.corridors
-        self.rooms += other.rooms
-        self.walls += other.walls
-        self.doors += other.doors
-        self.windows += other.windows
+        for part in fields(self):
+            getattr(self, part.name).extend(getattr(other, part.name))
 
     def flipped(self, height: int) -> "FloorPlan":
         """The plan in the map turned upside down."""
         return FloorPlan(
-            [part.flipped(height) for part in self.corridors],
-            [part.flipped(height) for part in self.rooms],
-            [part.flipped(height) for part in self.walls],
-            [part.flipped(height) for part in self.doors],
-            [part.flipped(height) for part in self.windows],
+            *([item.flipped(height) for item in getattr(self, part.name)] for part in fields(self))
         )
 
     def moved(self, columns: int, rows: int) -> "FloorPlan":
         """The plan so many columns to the right and rows up."""
         return FloorPlan(
-            [part.moved(columns, rows) for part in self.corridors],
-            [part.moved(columns, rows) for part in self.rooms],
-            [part.moved(columns, rows) for part in self.walls],
-            [part.moved(columns, rows) for part in self.doors],
-            [part.moved(columns, rows) for part in self.windows],
+            *(
+                [item.moved(columns, rows) for item in getattr(self, part.name)]
+                for part in fields(self)
+            )
         )
 
 
@@ -150,6 +159,15 @@ class Frontage:
         if self.along == "x":
             return Rect(x + u0, low, x + u1, high)
         return Rect(low, y + u0, high, y + u1)
+
+    def extent(self, rect: Rect) -> tuple[int, int, int, int]:
+        """``u0, u1, v0, v1`` of a rectangle: what :meth:`rect` makes it of."""
+        x, y = self.corner
+        along, across = (rect.x0 - x, rect.x1 - x), (rect.y0 - y, rect.y1 - y)
+        if self.along == "y":
+            along, across = (rect.y0 - y, rect.y1 - y), (rect.x0 - x, rect.x1 - x)
+        low, high = sorted((self.side * across[0], self.side * across[1]))
+        return along[0], along[1], low, high
 
     @property
     def inward(self) -> tuple[int, int]:

@@ -57,6 +57,8 @@ def furnish(dice: Dice, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_])
     for corridor in plan.corridors:
         for _ in range(max(corridor.size) // scale.cells(900)):
             _along_wall(dice, scale, corridor, put, (40, 120), (20, 35))
+    for hall in plan.halls:
+        _furnish_hall(dice, scale, hall, put)
 
 
 class _Mover:
@@ -93,6 +95,19 @@ def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
             _desk(dice, scale, room, put)
     for _ in range(1 + square_metres // 5):
         _thing(dice, scale, room, put)
+
+
+def _furnish_hall(dice: Dice, scale: Scale, hall: Rect, put: _Mover) -> None:
+    """Benches along the walls, pillars, a counter, plants: much of a hall is empty."""
+    square_metres = hall.size[0] * hall.size[1] // scale.cells(100) ** 2
+    for _ in range(square_metres // 12):
+        _along_wall(dice, scale, hall, put, (60, 240), (35, 60))
+    for _ in range(dice.integer(0, 1 + square_metres // 30)):
+        x, y = _spot(dice, scale, hall)
+        side = scale.cells(dice.integer(25, 60))
+        put(Rect(x, y, x + side, y + side), hall)
+    for _ in range(square_metres // 20):
+        _thing(dice, scale, hall, put)
 
 
 def _spot(dice: Dice, scale: Scale, room: Rect) -> tuple[int, int]:

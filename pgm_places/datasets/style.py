@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pgm_places.datasets.dice import Dice
 
-__all__ = ["OFFICE", "Style", "draw_style"]
+__all__ = ["OFFICE", "Span", "Style", "draw_style"]
 
 Span = tuple[int, int]
 """Smallest and largest length in centimetres."""
@@ -30,6 +30,15 @@ class Style:
         Width of the doors to the corridor, and of those between rooms.
     height_cm : int or None
         Extent of the building across its wings; None for that of its size.
+    layouts : tuple of str
+        The ways in which corridors may run (:data:`pgm_places.datasets.layout.LAYOUTS`); none for
+        a building of wings.
+    halls : (int, int)
+        How many halls lie along the corridors.
+    large_room_cm : ((int, int), (int, int)) or None
+        Length and width of a gym or a lecture theatre at a corridor's end, if there may be one.
+    inner_rooms : (int, int)
+        How many rooms of so many have a washroom or a store inside.
     """
 
     corridor_cm: Span = (165, 250)
@@ -43,6 +52,10 @@ class Style:
     door_cm: Span = (80, 110)
     side_door_cm: Span = (80, 100)
     height_cm: int | None = None
+    layouts: tuple[str, ...] = ()
+    halls: Span = (0, 0)
+    large_room_cm: tuple[Span, Span] | None = None
+    inner_rooms: tuple[int, int] = (0, 1)
 
 
 OFFICE = Style()

@@ -109,6 +109,8 @@ def _stations(scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> NDArra
         found += _grid_in(room, scale.cells(170), scale.cells(60))
     for corridor in plan.corridors:
         found += _grid_in(corridor, scale.cells(110), min(corridor.size) // 2)
+    for hall in plan.halls:
+        found += _grid_in(hall, scale.cells(170), scale.cells(60))
     found += [
         ((door.gap.x0 + door.gap.x1) // 2, (door.gap.y0 + door.gap.y1) // 2) for door in plan.doors
     ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
@@ -29,6 +30,11 @@ class Wing:
         """The wing in the map turned upside down."""
         y = self.height - self.corridor_y - self.corridor_width
         return Wing(self.x0, self.x1, self.height, y, self.corridor_width, self.wall)
+
+    @property
+    def entrance(self) -> Rect:
+        """The corridor as it comes in."""
+        return Rect(self.x0, self.corridor_y, self.x1, self.corridor_y + self.corridor_width)
 
     @property
     def rooms_x0(self) -> int:
@@ -156,14 +162,16 @@ def _loop(dice: Dice, scale: Scale, style: Style, wing: Wing) -> tuple[FloorPlan
     return plan, y
 
 
-def partition(dice: Dice, scale: Scale, wing: Wing) -> FloorPlan:
-    """A glazed wall across the corridor at the wing's left end, and the door in it."""
-    top = wing.corridor_y + wing.corridor_width
-    wall = Rect(wing.x0, wing.corridor_y, wing.x0 + scale.cells(12), top)
-    width = min(scale.cells(dice.integer(95, 110)), wing.corridor_width - 2)
-    low = dice.integer(wall.y0 + 1, wall.y1 - 1 - width)
-    door = Door(Rect(wall.x0, low, wall.x1, low + width), (1, 0), has_leaf=False)
-    return FloorPlan(walls=[wall], doors=[door])
+def partition(dice: Dice, scale: Scale, corridor: Rect, at: int = 0) -> FloorPlan:
+    """A glazed wall across a corridor, ``at`` cells from its left or lower end, with a door."""
+    along: Literal["x", "y"] = "x" if corridor.size[0] > corridor.size[1] else "y"
+    wide = min(corridor.size)
+    side = Frontage(along, (corridor.x0, corridor.y0), 1, max(corridor.size), wide)
+    end = at + scale.cells(12)
+    width = min(scale.cells(dice.integer(95, 110)), wide - 2)
+    low = dice.integer(1, wide - 1 - width)
+    door = Door(side.rect(at, end, low, low + width), side.onward, has_leaf=False)
+    return FloorPlan(walls=[side.rect(at, end, 0, wide)], doors=[door])
 
 
 _KINDS: dict[str, Callable[[Dice, Scale, Style, Wing], tuple[FloorPlan, int]]] = {

@@ -1,0 +1,258 @@
+"""The rooms of a floor, drawn along every side of its corridors and halls."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
+from pgm_places.datasets.layout import Layout
+from pgm_places.datasets.style import Style
+from pgm_places.datasets.wings import partition
+
+__all__ = ["draw_floor"]
+
+_WALL_CM = 15
+"""What is left between rooms that belong to different corridors."""
+
+_THIN_WALL_CM = 10
+"""What is left where a room is enlarged."""
+
+_GROWTH_CM = 500
+"""Rooms are enlarged by at most so much into space that is left over."""
+
+_SHALLOWEST_CM = 290
+"""No row of rooms where there is less depth, walls included."""
+
+_WIDEST_LEAF_CM = 130
+"""Wider doors have two leaves, which stand open along the walls."""
+
+_STEP_CM = 120
+"""Where the depth that is left changes by more, another row of rooms begins."""
+
+
+def draw_floor(
+    dice: Dice, scale: Scale, style: Style, layout: Layout, shape: tuple[int, int]
+) -> FloorPlan:
+    """The plan, in cells, of a floor of ``shape`` (H, W) whose corridors and halls are given.
+
+    Every room has a door to one of them.
+    """
+    site = Site(scale, shape)
+    plan = FloorPlan(
+        corridors=[_in_cells(scale, part) for part in layout.corridors],
+        halls=[_in_cells(scale, part) for part in layout.halls],
+    )
+    ways = plan.corridors + plan.halls
+    for part in (*ways, *(_in_cells(scale, court) for court in layout.courts)):
+        site.take(part)
+    for part in layout.large_rooms:
+        plan.add(_large_room(dice, scale, style, _in_cells(scale, part), plan.corridors[0]))
+        site.take(plan.rooms[-1])
+    rows = []
+    for side in dice.shuffled([side for way in ways for side in _sides(way)]):
+        for frontage in site.frontages(side, scale.cells(style.deepest_cm)):
+            rows.append((frontage, row_of_rooms(dice, scale, style, frontage)))
+            for room in rows[-1][1].rooms:
+                site.take(room)
+    for frontage, row in rows:
+        back = max((frontage.extent(room)[3] for room in row.rooms), default=0)
+        row.rooms = [site.enlarged(dice, frontage, room, back) for room in row.rooms]
+        _add_inner_rooms(dice, scale, style, frontage, row)
+        plan.add(row)
+    for corridor in plan.corridors:
+        if dice.chance(1, 4):
+            plan.add(_fire_door(dice, scale, corridor, plan, site))
+    return plan
+
+
+def _in_cells(scale: Scale, part: Rect) -> Rect:
+    """A rectangle given in centimetres; what touches there touches here."""
+    x0, y0, x1, y1 = (
+        (20 * cm + scale.mm_per_cell) // (2 * scale.mm_per_cell)
+        for cm in (part.x0, part.y0, part.x1, part.y1)
+    )
+    return Rect(x0, y0, x1, y1)
+
+
+def _sides(part: Rect) -> tuple[Frontage, ...]:
+    """The four sides of a corridor or a hall; how much depth there is is not known yet."""
+    columns, rows = part.size
+    return (
+        Frontage("x", (part.x0, part.y1), 1, columns, 0),
+        Frontage("x", (part.x0, part.y0), -1, columns, 0),
+        Frontage("y", (part.x1, part.y0), 1, rows, 0),
+        Frontage("y", (part.x0, part.y0), -1, rows, 0),
+    )
+
+
+class Site:
+    """The ground of a floor: which cells are built on.
+
+    Parameters
+    ----------
+    scale : Scale
+        The size of a cell.
+    shape : (int, int)
+        Rows and columns.
+    """
+
+    def __init__(self, scale: Scale, shape: tuple[int, int]) -> None:
+        self._taken = np.zeros(shape, bool)
+        self._wall, self._thin = scale.cells(_WALL_CM), scale.cells(_THIN_WALL_CM)
+        self._least, self._step = scale.cells(_SHALLOWEST_CM), scale.cells(_STEP_CM)
+        self._growth = scale.cells(_GROWTH_CM)
+
+    def take(self, part: Rect) -> None:
+        """Build on these cells."""
+        self._taken[part.slices] = True
+
+    def is_flanked(self, wall: Rect) -> bool:
+        """Whether nothing is open right beyond the two ends of a wall."""
+        columns, rows = wall.size
+        longer = wall.grown(1, 0) if columns > rows else wall.grown(0, 1)
+        beyond = self._seen(longer)
+        ends = beyond[:, [0, -1]] if columns > rows else beyond[[0, -1]]
+        return not ends.any()
+
+    def frontages(self, side: Frontage, deepest: int) -> Iterator[Frontage]:
+        """The stretches of a side behind which rooms fit, and how deep they may be."""
+        depths = self._depths(side, deepest)
+        x, y = side.corner
+        start = 0
+        while start < side.length:
+            end = start + 1
+            while end < side.length and abs(depths[end] - depths[start]) < self._step:
+                end += 1
+            depth = int(depths[start:end].min())
+            if depth >= self._least:
+                corner = (x + start, y) if side.along == "x" else (x, y + start)
+                yield replace(side, corner=corner, length=end - start, depth=depth)
+            start = end
+
+    def enlarged(self, dice: Dice, frontage: Frontage, room: Rect, back: int) -> Rect:
+        """The room with what was left over behind and beside it, mostly; its front stays.
+
+        Where nothing stands behind it, it ends with the others of its row, ``back`` cells from the
+        corridor.
+        """
+        _, _, _, depth = frontage.extent(room)
+        (ax, ay), inward = frontage.onward, frontage.inward
+        for towards in dice.shuffled([inward, (ax, ay), (-ax, -ay)]):
+            if dice.chance(3, 4):
+                most = back - depth if towards == inward else dice.integer(0, self._growth)
+                room = self._enlarged(room, towards, most)
+        self.take(room)
+        return room
+
+    def _enlarged(self, room: Rect, towards: tuple[int, int], most: int) -> Rect:
+        """The room as far as the next one, or ``most`` cells wider where there is none near."""
+        (dx, dy), thin, reach = towards, self._thin, self._growth + self._thin
+        ahead: Literal[1, -1] = 1 if dx + dy > 0 else -1
+        if dx:
+            side = Frontage("y", (room.x1 if dx > 0 else room.x0, room.y0), ahead, room.size[1], 0)
+        else:
+            side = Frontage("x", (room.x0, room.y1 if dy > 0 else room.y0), ahead, room.size[0], 0)
+        nearest = int(self._first_taken(side, thin, reach).min())
+        more = most if nearest == reach else nearest - thin
+        return room if more < 1 else room.joined(side.rect(0, side.length, 0, more))
+
+    def _depths(self, side: Frontage, deepest: int) -> NDArray[np.int64]:
+        """(length,) cells that are free behind each cell of a side, less a wall to what follows."""
+        wall = self._wall
+        nearest = self._first_taken(side, wall, deepest + wall)
+        around = np.lib.stride_tricks.sliding_window_view(nearest, 2 * wall + 1).min(axis=1)
+        return np.asarray(around - wall, np.int64)
+
+    def _first_taken(self, side: Frontage, margin: int, depth: int) -> NDArray[np.int64]:
+        """(length + 2 margin,) how far off a side, and beside it, the first taken cell is."""
+        strip = self._seen(side.rect(-margin, side.length + margin, 0, depth))
+        strip = strip if side.along == "x" else strip.T
+        strip = strip if side.side > 0 else strip[::-1]
+        return np.where(strip.any(axis=0), strip.argmax(axis=0), depth)
+
+    def _seen(self, part: Rect) -> NDArray[np.bool_]:
+        """(rows, columns) what is taken in a rectangle; so is all that lies off the site."""
+        height, width = self._taken.shape
+        seen = np.ones(part.size[::-1], bool)
+        inside = Rect(max(part.x0, 0), max(part.y0, 0), min(part.x1, width), min(part.y1, height))
+        if min(inside.size) > 0:
+            seen[inside.moved(-part.x0, -part.y0).slices] = self._taken[inside.slices]
+        return seen
+
+
+def _large_room(dice: Dice, scale: Scale, style: Style, room: Rect, corridor: Rect) -> FloorPlan:
+    """A gym or a lecture theatre at the right end of a corridor, and its door."""
+    width = min(scale.cells(dice.integer(*style.door_cm)), corridor.size[1] - 2)
+    low = dice.integer(corridor.y0 + 1, corridor.y1 - 1 - width)
+    return FloorPlan(
+        rooms=[room], doors=[Door(Rect(corridor.x1, low, room.x0, low + width), (1, 0))]
+    )
+
+
+def _add_inner_rooms(
+    dice: Dice, scale: Scale, style: Style, frontage: Frontage, row: FloorPlan
+) -> None:
+    """Give some rooms of a row a washroom or a store in a corner.
+
+    Leaves that would close it, or are wider than a door's, are taken off their hinges.
+    """
+    inner, widest = FloorPlan(), scale.cells(_WIDEST_LEAF_CM)
+    bare = [door for door in row.doors if max(door.gap.size) > widest]
+    for room in row.rooms:
+        if dice.chance(*style.inner_rooms):
+            drawn = _inner_room(dice, scale, frontage, room, row.doors)
+            if drawn.doors:
+                before = room.grown(scale.cells(40), scale.cells(40))
+                bare += [door for door in row.doors if door.gap.overlaps(before)]
+            inner.add(drawn)
+    row.doors = [replace(door, has_leaf=door not in bare) for door in row.doors]
+    if inner.doors:  # a door to the neighbours might lead into a washroom, or be walled up
+        row.doors = [door for door in row.doors if door.inward == frontage.inward]
+    row.add(inner)
+
+
+def _inner_room(
+    dice: Dice, scale: Scale, frontage: Frontage, room: Rect, doors: list[Door]
+) -> FloorPlan:
+    """A small room in a front corner of a room, where there is space beside its doors."""
+    u0, u1, v0, v1 = frontage.extent(room)
+    wide, deep = scale.cells(dice.integer(140, 200)), scale.cells(dice.integer(150, 260))
+    wall, clear = scale.cells(10), scale.cells(25)
+    gap = scale.cells(dice.integer(65, 80))
+    at = dice.integer(v0 + wall, max(v0 + wall, v0 + deep - wall - gap))
+    if v1 - v0 < deep + scale.cells(200) or u1 - u0 < wide + scale.cells(120):
+        return FloorPlan()
+    fronts = [frontage.extent(door.gap) for door in doors if door.inward == frontage.inward]
+    for at_start in dice.shuffled([True, False]):
+        low, high = (u0, u0 + wide + wall) if at_start else (u1 - wide - wall, u1)
+        if any(low - clear < end and start < high + clear for start, end, _, _ in fronts):
+            continue
+        beside = (high - wall, high) if at_start else (low, low + wall)
+        dx, dy = frontage.onward
+        inward = (-dx, -dy) if at_start else (dx, dy)
+        return FloorPlan(
+            walls=[
+                frontage.rect(*beside, v0, v0 + deep + wall),
+                frontage.rect(low, high, v0 + deep, v0 + deep + wall),
+            ],
+            doors=[Door(frontage.rect(*beside, at, at + gap), inward, has_leaf=False)],
+        )
+    return FloorPlan()
+
+
+def _fire_door(dice: Dice, scale: Scale, corridor: Rect, plan: FloorPlan, site: Site) -> FloorPlan:
+    """A glazed wall with a door across a corridor, where there is space for one."""
+    clear = scale.cells(80)
+    for _ in range(4):
+        at = dice.integer(clear, max(clear, max(corridor.size) - 2 * clear))
+        drawn = partition(dice, scale, corridor, at)
+        around = drawn.walls[0].grown(clear, clear)
+        if site.is_flanked(drawn.walls[0]) and not any(
+            around.overlaps(door.gap) for door in plan.doors
+        ):
+            return drawn
+    return FloorPlan()

@@ -1,0 +1,135 @@
+"""Kinds of buildings: schools, clinics, hotels and others, with the sizes that theirs have."""
+
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.style import OFFICE, Span, Style
+
+__all__ = ["KINDS", "style_of_kind"]
+
+# Rooms and corridors of 13 office and 28 school floors, as `python -m experiments.floor_statistics`
+# measured them in November 2026; quantiles at 10, 20, 40, 50, 60, 80, 90 %, in metres:
+#
+#                  |            offices               |             schools
+#   longer side    | 3.2  4.4  5.2  5.6  6.1  7.8  9.2 | 3.1  4.3  6.5  7.4  8.1  9.5 11.7
+#   shorter side   | 2.3  3.0  4.0  4.3  4.5  5.3  6.4 | 2.0  2.6  3.9  5.0  6.3  7.5  8.4
+#   corridor width | 1.6  1.8  2.0  2.2  2.4  3.0  3.9 | 1.7  2.1  2.5  2.8  3.1  3.5  4.0
+#
+# One span of `fronts_cm` is drawn for each room, so that spans between quantiles of equal distance
+# give the measured distribution. Longer and shorter side are along the corridor about as often.
+# There are 0.12 to 0.26 (0.13 to 0.32) rooms for each metre of corridor, 1.05 to 1.3 (1.1 to 1.9)
+# doors for each room, and 22 to 38 (16 to 33) % of the area is corridor or hall. Their door widths
+# are assumed, not measured. The sizes of the other kinds are the author's judgement.
+_OFFICE_FRONTS: tuple[Span, ...] = ((230, 300), (300, 400), (400, 450), (450, 560), (560, 780))
+_SCHOOL_FRONTS: tuple[Span, ...] = ((260, 390), (390, 630), (630, 750), (740, 860), (860, 1170))
+_OFFICE_CORRIDORS: tuple[Span, ...] = ((160, 180), (180, 200), (200, 240), (240, 300), (300, 390))
+_SCHOOL_CORRIDORS: tuple[Span, ...] = ((170, 210), (210, 250), (250, 310), (310, 350), (350, 400))
+_DOORS: tuple[Span, ...] = ((80, 100), (85, 95), (90, 120))
+
+_SCHOOL = Style(
+    fronts_cm=_SCHOOL_FRONTS,
+    narrowest_cm=250,
+    small_depth_cm=(390, 750),
+    large_depth_cm=(500, 850),
+    deepest_cm=900,
+    layouts=("bar", "comb", "comb", "court", "ladder", "foyer"),
+    halls=(0, 2),
+    large_room_cm=((1300, 2400), (1100, 1700)),
+    inner_rooms=(1, 3),
+)
+_UNIVERSITY = Style(
+    fronts_cm=(*OFFICE.fronts_cm, (600, 900), (900, 1400)),
+    small_depth_cm=(430, 600),
+    large_depth_cm=(550, 900),
+    deepest_cm=950,
+    layouts=("bar", "comb", "ladder", "court", "foyer"),
+    halls=(0, 2),
+    large_room_cm=((1000, 1800), (900, 1500)),
+)
+_CLINIC = Style(
+    fronts_cm=((240, 320), (300, 380), (350, 450), (500, 700)),
+    narrowest_cm=230,
+    small_depth_cm=(380, 560),
+    large_depth_cm=(450, 650),
+    deepest_cm=700,
+    side_door_cm=(80, 120),
+    layouts=("bar", "comb", "ladder", "ladder", "court"),
+    halls=(1, 3),
+    inner_rooms=(1, 4),
+)
+_HOTEL = Style(
+    fronts_cm=((330, 390), (340, 420), (360, 460)),
+    narrowest_cm=300,
+    small_depth_cm=(560, 760),
+    large_depth_cm=(560, 760),
+    deepest_cm=820,
+    layouts=("bar", "bar", "comb", "court"),
+    halls=(0, 1),
+    inner_rooms=(7, 8),
+)
+_HALL = Style(
+    fronts_cm=_OFFICE_FRONTS,
+    narrowest_cm=240,
+    small_depth_cm=(300, 560),
+    large_depth_cm=(450, 780),
+    deepest_cm=820,
+    layouts=("foyer",),
+    halls=(0, 2),
+    inner_rooms=(1, 6),
+)
+_RING = Style(
+    fronts_cm=_OFFICE_FRONTS,
+    narrowest_cm=240,
+    small_depth_cm=(390, 560),
+    large_depth_cm=(450, 780),
+    deepest_cm=820,
+    layouts=("ladder", "court"),
+    halls=(0, 1),
+    inner_rooms=(1, 6),
+)
+_OPEN_PLAN = Style(
+    fronts_cm=((300, 500), (800, 1400), (1200, 2200)),
+    narrowest_cm=280,
+    small_depth_cm=(400, 560),
+    large_depth_cm=(800, 1200),
+    deepest_cm=1260,
+    side_door_cm=(90, 180),
+    layouts=("bar", "ladder", "foyer"),
+    halls=(0, 2),
+)
+_CELLS = Style(
+    fronts_cm=((200, 260), (230, 300), (260, 340)),
+    narrowest_cm=190,
+    small_depth_cm=(260, 420),
+    large_depth_cm=(300, 450),
+    deepest_cm=500,
+    side_door_cm=(70, 80),
+    layouts=("bar", "comb", "ladder", "ladder"),
+    halls=(0, 1),
+)
+
+KINDS: dict[str, tuple[Style, tuple[Span, ...], tuple[Span, ...]]] = {
+    "cells": (_CELLS, ((120, 160), (150, 200), (180, 240)), ((70, 85), (75, 90))),
+    "clinic": (_CLINIC, ((180, 220), (210, 260), (240, 320)), ((90, 130), (110, 140))),
+    "hall": (_HALL, _OFFICE_CORRIDORS, _DOORS),
+    "hotel": (_HOTEL, ((140, 170), (150, 190), (170, 220)), ((80, 95),)),
+    "open-plan": (_OPEN_PLAN, _OFFICE_CORRIDORS, ((90, 120), (100, 200))),
+    "ring": (_RING, _OFFICE_CORRIDORS, _DOORS),
+    "school": (_SCHOOL, _SCHOOL_CORRIDORS, ((85, 100), (90, 120), (100, 170))),
+    "university": (_UNIVERSITY, ((160, 210), (200, 260), (240, 320)), _DOORS),
+}
+"""Style, widths of corridors and widths of doors of each kind; one width of each is drawn for a
+building, since all its corridors and doors are alike."""
+
+
+def style_of_kind(dice: Dice, kind: str) -> Style:
+    """The style of one building of a kind."""
+    from dataclasses import replace
+
+    style, corridors, doors = KINDS[kind]
+    corridor, other = dice.choice(corridors), dice.choice(corridors)
+    return replace(
+        style,
+        corridor_cm=corridor,
+        branch_cm=other,
+        link_cm=other,
+        door_cm=dice.choice(doors),
+    )

@@ -1,0 +1,153 @@
+"""Kinds of buildings: what every one keeps to, and what tells them apart."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pgm_places.datasets import STYLES, LabelledBuilding, generate_building
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Frontage, Rect
+from pgm_places.datasets.kinds import KINDS
+from pgm_places.datasets.layout import LAYOUTS, draw_layout
+from tests.datasets.test_building import digest
+
+CORRIDOR, ROOM, DOORWAY, HALL = range(4)
+
+
+@pytest.fixture(scope="module", params=[(kind, seed) for kind in sorted(KINDS) for seed in (0, 1)])
+def empty(request: pytest.FixtureRequest) -> LabelledBuilding:
+    """An empty building, mapped without noise: its plan."""
+    kind, seed = request.param
+    return generate_building(
+        seed, style=kind, resolution_m=0.1, furniture=False, slam_noise=False, halls="hall"
+    )
+
+
+def pieces(mask: NDArray[np.bool_]) -> int:
+    return int(ndimage.label(mask)[1])
+
+
+def test_every_kind_is_a_style() -> None:
+    assert set(STYLES) == {"office", "varied", *KINDS}
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("cells", "08ab2412da499dee"),
+        ("clinic", "2942ae8481ce5db2"),
+        ("hall", "ccaf34ca4cc1ea6a"),
+        ("hotel", "d723d477e4ea6e46"),
+        ("open-plan", "d3e2bd2af575dc14"),
+        ("ring", "c39cc14c91ada874"),
+        ("school", "89eead681041bd22"),
+        ("university", "ac2998bb5c2d6e3e"),
+    ],
+)
+def test_a_seed_gives_these_very_cells_on_every_platform(kind: str, expected: str) -> None:
+    building = generate_building(2, style=kind, resolution_m=0.2, halls="hall")
+    assert digest(building.grid.cells, building.labels.astype("<i2")) == expected
+
+
+def test_every_room_can_be_reached(empty: LabelledBuilding) -> None:
+    """Only slivers behind open doors are cut off: less than a square metre each."""
+    parts, _ = ndimage.label(empty.grid.free)
+    areas_m2 = np.bincount(parts[empty.grid.free]) * 0.01
+    areas_m2[areas_m2.argmax()] = 0
+    assert areas_m2.max() < 1.0
+    assert (empty.grid.free & (empty.labels < 0)).sum() < 0.005 * empty.grid.free.sum()
+
+
+def test_one_passes_from_room_to_room_without_crossing_another(empty: LabelledBuilding) -> None:
+    """Corridors and halls hang together by themselves and by the doors between them."""
+    ways = np.isin(empty.labels, (CORRIDOR, HALL))
+    doors, n_doors = ndimage.label(empty.labels == DOORWAY)
+    between = [
+        index
+        for index in range(1, n_doors + 1)
+        if not (ndimage.binary_dilation(doors == index) & (empty.labels == ROOM)).any()
+    ]
+    assert pieces(ways | np.isin(doors, between)) == 1
+
+
+def test_every_room_is_left_by_doorways_only(empty: LabelledBuilding) -> None:
+    room = empty.labels == ROOM
+    around = ndimage.binary_dilation(room) & ~room & empty.grid.free
+    assert (empty.labels[around] == DOORWAY).all()
+
+
+def test_both_halves_hold_every_label(empty: LabelledBuilding) -> None:
+    for half in (empty.labels[:, : empty.split_column], empty.labels[:, empty.split_column :]):
+        assert {CORRIDOR, ROOM, DOORWAY} <= set(np.unique(half).tolist())
+
+
+def test_sizes_differ_between_kinds() -> None:
+    def room_m2(kind: str) -> float:
+        areas = []
+        for seed in range(3):
+            made = generate_building(
+                seed, style=kind, resolution_m=0.2, furniture=False, slam_noise=False
+            )
+            parts, _ = ndimage.label(made.labels == ROOM)
+            areas += (np.bincount(parts.ravel())[1:] * 0.04).tolist()
+        return float(np.median(areas))
+
+    assert room_m2("cells") < 14 < 17 < room_m2("clinic") < room_m2("school") < 60
+
+
+def test_halls_fold_into_corridors_rooms_or_stay() -> None:
+    made = {
+        halls: generate_building(3, style="hall", resolution_m=0.2, halls=halls)  # type: ignore[arg-type]
+        for halls in ("hall", "corridor", "room")
+    }
+    assert made["hall"].label_names == ("corridor", "room", "doorway", "hall")
+    assert made["corridor"].label_names == ("corridor", "room", "doorway")
+    hall = made["hall"].labels == HALL
+    assert hall.sum() * 0.04 > 50  # square metres
+    for into, label in (("corridor", CORRIDOR), ("room", ROOM)):
+        assert np.array_equal(made[into].labels, np.where(hall, label, made["hall"].labels))
+
+
+def test_the_default_folds_halls_into_corridors() -> None:
+    folded = generate_building(3, style="hall", resolution_m=0.2)
+    named = generate_building(3, style="hall", resolution_m=0.2, halls="corridor")
+    assert np.array_equal(folded.labels, named.labels)
+
+
+def test_a_large_building_has_more_wings() -> None:
+    areas = [
+        (generate_building(1, style="cells", resolution_m=0.2, wings=wings).labels >= 0).sum()
+        for wings in (1, 4)
+    ]
+    assert areas[1] > 2 * areas[0]
+
+
+@pytest.mark.parametrize("name", sorted(LAYOUTS))
+@pytest.mark.parametrize("seed", range(5))
+def test_corridors_and_halls_of_a_layout_touch(name: str, seed: int) -> None:
+    from dataclasses import replace
+
+    style = replace(KINDS["clinic"][0], layouts=(name,))
+    layout = draw_layout(Dice(seed, 0), style, 5000)
+    raster = np.zeros(layout.size[::-1], bool)
+    for part in layout.corridors + layout.halls:
+        raster[part.slices] = True
+    assert pieces(raster) == 1
+    assert not raster[: style.deepest_cm].any() or layout.courts
+    for court in layout.courts:
+        assert not any(court.overlaps(corridor) for corridor in layout.corridors)
+
+
+@pytest.mark.parametrize("along", ["x", "y"])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_frontage_finds_its_rectangles_again(along: str, side: int) -> None:
+    frontage = Frontage(along, (7, 11), side, 30, 20)  # type: ignore[arg-type]
+    assert frontage.extent(frontage.rect(2, 9, 3, 8)) == (2, 9, 3, 8)
+
+
+def test_rectangles_overlap_where_they_share_a_cell() -> None:
+    first = Rect(0, 0, 4, 4)
+    assert first.overlaps(Rect(3, 3, 9, 9))
+    assert not first.overlaps(Rect(4, 0, 9, 9))
+    assert first.joined(Rect(6, 1, 8, 9)) == Rect(0, 0, 8, 9)
