@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 from zlib import crc32
 
 import numpy as np
@@ -15,13 +15,13 @@ from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.layout import draw_layout
-from pgm_places.datasets.style import OFFICE, Style, draw_style
+from pgm_places.datasets.style import OFFICE, HallsAs, Style, StyleName, draw_style
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 
-__all__ = ["HALLS", "LABEL_NAMES", "STYLES", "LabelledBuilding", "generate_building"]
+__all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "generate_building"]
 
 LABEL_NAMES = ("corridor", "room", "doorway")
 """The labels of the generated building, in index order."""
@@ -34,11 +34,8 @@ _DOORWAY_MARGIN_CM = 30
 _MARGIN_CM = 150
 """Unknown space that is left around a building."""
 
-STYLES = ("office", "varied", *sorted(KINDS))
-"""Offices, offices with other widths and sizes, and kinds of buildings."""
-
-HALLS = ("corridor", "room", "hall")
-"""What a hall may be labelled."""
+STYLES: tuple[str, ...] = get_args(StyleName)
+"""The styles of generated buildings."""
 
 _SHORTENED = (60, 110)
 """Per cent of their wings' length that the corridors of a kind of building have."""
@@ -96,10 +93,10 @@ def generate_building(
     resolution_m: float | None = None,
     wings: int = 2,
     size: Literal["floor", "small"] = "floor",
-    style: str = "office",
+    style: StyleName = "office",
     furniture: bool = True,
     slam_noise: bool = True,
-    halls: Literal["corridor", "room", "hall"] = "corridor",
+    halls: HallsAs = "corridor",
 ) -> LabelledBuilding:
     """A building drawn from a seed: the same cells on every platform, another building per seed.
 
@@ -181,8 +178,8 @@ def _check(seed: int, wings: int, size: str, style: str, halls: str) -> None:
         raise InputError(f"style must be one of {', '.join(STYLES)}, got {style!r}")
     if style != "office" and size != "floor":
         raise InputError(f"style {style!r} needs size 'floor', got size {size!r}")
-    if halls not in HALLS:
-        raise InputError(f"halls must be one of {', '.join(HALLS)}, got {halls!r}")
+    if halls not in get_args(HallsAs):
+        raise InputError(f"halls must be one of {', '.join(get_args(HallsAs))}, got {halls!r}")
 
 
 def _millimetres(resolution_m: float | None, size: str) -> int:

@@ -1,10 +1,28 @@
 """The style of a building: how wide its corridors are, how large its rooms and its doors."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pgm_places.datasets.dice import Dice
 
-__all__ = ["OFFICE", "Span", "Style", "draw_style"]
+__all__ = ["OFFICE", "HallsAs", "Span", "Style", "StyleName", "draw_style"]
+
+StyleName = Literal[
+    "office",
+    "varied",
+    "cells",
+    "clinic",
+    "hall",
+    "hotel",
+    "open-plan",
+    "ring",
+    "school",
+    "university",
+]
+"""Offices, offices with other widths and sizes, and kinds of buildings."""
+
+HallsAs = Literal["corridor", "room", "hall"]
+"""What a hall is labelled."""
 
 Span = tuple[int, int]
 """Smallest and largest length in centimetres."""

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from pgm_places._checks import nearest_name
+from pgm_places.datasets.style import HallsAs, StyleName
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
@@ -77,7 +78,7 @@ class MapConfig(_Record):
     ``class`` is translated by ``classes``. ``columns`` and ``rows`` are half-open ranges of image
     columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
     metres; ``half`` is the part of a generated building left or right of the border between its
-    wings, ``style``, ``furniture`` and ``slam_noise`` say how it is drawn
+    wings, ``style``, ``halls``, ``furniture`` and ``slam_noise`` say how it is drawn
     (:func:`pgm_places.datasets.generate_building`). Maps of one ``building`` are held out together;
     by default, parts of the same map are.
     """
@@ -90,7 +91,8 @@ class MapConfig(_Record):
     name: str | None = None
     building: str | None = None
     half: Literal["left", "right"] | None = None
-    style: Literal["office", "varied"] | None = None
+    style: StyleName | None = None
+    halls: HallsAs | None = None
     furniture: bool | None = None
     slam_noise: bool | None = None
     columns: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
@@ -122,6 +124,7 @@ class MapConfig(_Record):
         """How to draw a generated building, where it is not the default."""
         named = {
             "style": self.style,
+            "halls": self.halls,
             "furniture": self.furniture,
             "slam_noise": self.slam_noise,
         }

@@ -1,5 +1,7 @@
 """Kinds of buildings: what every one keeps to, and what tells them apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Frontage, Rect
 from pgm_places.datasets.kinds import KINDS
 from pgm_places.datasets.layout import LAYOUTS, draw_layout
+from pgm_places.datasets.style import HallsAs, StyleName
 from tests.datasets.test_building import digest
 
 CORRIDOR, ROOM, DOORWAY, HALL = range(4)
@@ -45,7 +48,7 @@ def test_every_kind_is_a_style() -> None:
         ("university", "ac2998bb5c2d6e3e"),
     ],
 )
-def test_a_seed_gives_these_very_cells_on_every_platform(kind: str, expected: str) -> None:
+def test_a_seed_gives_these_very_cells_on_every_platform(kind: StyleName, expected: str) -> None:
     building = generate_building(2, style=kind, resolution_m=0.2, halls="hall")
     assert digest(building.grid.cells, building.labels.astype("<i2")) == expected
 
@@ -83,7 +86,7 @@ def test_both_halves_hold_every_label(empty: LabelledBuilding) -> None:
 
 
 def test_sizes_differ_between_kinds() -> None:
-    def room_m2(kind: str) -> float:
+    def room_m2(kind: StyleName) -> float:
         areas = []
         for seed in range(3):
             made = generate_building(
@@ -97,15 +100,16 @@ def test_sizes_differ_between_kinds() -> None:
 
 
 def test_halls_fold_into_corridors_rooms_or_stay() -> None:
+    folds: tuple[HallsAs, ...] = ("hall", "corridor", "room")
     made = {
-        halls: generate_building(3, style="hall", resolution_m=0.2, halls=halls)  # type: ignore[arg-type]
-        for halls in ("hall", "corridor", "room")
+        fold: generate_building(3, style="hall", resolution_m=0.2, halls=fold) for fold in folds
     }
     assert made["hall"].label_names == ("corridor", "room", "doorway", "hall")
     assert made["corridor"].label_names == ("corridor", "room", "doorway")
     hall = made["hall"].labels == HALL
     assert hall.sum() * 0.04 > 50  # square metres
-    for into, label in (("corridor", CORRIDOR), ("room", ROOM)):
+    expected: dict[HallsAs, int] = {"corridor": CORRIDOR, "room": ROOM}
+    for into, label in expected.items():
         assert np.array_equal(made[into].labels, np.where(hall, label, made["hall"].labels))
 
 
@@ -126,8 +130,6 @@ def test_a_large_building_has_more_wings() -> None:
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
 @pytest.mark.parametrize("seed", range(5))
 def test_corridors_and_halls_of_a_layout_touch(name: str, seed: int) -> None:
-    from dataclasses import replace
-
     style = replace(KINDS["clinic"][0], layouts=(name,))
     layout = draw_layout(Dice(seed, 0), style, 5000)
     raster = np.zeros(layout.size[::-1], bool)
