@@ -13,11 +13,11 @@ from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList, check_decision
 from pgm_places.models.boosting import (
     check_carried,
-    check_rounds,
     check_two_classes,
     checked_training_data,
     float32_matrix,
 )
+from pgm_places.models.list_options import ListOptions
 from pgm_places.models.list_training import (
     Folds,
     ListTraining,
@@ -27,11 +27,10 @@ from pgm_places.models.list_training import (
     whole,
 )
 from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.options import option_hints
 
 __all__ = ["DecisionListClassifier"]
 
-_CRITERIA = ("balanced_accuracy", "accuracy")
-_CALIBRATIONS = ("none", "platt")
 _ORDERS = ("heuristic", "exhaustive")
 
 
@@ -158,10 +157,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         ValueError
             scikit-learn's own checks of X and y failed.
         """
-        check_rounds(self.n_rounds, self.tolerance)
-        _one_of("criterion", self.criterion, _CRITERIA)
-        _one_of("calibration", self.calibration, _CALIBRATIONS)
-        _check_prior_weight(self.prior_weight)
+        ListOptions(**{name: getattr(self, name) for name in option_hints(ListOptions)})
         values, given, weight = checked_training_data(self, X, y, sample_weight)
         classes, labels = np.unique(given, return_inverse=True)
         check_two_classes(classes)
@@ -342,11 +338,6 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "boosted_list_")
-
-
-def _check_prior_weight(value: float) -> None:
-    if not (np.isfinite(value) and value >= 0):
-        raise InputError(f"prior_weight must be a number of at least 0, got {value}")
 
 
 def _one_of(name: str, value: Any, known: tuple[str, ...]) -> None:

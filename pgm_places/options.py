@@ -199,7 +199,7 @@ def _at(path: str, key: str) -> str:
 
 def _nested(hint: Any, value: Any, path: str) -> Any:
     """A table as the options that are declared for it, a list of tables as a list of them."""
-    for arm in _arms(hint):
+    for arm in map(_bare, _arms(hint)):
         if dataclasses.is_dataclass(arm) and isinstance(arm, type) and isinstance(value, Mapping):
             return from_mapping(arm, value, path=path)
         if typing.get_origin(arm) in (list, tuple) and isinstance(value, list | tuple):
@@ -208,16 +208,16 @@ def _nested(hint: Any, value: Any, path: str) -> Any:
     return value
 
 
+def _bare(hint: Any) -> Any:
+    """An annotation without its marks."""
+    return typing.get_args(hint)[0] if typing.get_origin(hint) is Annotated else hint
+
+
 def _arms(hint: Any) -> list[Any]:
     """The alternatives of a union, None last; marks of a whole union are not looked at."""
-    if typing.get_origin(hint) is Annotated and typing.get_origin(typing.get_args(hint)[0]) in (
-        Union,
-        types.UnionType,
-    ):
-        hint = typing.get_args(hint)[0]
-    if typing.get_origin(hint) not in (Union, types.UnionType):
+    if typing.get_origin(_bare(hint)) not in (Union, types.UnionType):
         return [hint]
-    arms = [arm for part in typing.get_args(hint) for arm in _arms(part)]
+    arms = [arm for part in typing.get_args(_bare(hint)) for arm in _arms(part)]
     return sorted(arms, key=lambda arm: arm is types.NoneType)
 
 
@@ -233,10 +233,8 @@ _NOUNS = {
 
 
 def _words(hint: Any, *, plural: bool) -> str:
-    marks: tuple[Any, ...] = ()
-    if typing.get_origin(hint) is Annotated:
-        hint, *rest = typing.get_args(hint)
-        marks = tuple(rest)
+    marks = getattr(hint, "__metadata__", ())
+    hint = _bare(hint)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin is Literal:
         return _choices(inner)
@@ -244,6 +242,8 @@ def _words(hint: Any, *, plural: bool) -> str:
         return _list_words(inner, marks)
     if origin is dict or hint is dict:
         return "a table"
+    if dataclasses.is_dataclass(hint):
+        return f"a table of options ({getattr(hint, '__name__', hint)})"
     if hint not in _NOUNS:
         return f"a {getattr(hint, '__name__', hint)}"
     limits = _limits(marks)

@@ -155,7 +155,7 @@ def _label(
     options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
     del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
-        _, paths = write_places(out, title, grid=loaded.grid, **options, **rules_of(record))
+        _, paths = write_places(out, title, rules_of(record), grid=loaded.grid, **options)
     written += paths
     for path in written:
         typer.echo(f"wrote {path}")

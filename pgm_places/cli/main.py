@@ -157,7 +157,7 @@ def topology(
 ) -> None:
     """Find the places of a labelled map and how they are connected."""
     from pgm_places.cli.places import run_topology
-    from pgm_places.topology.corrections import CorrectionRules
+    from pgm_places.topology.rules import TopologyOptions
 
     run_topology(
         labels,
@@ -165,17 +165,17 @@ def topology(
         out,
         names_path=names,
         unknown_value=unknown_value,
-        rules=CorrectionRules(
+        rules=TopologyOptions(
             min_area,
             min_doorway_area,
             doorway_label=doorway,
             widest_doorway_m=widest_doorway,
             close_leaks_m=close_leaks,
             split_rooms_m=split_rooms,
+            correct=correct,
+            min_width_m=min_width,
         ),
-        correct=correct,
         propose_splits_m=propose_splits,
-        min_width_m=min_width,
         quiet=quiet,
     )
 

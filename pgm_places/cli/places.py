@@ -8,7 +8,8 @@ import typer
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.errors import InputError
-from pgm_places.topology.corrections import CorrectionRules
+from pgm_places.options import from_mapping
+from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
     from pgm_places.topology.topological_map import TopologicalMap
@@ -16,28 +17,32 @@ if TYPE_CHECKING:
 __all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
 
 
-def rules_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    """``topological_map``'s options in a model's record; else the paper's."""
-    options = dict(record.get("config", {}).get("topology", {}))
-    return {
-        "correct": bool(options.pop("correct", True)),
-        "min_width_m": float(options.pop("min_width_m", 0.0)),
-        "rules": CorrectionRules(**options),
-    }
+def rules_of(record: Mapping[str, Any]) -> TopologyOptions:
+    """The options of topological maps in a model's record; the paper's where there are none."""
+    return from_mapping(TopologyOptions, record.get("config", {}).get("topology", {}))
 
 
-def write_places(out: Path, title: str, **options: Any) -> tuple["TopologicalMap", list[Path]]:
+def write_places(
+    out: Path, title: str, rules: TopologyOptions, **inputs: Any
+) -> tuple["TopologicalMap", list[Path]]:
     """A topological map that keeps the ids of an earlier one in the folder, and what was written.
 
-    ``options`` are those of ``topological_map``, the grid among them.
+    ``inputs`` are those of ``topological_map``, the grid among them.
     """
     from pgm_places.io.places.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
     from pgm_places.report.topology_output import topology_summary, write_topology
     from pgm_places.topology.from_labels import topological_map
 
     known = load_topology(out).known_places if (out / TOPOLOGY_FILE).exists() else None
-    found = topological_map(known=known, own_names=read_own_names(out), **options)
-    written = write_topology(out, options["grid"], found, title=title)
+    found = topological_map(
+        rules=rules,
+        correct=rules.correct,
+        min_width_m=rules.min_width_m,
+        known=known,
+        own_names=read_own_names(out),
+        **inputs,
+    )
+    written = write_topology(out, inputs["grid"], found, title=title)
     typer.echo(topology_summary(found))
     return found, written
 
@@ -49,9 +54,7 @@ def run_topology(
     *,
     names_path: Path | None,
     unknown_value: int | None,
-    rules: CorrectionRules,
-    correct: bool,
-    min_width_m: float,
+    rules: TopologyOptions,
     propose_splits_m: float,
     quiet: bool,
 ) -> None:
@@ -71,14 +74,7 @@ def run_topology(
     check_writable_folder(out)
     with progress.stage("places"):
         topology, written = write_places(
-            out,
-            map_yaml.stem,
-            grid=loaded.grid,
-            labels=labels,
-            label_names=names,
-            rules=rules,
-            correct=correct,
-            min_width_m=min_width_m,
+            out, map_yaml.stem, rules, grid=loaded.grid, labels=labels, label_names=names
         )
     if propose_splits_m:
         for line in _proposals(topology, propose_splits_m):

@@ -1,75 +1,64 @@
-"""Configuration files: TOML in, checked records out; nothing unknown is let through."""
+"""Configuration files: TOML in, checked options out; nothing unknown is let through.
 
-import json
+The options of the sensor, the lists, the methods and the topological maps are declared there; here
+stands what is about files: maps, labels, windows, and how it all fits together.
+"""
+
+import re
 import tomllib
-import typing
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from annotated_types import Ge, Le, MinLen
 
 from pgm_places._checks import nearest_name
 from pgm_places.datasets.style import HallsAs, StyleName
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
+from pgm_places.options import OptionError, Positive, check_options, from_mapping
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.topology.rules import TopologyOptions
+from pgm_places.unary.options import ClassifierOptions, ContextOptions
 
 __all__ = [
-    "ClassifierConfig",
     "ExperimentConfig",
     "FeatureConfig",
     "LabelsConfig",
     "MapConfig",
     "MethodConfig",
     "SelectConfig",
-    "SensorConfig",
-    "TopologyConfig",
     "load_config",
     "parse_config",
 ]
 
-CONTEXT_M = (0.3, 0.75, 1.5, 3.0)
-"""Half-widths of the windows of the second list; chosen on training buildings (docs/results)."""
-
 MAX_CONFIG_BYTES = 1_000_000
 """A configuration larger than this is some other file."""
 
-Range = tuple[float | None, float | None]
-IndexRange = tuple[int | None, int | None]
+OpenEnd = Literal["", "end"] | None
+"""TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window."""
+
+Range = tuple[float | OpenEnd, float | OpenEnd]
+IndexRange = tuple[int | OpenEnd, int | OpenEnd]
+Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 
-def _open_ended(value: Any) -> Any:
-    """TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window."""
-    if isinstance(value, list):
-        return tuple(None if item in ("", "end") else item for item in value)
-    return value
-
-
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class LabelsConfig(_Record):
+@dataclass(frozen=True)
+class LabelsConfig:
     """The labels to tell apart; their order is the order of every table."""
 
-    names: Annotated[list[str], Field(min_length=2)]
+    names: Annotated[tuple[str, ...], MinLen(2)]
 
-    @model_validator(mode="after")
-    def _unique(self) -> Self:
+    def __post_init__(self) -> None:
+        check_options(self)
         if len(set(self.names)) != len(self.names):
-            raise ValueError(f"names must differ, got {self.names}")
-        return self
+            raise ConfigError(f"names must differ, got {list(self.names)}")
 
 
-class MapConfig(_Record):
+@dataclass(frozen=True, kw_only=True)
+class MapConfig:
     """A map, where its labels are, and which part of it to use.
 
     ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
@@ -84,7 +73,7 @@ class MapConfig(_Record):
     """
 
     map: str | None = None
-    generated: Annotated[int, Field(ge=0)] | None = None
+    generated: Annotated[int, Ge(0)] | None = None
     labels: str | None = None
     regions: str | None = None
     classes: dict[str, str] | None = None
@@ -95,120 +84,67 @@ class MapConfig(_Record):
     halls: HallsAs | None = None
     furniture: bool | None = None
     slam_noise: bool | None = None
-    columns: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
-    rows: Annotated[IndexRange | None, BeforeValidator(_open_ended)] = None
-    x_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
-    y_m: Annotated[Range | None, BeforeValidator(_open_ended)] = None
-    unknown_value: Annotated[int, Field(ge=0, le=255)] | None = None
+    columns: IndexRange | None = None
+    rows: IndexRange | None = None
+    x_m: Range | None = None
+    y_m: Range | None = None
+    unknown_value: Annotated[int, Ge(0), Le(255)] | None = None
     compat: Literal["nav2", "ros1"] = "nav2"
 
-    @model_validator(mode="after")
-    def _one_source_of_labels(self) -> Self:
+    def __post_init__(self) -> None:
+        check_options(self)
         if (self.map is None) == (self.generated is None):
-            raise ValueError("give map (a YAML file) or generated (a seed), one of them")
+            raise ConfigError("give map (a YAML file) or generated (a seed), one of them")
         if self.generated is not None:
             if self.labels is not None or self.regions is not None:
-                raise ValueError("a generated building brings its own labels; drop labels, regions")
+                raise ConfigError(
+                    "a generated building brings its own labels; drop labels, regions"
+                )
         elif self.half is not None:
-            raise ValueError("half is for generated buildings; give columns or x_m of a map")
+            raise ConfigError("half is for generated buildings; give columns or x_m of a map")
         elif self.drawn:
-            raise ValueError(f"{', '.join(self.drawn)}: for generated buildings only")
+            raise ConfigError(f"{', '.join(self.drawn)}: for generated buildings only")
         elif (self.labels is None) == (self.regions is None):
-            raise ValueError("give labels (an image) or regions (a GeoJSON file), one of them")
+            raise ConfigError("give labels (an image) or regions (a GeoJSON file), one of them")
         if self.classes is not None and self.regions is None:
-            raise ValueError("classes translates the classes of regions; there are no regions")
-        return self
+            raise ConfigError("classes translates the classes of regions; there are no regions")
+
+    @property
+    def window(self) -> dict[str, tuple[Any, Any]]:
+        """The limits of the window along each axis that has any; None where an end is open."""
+        limits = {name: getattr(self, name) for name in ("columns", "rows", "x_m", "y_m")}
+        return {
+            name: (_end(ends[0]), _end(ends[1]))
+            for name, ends in limits.items()
+            if ends is not None
+        }
 
     @property
     def drawn(self) -> dict[str, Any]:
         """How to draw a generated building, where it is not the default."""
         named = {
-            "style": self.style,
-            "halls": self.halls,
-            "furniture": self.furniture,
-            "slam_noise": self.slam_noise,
+            name: getattr(self, name) for name in ("style", "halls", "furniture", "slam_noise")
         }
         return {key: value for key, value in named.items() if value is not None}
 
 
-class NoiseConfig(_Record):
-    """The noise of a real sensor (paper section 7)."""
-
-    sigma_m: Annotated[float, Field(ge=0)] = 0.0
-    p_random: Annotated[float, Field(ge=0, le=1)] = 0.0
-    p_max: Annotated[float, Field(ge=0, le=1)] = 0.0
-    seed: Annotated[int, Field(ge=0)] = 0
+def _end(value: float | OpenEnd) -> float | None:
+    return None if isinstance(value, str) else value
 
 
-class SensorConfig(_Record):
-    """The simulated range sensor."""
-
-    n_beams: Annotated[int, Field(ge=3, le=3600)] = 360
-    max_range_m: Annotated[float, Field(gt=0)] = 30.0
-    stop_at_unknown: bool = True
-    noise: NoiseConfig | None = None
-
-
-class ClassifierConfig(_Record):
-    """The boosted decision list that gives every cell its unary potential.
-
-    ``order`` is ``"rarest-first"``, ``"heuristic"`` (the paper's), ``"exhaustive"`` or a list of
-    label names. ``learn_on`` says which scores the structured methods learn from: those of cells
-    the list was trained on (``"in-sample"``), or of cells held out (``"out-of-fold"``): whole
-    buildings where there are several, contiguous blocks of the only one else. ``prior_weight``
-    says how far z follows the frequencies of the labels in training, and
-    ``max_examples_per_map`` how many cells of a map the lists are trained on at most.
-    """
-
-    n_rounds: Annotated[int, Field(ge=1, le=100_000)] = 100
-    order: Literal["rarest-first", "heuristic", "exhaustive"] | list[str] = "rarest-first"
-    decision: Literal["list", "argmax"] = "list"
-    calibration: Literal["none", "platt"] = "none"
-    prior_weight: Annotated[float, Field(ge=0, le=2)] = 0.5
-    max_examples_per_map: Annotated[int, Field(ge=100)] | None = None
-    learn_on: Literal["in-sample", "out-of-fold"] = "out-of-fold"
-    n_folds: Annotated[int, Field(ge=2, le=50)] = 5
-    node_features: Annotated[int, Field(ge=1, le=321)] = 30
-
-
-class ContextConfig(_Record):
-    """The second list, which also sees the mean scores in windows around each cell.
-
-    It serves the methods with ``unary = "context"``; an empty list does without it.
-    """
-
-    half_widths_m: list[Annotated[float, Field(gt=0)]] = list(CONTEXT_M)
-
-
-class TopologyConfig(_Record):
-    """When a region of a labelled map is taken for an error (paper section 6.2).
-
-    Rooms and corridors below ``min_area_m2``, doorways below ``min_doorway_area_m2``, and, where
-    ``doorways_join_two``, doorways that touch fewer than two regions take a neighbour's label.
-    Passages narrower than ``min_width_m`` connect nothing. The other widths are those of
-    corrections that are not the paper's; 0 leaves one out.
-    """
-
-    correct: bool = True
-    min_area_m2: Annotated[float, Field(ge=0)] = 1.0
-    min_doorway_area_m2: Annotated[float, Field(ge=0)] = 0.1
-    doorways_join_two: bool = True
-    doorway_label: str = "doorway"
-    min_width_m: Annotated[float, Field(ge=0)] = 0.0
-    widest_doorway_m: Annotated[float, Field(ge=0)] = 0.0
-    close_leaks_m: Annotated[float, Field(ge=0)] = 0.0
-    split_rooms_m: Annotated[float, Field(ge=0)] = 0.0
-    min_part_m2: Annotated[float, Field(ge=0)] = 4.0
-
-
-class FeatureConfig(_Record):
-    """A feature of one's own by name, and its options (all other keys)."""
+@dataclass(frozen=True)
+class FeatureConfig:
+    """A custom feature by name, and its options (all other keys)."""
 
     name: str
     options: dict[str, Any]
 
+    def __post_init__(self) -> None:
+        check_options(self)
 
-class SelectConfig(_Record):
+
+@dataclass(frozen=True)
+class SelectConfig:
     """Options to choose on the training maps, whole buildings or contiguous blocks held out.
 
     ``options`` lists values by dotted key (``"classifier.n_rounds" = [100, 300]``,
@@ -216,13 +152,17 @@ class SelectConfig(_Record):
     the last one.
     """
 
-    options: Annotated[dict[str, Annotated[list[Any], Field(min_length=1)]], Field(min_length=1)]
+    options: Annotated[dict[str, Annotated[list[Any], MinLen(1)]], MinLen(1)]
     method: str | None = None
-    criterion: Literal["balanced_accuracy", "accuracy", "macro_f1"] = "balanced_accuracy"
-    n_folds: Annotated[int, Field(ge=2, le=50)] = 5
+    criterion: Criterion = "balanced_accuracy"
+    n_folds: Annotated[int, Ge(2), Le(50)] = 5
+
+    def __post_init__(self) -> None:
+        check_options(self)
 
 
-class MethodConfig(_Record):
+@dataclass(frozen=True)
+class MethodConfig:
     """A method by name, what to call it, which unary it gets, and its options (all other keys).
 
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
@@ -231,63 +171,75 @@ class MethodConfig(_Record):
     """
 
     name: str
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+ -]{0,79}$")]
-    unary: Literal["auto", "laser", "context"] = "auto"
+    id: str
     options: dict[str, Any]
+    unary: Literal["auto", "laser", "context"] = "auto"
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.+ -]{0,79}", self.id):
+            raise OptionError(
+                "id", f"must be a short name of letters, digits, spaces and _.+-, got {self.id!r}"
+            )
 
 
-class ExperimentConfig(_Record):
+@dataclass(frozen=True, kw_only=True)
+class ExperimentConfig:
     """A whole experiment: labels, sensor, classifier, maps and methods."""
 
     title: str | None = None
-    resolution_m: Annotated[float, Field(gt=0)] | None = None
+    resolution_m: Positive | None = None
     connectivity: Literal[4, 8] = 8
     labels: LabelsConfig
-    sensor: SensorConfig = SensorConfig()
-    classifier: ClassifierConfig = ClassifierConfig()
-    context: ContextConfig = ContextConfig()
-    topology: TopologyConfig = TopologyConfig()
-    train: Annotated[list[MapConfig], Field(min_length=1)]
-    test: list[MapConfig] = []
-    features: list[FeatureConfig] = []
+    sensor: Sensor = field(default_factory=Sensor)
+    classifier: ClassifierOptions = field(default_factory=ClassifierOptions)
+    context: ContextOptions = field(default_factory=ContextOptions)
+    topology: TopologyOptions = field(default_factory=TopologyOptions)
+    train: Annotated[tuple[MapConfig, ...], MinLen(1)]
+    test: tuple[MapConfig, ...] = ()
+    features: tuple[FeatureConfig, ...] = ()
     select: SelectConfig | None = None
-    methods: Annotated[list[MethodConfig], Field(min_length=1)]
+    methods: Annotated[tuple[MethodConfig, ...], MinLen(1)]
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def __post_init__(self) -> None:
+        check_options(self)
         _check_label_names(self)
-        wants = any(method.unary == "context" for method in self.methods)
-        if wants and not self.context.half_widths_m:
-            raise ValueError("a method has unary = 'context' but [context] half_widths_m is empty")
-        ids = [method.id for method in self.methods]
-        twice = sorted({name for name in ids if ids.count(name) > 1})
-        if twice:
-            raise ValueError(
-                f"methods: {', '.join(twice)} comes more than once; give each its own id"
-            )
-        if self.select is not None and self.select.method not in (None, *ids):
-            raise ValueError(
-                f"select.method: no method {self.select.method!r}. "
-                f"{nearest_name(str(self.select.method), ids)}"
-            )
-        return self
+        _check_methods(self)
+        build_features(self)
+        for method in self.methods:
+            build_method(method)
+
+
+def _check_methods(config: ExperimentConfig) -> None:
+    wants = any(method.unary == "context" for method in config.methods)
+    if wants and not config.context.half_widths_m:
+        raise ConfigError("a method has unary = 'context' but [context] half_widths_m is empty")
+    ids = [method.id for method in config.methods]
+    twice = sorted({name for name in ids if ids.count(name) > 1})
+    if twice:
+        raise ConfigError(f"methods: {', '.join(twice)} comes more than once; give each its own id")
+    if config.select is not None and config.select.method not in (None, *ids):
+        raise ConfigError(
+            f"select.method: no method {config.select.method!r}. "
+            f"{nearest_name(str(config.select.method), ids)}"
+        )
 
 
 def _check_label_names(config: ExperimentConfig) -> None:
-    names = config.labels.names
+    names = list(config.labels.names)
     order = config.classifier.order
-    if isinstance(order, list) and sorted(order) not in (sorted(names), *_all_but_one(names)):
-        raise ValueError(
+    if isinstance(order, tuple) and sorted(order) not in (sorted(names), *_all_but_one(names)):
+        raise ConfigError(
             f"classifier.order must name each of {names} once (the last may be left out), "
-            f"got {order}"
+            f"got {list(order)}"
         )
     for part, maps in (("train", config.train), ("test", config.test)):
         for index, item in enumerate(maps):
             for code, label in (item.classes or {}).items():
                 if label not in names:
-                    raise ValueError(
+                    raise ConfigError(
                         f"{part}[{index}].classes: {code!r} is translated to {label!r}, which is "
-                        f"no label. {nearest_name(label, names)}"
+                        f"not a label. {nearest_name(label, names)}"
                     )
 
 
@@ -333,17 +285,9 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
 def validated_config(content: Mapping[str, Any], where: str) -> ExperimentConfig:
     """The checked configuration from a mapping in the records' own form, options apart."""
     try:
-        # JSON mode keeps strictness (no "50" for 50) but lets a list be a pair.
-        config = ExperimentConfig.model_validate_json(json.dumps(content, default=str))
-    except ValidationError as error:
-        raise ConfigError(f"{where}: {_first_problem(error)}") from None
-    try:
-        build_features(config)
-        for method in config.methods:
-            build_method(method)
+        return from_mapping(ExperimentConfig, content)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
-    return config
 
 
 def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list[dict[str, Any]]:
@@ -366,48 +310,5 @@ def build_method(method: MethodConfig) -> Any:
 
 
 def build_features(config: ExperimentConfig) -> tuple[Any, ...]:
-    """The features of one's own that the tables describe, checked in the same way."""
+    """The custom features that the tables describe, checked in the same way."""
     return as_features([FEATURES.build(item.name, item.options) for item in config.features])
-
-
-def _first_problem(error: ValidationError) -> str:
-    """One problem in the reader's words: where, what was wanted, what came."""
-    problems = error.errors()
-    first = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
-    place = _place(first["loc"])
-    if first["type"] == "extra_forbidden":
-        known = _known_keys(first["loc"][:-1])
-        return f"unknown key {place!r}. {nearest_name(str(first['loc'][-1]), known)}"
-    if first["type"] == "missing":
-        return f"{place!r} is missing"
-    message = first["msg"].removeprefix("Value error, ")
-    got = first.get("input")
-    shown = "" if isinstance(got, dict) or first["type"] == "value_error" else f", got {got!r}"
-    return f"{place}: {message}{shown}" if place else f"{message}{shown}"
-
-
-def _place(location: tuple[int | str, ...]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
-
-
-def _known_keys(location: tuple[int | str, ...]) -> list[str]:
-    """The keys of the record at a location of the configuration."""
-    record: type[BaseModel] | None = ExperimentConfig
-    for part in location:
-        if isinstance(part, str) and record is not None and part in record.model_fields:
-            record = _record_in(record.model_fields[part].annotation)
-    return [] if record is None else list(record.model_fields)
-
-
-def _record_in(annotation: Any) -> type[BaseModel] | None:
-    """The first record in a type such as ``list[MapConfig] | None``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for inner in typing.get_args(annotation):
-        found = _record_in(inner)
-        if found is not None:
-            return found
-    return None

@@ -6,6 +6,7 @@ from typing import Any
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, validated_config
+from pgm_places.options import plain_values
 
 __all__ = ["changed_config"]
 
@@ -39,7 +40,7 @@ def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> Expe
     >>> changed.methods[0].options
     {'max_iterations': 5}
     """
-    content = config.model_dump(mode="json")
+    content = plain_values(config)
     for key, value in changes.items():
         _replace(content, key, value)
     return validated_config(content, "changed configuration")

@@ -33,14 +33,14 @@ def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
 
 
 def _load_map(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
-    columns = source.columns
+    limits = source.window
     if source.generated is None:
         grid, labels, origin = _read_map(experiment, source)
     else:
         grid, labels, origin, split = _generated(experiment, source.generated, source.drawn)
         if source.half is not None:
-            columns = (0, split) if source.half == "left" else (split, None)
-    window = window_mask(grid, columns=columns, rows=source.rows, x_m=source.x_m, y_m=source.y_m)
+            limits["columns"] = (0, split) if source.half == "left" else (split, None)
+    window = window_mask(grid, **limits)
     target_m = experiment.config.resolution_m
     if target_m is not None and not np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
         coarse = coarsen(grid, target_m)
@@ -104,9 +104,7 @@ def _generated(
 def _default_name(source: MapConfig, origin: Path) -> str:
     name = origin.stem if origin.stem != "map" else origin.parent.name
     parts = [] if source.half is None else [f"{source.half} half"]
-    for axis in ("columns", "rows", "x_m", "y_m"):
-        limits = getattr(source, axis)
-        if limits is not None:
-            low, high = ("" if value is None else f"{value:g}" for value in limits)
-            parts.append(f"{axis} {low}..{high}")
+    for axis, limits in source.window.items():
+        low, high = ("" if value is None else f"{value:g}" for value in limits)
+        parts.append(f"{axis} {low}..{high}")
     return f"{name} ({', '.join(parts)})" if parts else name

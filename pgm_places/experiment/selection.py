@@ -184,7 +184,7 @@ def _scored(
     test: list[LabelledMap],
 ) -> Evaluation:
     """A method learned on some maps and scored on others."""
-    kept = config.model_copy(update={"methods": [m for m in config.methods if m.id == method]})
+    kept = replace(config, select=None, methods=tuple(m for m in config.methods if m.id == method))
     labeler = make_labeler(kept).fit(learn, n_threads=experiment.n_threads)
     scored = []
     for item in test:

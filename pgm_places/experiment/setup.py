@@ -9,36 +9,14 @@ from pgm_places.experiment.config import (
     build_method,
 )
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
-from pgm_places.options import option_values
-from pgm_places.sensing.sensor import Sensor, SensorNoise
+from pgm_places.options import option_values, plain_values
 
 __all__ = ["make_labeler", "resolved_config", "resolved_unary"]
 
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     """The unfitted labeler that a configuration describes."""
-    from pgm_places.models.decision_list import DecisionListClassifier
-
-    names = tuple(config.labels.names)
-    noise = config.sensor.noise
-    sensor = Sensor(
-        n_beams=config.sensor.n_beams,
-        max_range_m=config.sensor.max_range_m,
-        stop_at_unknown=config.sensor.stop_at_unknown,
-        noise=None if noise is None else SensorNoise(**noise.model_dump()),
-    )
-    settings = config.classifier
-    order: Any = settings.order
-    if isinstance(order, list):
-        rest = [name for name in names if name not in order]
-        order = [names.index(name) for name in (*order, *rest)]
-    classifier = DecisionListClassifier(
-        n_rounds=settings.n_rounds,
-        order=order,
-        decision=settings.decision,
-        calibration=settings.calibration,
-        prior_weight=settings.prior_weight,
-    )
+    names, settings = tuple(config.labels.names), config.classifier
     context_m = tuple(config.context.half_widths_m)
     methods = {
         method.id: PlaceMethod(build_method(method), resolved_unary(method, bool(context_m)))
@@ -49,15 +27,15 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     return PlaceLabeler(
         names,
         methods,
-        sensor,
-        classifier,
-        config.connectivity,
-        context_m,
-        settings.learn_on,
-        settings.n_folds,
-        settings.node_features,
-        settings.max_examples_per_map,
-        build_features(config),
+        sensor=config.sensor,
+        classifier=settings.classifier(names),
+        connectivity=config.connectivity,
+        context_m=context_m,
+        learn_on=settings.learn_on,
+        n_folds=settings.n_folds,
+        n_node_features=settings.n_node_features,
+        max_examples_per_map=settings.max_examples_per_map,
+        features=build_features(config),
     )
 
 
@@ -70,7 +48,7 @@ def resolved_unary(method: MethodConfig, has_context: bool) -> str:
 
 def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str, Any]:
     """The configuration with every default written out, as plain data."""
-    content: dict[str, Any] = config.model_dump(mode="json")
+    content: dict[str, Any] = plain_values(config)
     content["methods"] = [
         {
             "id": method.id,

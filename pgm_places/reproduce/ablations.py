@@ -166,15 +166,15 @@ def _n(name: str) -> int:
 
 def _compare(setting: Setting, changes: Mapping[str, Any], methods: Sequence[str]) -> Comparison:
     experiment = setting.experiment(CONFIG, changes)
-    kept = [item for item in experiment.config.methods if item.id in methods]
-    experiment = replace(experiment, config=experiment.config.model_copy(update={"methods": kept}))
+    kept = tuple(item for item in experiment.config.methods if item.id in methods)
+    experiment = replace(experiment, config=replace(experiment.config, methods=kept))
     return compare(experiment)
 
 
 def _compare_on(setting: Setting, train: LabelledMap) -> Comparison:
     experiment = setting.experiment(CONFIG)
-    kept = [item for item in experiment.config.methods if item.id != "amn"]
-    experiment = replace(experiment, config=experiment.config.model_copy(update={"methods": kept}))
+    kept = tuple(item for item in experiment.config.methods if item.id != "amn")
+    experiment = replace(experiment, config=replace(experiment.config, methods=kept))
     labeler = make_labeler(experiment.config).fit(
         [train], n_threads=setting.n_threads, progress=setting.progress
     )

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, MapConfig
 from pgm_places.experiment.config_changes import changed_config
+from pgm_places.options import plain_values
 
 __all__ = ["STAND_INS", "with_stand_ins"]
 
@@ -36,7 +37,7 @@ def with_stand_ins(config: ExperimentConfig) -> ExperimentConfig:
         A map of the configuration has no stand-in.
     """
     changes = {
-        part: [_stand_in(item).model_dump(mode="json") for item in getattr(config, part)]
+        part: [plain_values(_stand_in(item)) for item in getattr(config, part)]
         for part in ("train", "test")
     }
     return changed_config(config, changes)
@@ -52,7 +53,7 @@ def _stand_in(item: MapConfig) -> MapConfig:
             "that holds the real maps"
         )
     half = None
-    window = item.columns or item.x_m or item.y_m
-    if window is not None:
-        half = "right" if window[0] else "left"
+    limits = [ends for axis, ends in item.window.items() if axis != "rows"]
+    if limits:
+        half = "right" if limits[0][0] else "left"
     return MapConfig(generated=STAND_INS[folder], half=half, building=item.building)  # type: ignore[arg-type]

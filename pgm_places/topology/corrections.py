@@ -1,61 +1,18 @@
 """The paper's heuristic corrections of regions (section 6.2), each one listed."""
 
-import dataclasses
 import heapq
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import Components, connected_components
+from pgm_places.topology.rules import CorrectionRules
 
 __all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]
-
-
-@dataclass(frozen=True)
-class CorrectionRules:
-    """When a region is taken for a classification error.
-
-    Parameters
-    ----------
-    min_area_m2 : float
-        A room or corridor smaller than this is an error (the paper: 1 m²).
-    min_doorway_area_m2 : float
-        A doorway smaller than this is an error (the paper: 0.1 m²).
-    doorways_join_two : bool
-        Whether a doorway that touches fewer than two regions is an error.
-    doorway_label : str
-        Which label is the doorway.
-    widest_doorway_m : float
-        Doorway cells where a wider disc fits are none; 0 looks at no width. Not in the paper.
-    close_leaks_m : float
-        A doorway that leaves a gap beside it is completed where it is at most so far from wall to
-        wall; 0 completes none. Not in the paper.
-    split_rooms_m : float
-        A region is parted by a doorway where it is at most so narrow between two wide parts; 0
-        parts none. Not in the paper.
-    min_part_m2 : float
-        The least area of either part that the last two corrections leave.
-    """
-
-    min_area_m2: float = 1.0
-    min_doorway_area_m2: float = 0.1
-    doorways_join_two: bool = True
-    doorway_label: str = "doorway"
-    widest_doorway_m: float = 0.0
-    close_leaks_m: float = 0.0
-    split_rooms_m: float = 0.0
-    min_part_m2: float = 4.0
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, int | float) and not value >= 0:
-                raise InputError(f"{field.name} must be at least 0, got {value}")
 
 
 @dataclass(frozen=True)
@@ -133,7 +90,7 @@ def drop_islands(
             label = merging.label[region]
             table[region] = -1
             log.append(
-                dataclasses.replace(
+                replace(
                     merging.entry(
                         labels.shape[1],
                         region,

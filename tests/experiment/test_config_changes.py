@@ -29,19 +29,19 @@ def test_values_are_replaced_by_dotted_keys(config: ExperimentConfig) -> None:
         config,
         {
             "resolution_m": 0.2,
-            "classifier.order": ["room", "corridor"],
+            "classifier.order": ("room", "corridor"),
             "sensor.noise": {"sigma_m": 0.05},
             "methods.amn 2.C": 10.0,
             "methods.amn 2.unary": "laser",
         },
     )
     assert changed.resolution_m == 0.2
-    assert changed.classifier.order == ["room", "corridor"]
+    assert changed.classifier.order == ("room", "corridor")
     assert changed.sensor.noise is not None
     assert changed.sensor.noise.sigma_m == 0.05
     assert changed.methods[1].options == {"C": 10.0}
     assert changed.methods[1].unary == "laser"
-    assert changed.train[0].columns == (5, None)
+    assert changed.train[0].window == {"columns": (5, None)}
     assert config.methods[1].options == {"C": 3.0}
 
 

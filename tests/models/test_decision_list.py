@@ -441,12 +441,12 @@ def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
         ({"order": "best"}, "order must be one of heuristic, exhaustive, got 'best'"),
         ({"order": ["room", "doorway"]}, "order must name each class of y once"),
         ({"order": ["room", "doorway", "kitchen", "kitchen"]}, "order must name each class"),
-        ({"decision": "vote"}, "decision must be one of list, argmax, got 'vote'"),
-        ({"criterion": "f1"}, "criterion must be one of balanced_accuracy, accuracy, got 'f1'"),
-        ({"prior_weight": -1.0}, "prior_weight must be a number of at least 0, got -1.0"),
-        ({"calibration": "isotonic"}, "calibration must be one of none, platt, got 'isotonic'"),
+        ({"decision": "vote"}, "decision must be 'list' or 'argmax', got 'vote'"),
+        ({"criterion": "f1"}, "criterion must be 'balanced_accuracy' or 'accuracy', got 'f1'"),
+        ({"prior_weight": -1.0}, "prior_weight must be a number from 0 to 2, got -1.0"),
+        ({"calibration": "isotonic"}, "calibration must be 'none' or 'platt', got 'isotonic'"),
         ({"clip": 0.25}, "clip must be at least 0 and below 1/4, got 0.25"),
-        ({"n_rounds": 0}, "n_rounds must be a whole number of at least 1, got 0"),
+        ({"n_rounds": 0}, "n_rounds must be a whole number from 1 to 100000, got 0"),
     ],
 )
 def test_unknown_options_are_refused(options: dict[str, Any], text: str) -> None:

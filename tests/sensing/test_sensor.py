@@ -22,7 +22,7 @@ def test_angles_start_along_x_and_turn_counter_clockwise() -> None:
     ("arguments", "message"),
     [
         ({"n_beams": 2}, "n_beams must be a whole number from 3 to 3600, got 2"),
-        ({"noise": 0.1}, "noise must be a SensorNoise or None, got 0.1"),
+        ({"noise": 0.1}, "noise must be a table of options (SensorNoise) or None, got 0.1"),
     ],
 )
 def test_sensor_says_what_is_wrong(arguments: dict[str, object], message: str) -> None:

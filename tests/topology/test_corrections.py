@@ -127,5 +127,5 @@ def test_it_is_the_same_as_forming_all_regions_anew_each_time(raster: np.ndarray
 
 
 def test_bad_thresholds_are_refused() -> None:
-    with pytest.raises(InputError, match="min_area_m2 must be at least 0, got -1"):
+    with pytest.raises(InputError, match="min_area_m2 must be a number of at least 0, got -1"):
         CorrectionRules(min_area_m2=-1)

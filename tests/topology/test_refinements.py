@@ -120,7 +120,7 @@ def test_a_doorway_that_spreads_into_a_room_is_trimmed() -> None:
 
 
 def test_rules_that_cannot_be_met_are_refused() -> None:
-    with pytest.raises(InputError, match="split_rooms_m must be at least 0"):
+    with pytest.raises(InputError, match="split_rooms_m must be a number of at least 0"):
         CorrectionRules(split_rooms_m=-1.0)
     labels = two_rooms()
     cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)

@@ -1,0 +1,61 @@
+"""What counts as an error of a labelled map, and which corrections are made."""
+
+from dataclasses import dataclass
+
+from pgm_places.options import AtLeastZero, check_options
+
+__all__ = ["CorrectionRules", "TopologyOptions"]
+
+
+@dataclass(frozen=True)
+class CorrectionRules:
+    """When a region is taken for a classification error.
+
+    Parameters
+    ----------
+    min_area_m2 : float
+        Least area of a room or a corridor (m²); a smaller one is an error (the paper: 1 m²).
+    min_doorway_area_m2 : float
+        Least area of a doorway (m²); a smaller one is an error (the paper: 0.1 m²).
+    doorways_join_two : bool
+        Relabel doorways that touch fewer than two regions.
+    doorway_label : str
+        Name of the label that marks doorways.
+    widest_doorway_m : float
+        Relabel doorway cells wider than this (m); 0 keeps them. Not in the paper.
+    close_leaks_m : float
+        Complete leaking doorways up to this wide from wall to wall (m); 0 completes none. Not in
+        the paper.
+    split_rooms_m : float
+        Split places at constrictions narrower than this (m); 0 splits none. Not in the paper.
+    min_part_m2 : float
+        Least area of either part that closing or splitting leaves (m²).
+    """
+
+    min_area_m2: AtLeastZero = 1.0
+    min_doorway_area_m2: AtLeastZero = 0.1
+    doorways_join_two: bool = True
+    doorway_label: str = "doorway"
+    widest_doorway_m: AtLeastZero = 0.0
+    close_leaks_m: AtLeastZero = 0.0
+    split_rooms_m: AtLeastZero = 0.0
+    min_part_m2: AtLeastZero = 4.0
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+@dataclass(frozen=True)
+class TopologyOptions(CorrectionRules):
+    """The rules, whether they are applied, and which passages connect places.
+
+    Parameters
+    ----------
+    correct : bool
+        Correct regions that are errors.
+    min_width_m : float
+        Passages narrower than this (m) connect nothing.
+    """
+
+    correct: bool = True
+    min_width_m: AtLeastZero = 0.0

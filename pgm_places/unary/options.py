@@ -1,0 +1,72 @@
+"""The options of the boosted lists that give every cell its unary potential."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from annotated_types import Ge, Le
+
+from pgm_places.models.list_options import ListOptions, PriorWeight
+from pgm_places.options import Positive, check_options, option_hints
+
+if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+__all__ = ["ClassifierOptions", "ContextOptions"]
+
+
+@dataclass(frozen=True)
+class ClassifierOptions(ListOptions):
+    """The options of the list, and how it is learned from maps.
+
+    Parameters
+    ----------
+    order : {"rarest-first", "heuristic", "exhaustive"} or list of label names
+        In which order the list asks for the labels: by their frequency in training, as the paper
+        does, or the best of all on held-out cells. A list may leave out the last label.
+    max_examples_per_map : int, optional
+        Train the lists on a random choice of this many cells of each map; all cells by default.
+    learn_on : {"out-of-fold", "in-sample"}
+        Which scores the structured methods learn from: those of cells held out (whole buildings
+        where there are several, contiguous blocks of the only one else), or those of cells the list
+        was trained on.
+    n_folds : int
+        Folds of the held-out scores.
+    n_node_features : int
+        How many of the features that boosting chose first are handed to structured methods.
+    """
+
+    prior_weight: PriorWeight = 0.5
+    order: Literal["rarest-first", "heuristic", "exhaustive"] | tuple[str, ...] = "rarest-first"
+    max_examples_per_map: Annotated[int, Ge(100)] | None = None
+    learn_on: Literal["out-of-fold", "in-sample"] = "out-of-fold"
+    n_folds: Annotated[int, Ge(2), Le(50)] = 5
+    n_node_features: Annotated[int, Ge(1), Le(321)] = 30
+
+    def classifier(self, label_names: Sequence[str]) -> "DecisionListClassifier":
+        """The unfitted list; an order of names becomes one of label numbers."""
+        from pgm_places.models.decision_list import DecisionListClassifier
+
+        order: Any = self.order
+        if isinstance(order, tuple):
+            rest = [name for name in label_names if name not in order]
+            order = [list(label_names).index(name) for name in (*order, *rest)]
+        own = {name: getattr(self, name) for name in option_hints(ListOptions)}
+        return DecisionListClassifier(order=order, **own)
+
+
+@dataclass(frozen=True)
+class ContextOptions:
+    """The second list, which also sees the mean scores in windows around each cell.
+
+    Parameters
+    ----------
+    half_widths_m : list of float
+        Half-widths of the windows, chosen on training buildings (docs/results); none for no second
+        list. It serves the methods with ``unary = "context"``.
+    """
+
+    half_widths_m: tuple[Positive, ...] = (0.3, 0.75, 1.5, 3.0)
+
+    def __post_init__(self) -> None:
+        check_options(self)
