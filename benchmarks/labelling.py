@@ -19,7 +19,7 @@ from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.persistence.place_labeler import load_labeler, save_labeler
+from pgm_places.persistence.stored import load, save
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("corridor", "room", "doorway")
@@ -59,8 +59,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
         labels = load_labels(label_path, NAMES, grid=grid)
         methods = {"relaxation": "relaxation", "adaboost": "independent"}
         labeler = PlaceLabeler(NAMES, methods).fit([LabelledMap(grid, labels)])
-        save_labeler(folder / "model", labeler)
-        labeler, _ = load_labeler(folder / "model")
+        labeler = load(save(labeler, folder / "model"))
 
         for threads in (1, 2):
 

@@ -25,11 +25,11 @@ from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.persistence.place_labeler import load_labeler, save_labeler
+from pgm_places.persistence.stored import load, save
 
 METHODS = {
-    "independent": PlaceMethod("independent"),
-    "relaxation": PlaceMethod("relaxation"),
+    "independent": PlaceMethod("independent", "laser"),
+    "relaxation": PlaceMethod("relaxation", "laser"),
     "relaxation, context": PlaceMethod("relaxation", "context"),
 }
 CONTEXT_M = (0.3, 0.75, 1.5, 3.0)
@@ -39,7 +39,7 @@ MEASURE = "--measure"
 def measure(map_yaml: Path, model: Path, method: str, out: Path) -> dict[str, Any]:
     """Label a map in this process; what it took."""
     start, start_processor = time.perf_counter(), time.process_time()
-    labeler, _ = load_labeler(model)
+    labeler = load(model)
     grid = load_map(map_yaml).grid
     n_free = int(np.count_nonzero(grid.free))
     result = label_map(labeler, grid, method=method)
@@ -60,9 +60,8 @@ def save_model(folder: Path) -> Path:
     """A model with all methods, learned on one floor."""
     building = generate_building()
     labeler = PlaceLabeler(building.label_names, METHODS, context_m=CONTEXT_M)
-    target = folder / "model"
-    save_labeler(target, labeler.fit([LabelledMap(building.grid, building.labels)]))
-    return target
+    labeler.fit([LabelledMap(building.grid, building.labels)])
+    return save(labeler, folder / "model")
 
 
 def rows_of(methods_by_side: Mapping[int, Sequence[str]]) -> list[dict[str, Any]]:

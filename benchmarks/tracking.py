@@ -54,8 +54,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     places = PlaceLabeler(names, sensor=Sensor(max_range_m=12.0)).fit([known])
     labeler = TrajectoryLabeler.from_places(places)
     path = SimulatedRobot(GEOMETRY).explore(building.grid, max_length_m=30.0 if quick else 120.0)
-    model = labeler.scan_model
-    assert model is not None
+    model = labeler.scan_model_
     assert path.ranges_m is not None
     n_scans = len(path)
     scans = [path.scan(t) for t in range(n_scans)]
@@ -66,10 +65,10 @@ def run(quick: bool) -> list[dict[str, Any]]:
     columns = model.classifier.used_features
     count = len(columns)
     scores = model.log_proba(circles, n_threads=1)
-    beliefs = BeliefFilter(labeler.method, labeler.every_m)
+    beliefs = BeliefFilter(labeler.method_, labeler.every_m)
     parts: dict[str, Callable[[int], object]] = {}
     for beams in ("local-map", "known-map", "mirror"):
-        tool = TrajectoryLabeler(names, labeler.method, beams=BeamOptions(beams), scan_model=model)
+        tool = labeler.with_options(beams=BeamOptions(beams))
         online = tool.online(GEOMETRY, known_map=building.grid)
         parts[f"online step, missing beams: {beams}"] = lambda t, online=online: online.step(
             scans[t]

@@ -50,7 +50,7 @@ for name, backend in [("pixel by pixel", "independent"), ("learned AMN", "amn")]
         model.set_params(backend__certify=True)
     model.fit([train], [coins[:, :middle].ravel()])
     start = time.perf_counter()
-    labeling = model.infer([test])[0]
+    labeling = model.label(test)
     found[name] = labeling.labels.reshape(truth.shape)
     proof = f"{labeling.status}, gap {labeling.gap:.1g}"
     rows.append((name, time.perf_counter() - start, proof))

@@ -51,7 +51,7 @@ def joined_problem(building, rng):
     scans = cast_poses(building.grid, poses, sensor.angles_rad, max_range_m=30.0)
     scans = np.maximum(scans + rng.normal(scale=0.1, size=scans.shape), 0.01)
     features = extract(scans, max_range_m=30.0)
-    heard = aligned_log_proba(labeler.unary_model.classifier, features, len(names))
+    heard = aligned_log_proba(labeler.unary_model_.classifier, features, len(names))
     links = np.column_stack([path, np.arange(len(path))])
     graph = LabelGraph.joined(cells.graph, LabelGraph.from_trajectory(where), links)
     kinds = np.eye(4)[graph.edge_kind]  # one column for each kind of edge: a weight for each

@@ -64,7 +64,7 @@ print(f"learned from {left.sum()} points in {time.perf_counter() - start:.1f} s"
 unary, edges = model.with_unary(test).unary, test.graph.edges
 mean = unary.copy()
 np.add.at(mean, edges.ravel(), unary[edges[:, ::-1].ravel()])
-labeling = model.infer([test])[0]
+labeling = model.label(test)
 found = {"point by point": unary.argmax(axis=1), "mean of neighbours": mean.argmax(axis=1)}
 found["learned AMN"] = labeling.labels
 for name, labels in found.items():

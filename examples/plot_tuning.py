@@ -48,7 +48,7 @@ figure, axes = plt.subplots(3, 4, figsize=(13, 6.5), layout="constrained")
 cells, picture = graph.layout, ListedColormap(label_colours(names))
 for line, (method, settings) in zip(axes, rows.items(), strict=True):
     for n, (axis, options) in enumerate(zip(line, settings, strict=True)):
-        labels = labeler.infer(graph, scores, f"{method} {n}").labels
+        labels = labeler.infer(graph, scores, method=f"{method} {n}").labels
         result = evaluate(truth, labels, names)
         axis.imshow(
             np.ma.masked_equal(grid.occupied, 0), cmap=ListedColormap([WALL]), origin="lower"

@@ -1,7 +1,6 @@
 """Trajectories of the COLD campaign, tracked in a building that was not learned from."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> lis
     for source, target in (("saarbrucken", "freiburg"), ("freiburg", "saarbrucken")):
         maps, _ = load_cold(data, source, classes, names)
         _, runs = load_cold(data, target, classes, names)
-        labeler = TrajectoryLabeler(names).fit([thinned(item) for item in maps], n_runs=5000)
+        labeler = TrajectoryLabeler(names, n_runs=5000).fit([thinned(item) for item in maps])
         found: dict[str, list[np.ndarray]] = {"alone": [], "filter": [], "smooth": []}
         truths = []
         for known, run in runs:
@@ -34,7 +33,7 @@ def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> lis
             truths.append(run.labels)
             found["alone"].append(scores.argmax(axis=1))
             for mode in ("filter", "smooth"):
-                tool = replace(labeler, method=replace(labeler.method, mode=mode))
+                tool = labeler.with_options(method__mode=mode)
                 found[mode].append(tool.infer(run, scores).labels)
         truth = np.concatenate([item for item in truths if item is not None])
         scored = {

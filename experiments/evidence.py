@@ -14,7 +14,7 @@ from pgm_places.progress import Silent
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, Building79
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.learning import RAREST_FIRST, held_out_scores, with_explicit_order
-from pgm_places.unary.scan_model import BeamOptions, ScanModel
+from pgm_places.unary.scan_model import BeamOptions, ScanModel, circles_along
 
 MODES = ("filter", "smooth", "viterbi")
 HEAD = (
@@ -44,10 +44,12 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     held_out = held_out_scores(fitted, *given, n_labels, Silent(), "held-out scores")
     model = ScanModel(fitted.boosted_list_, n_labels, sensor)
     learned = path.subset(examples.steps[0])
-    scores = TrajectoryLabeler(names, beams=beams, scan_model=model).scores(path)
+    scores = model.log_proba(circles_along(path, sensor, beams))
     for every_m in (0.1, 0.3, 0.5):
-        tool = TrajectoryLabeler(names, every_m=every_m, beams=beams, scan_model=model)
-        method = learn_method(tool, [], [path], examples, held_out)
+        unfitted_method = TrajectoryLabeler(names).method
+        method = learn_method(
+            unfitted_method, names, [], [path], examples, held_out, every_m=every_m
+        )
         assert isinstance(method, HiddenMarkovModel)
         assert method.fitted_weights is not None
         plain = replace(method, evidence_weight=1.0)
@@ -55,7 +57,9 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
             rates = [100 * float(np.mean(held_out.argmax(axis=1) == examples.truth))]
             tests = [_rate(scores.argmax(axis=1), truth)]
             for mode in MODES:
-                used = replace(tool, method=replace(kind, mode=mode))
+                used = TrajectoryLabeler.of_parts(
+                    names, replace(kind, mode=mode), model, every_m=every_m, beams=beams
+                )
                 rates.append(_rate(used.infer(learned, held_out).labels, examples.truth))
                 tests.append(_rate(used.infer(path, scores).labels, truth))
             cells = " | ".join(f"{rate:.1f}" for rate in (*rates, *tests))

@@ -84,8 +84,7 @@ def _scores_of_cells(
     data: Building79, labeler: TrajectoryLabeler, cells: LabelGraph
 ) -> NDArray[np.float64]:
     """What the list says of each coarse cell's centre, all around in the fine map."""
-    model = labeler.scan_model
-    assert model is not None
+    model = labeler.scan_model_
     assert cells.positions_m is not None
     poses = np.column_stack([cells.positions_m, np.zeros(cells.n_nodes)])
     sensor = model.sensor

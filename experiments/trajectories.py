@@ -7,7 +7,6 @@ part of docs/results.md about them; a single part is printed if it is named.
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +46,7 @@ def answers(
     """Labels from each scan alone and from each mode of the hidden Markov model."""
     found = {"alone": scores.argmax(axis=1)}
     for mode in MODES:
-        method = replace(labeler.method, mode=mode)
-        found[mode] = replace(labeler, method=method).infer(path, scores).labels
+        found[mode] = labeler.with_options(method__mode=mode).infer(path, scores).labels
     return found
 
 
@@ -79,7 +77,7 @@ def places_table(data: Building79) -> str:
     from_map = from_left_map(data)
     lines = [HEAD]
     for name, beams in FROM_MAP.items():
-        labeler = replace(from_map, beams=beams)
+        labeler = from_map.with_options(beams=beams)
         found = answers(labeler, path, labeler.scores(path, known_map=data.map.grid))
         lines.append(row(name, "left map", found, truth, PLACES))
     for name, beams in {**FRONT_ONLY, **LOCAL}.items():

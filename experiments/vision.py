@@ -25,11 +25,9 @@ def rates(
     extra = None
     if options is not None:
         extra = [floor.counts(options, k) for k, floor in enumerate(learn)]
-    labeler = TrajectoryLabeler(NAMES).fit(
-        [],
-        [floor.drive for floor in learn],
-        extra=extra,
-        extra_names=() if extra is None else PAPER_OBJECTS,
+    extra_names = () if extra is None else PAPER_OBJECTS
+    labeler = TrajectoryLabeler(NAMES, extra_names=extra_names).fit(
+        [], [floor.drive for floor in learn], extra=extra
     )
     truth, alone, filtered = [], [], []
     for k, floor in enumerate(label):

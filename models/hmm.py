@@ -76,6 +76,7 @@ class HiddenMarkovModel:
     """
 
     uses_node_features: ClassVar[bool] = False
+    chains_only: ClassVar[bool] = True
 
     mode: Mode = "filter"
     observation: Literal["hard", "soft", "posterior"] = "hard"

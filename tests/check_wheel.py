@@ -20,7 +20,7 @@ assert generate_building(size="small").grid.free.any()
 from pgm_places.reproduce.html_page import html_page
 assert "</html>" in html_page([], here.parent)
 for name in NAMES:
-    assert trained_labeler(name).label_names == ("corridor", "room", "doorway")
+    assert trained_labeler(name).label_names_ == ("corridor", "room", "doorway")
 print("wheel works:", here.parent)
 """
 

@@ -1,8 +1,10 @@
 """The public API changes on purpose only."""
 
+import ast
 import inspect
 import subprocess
 import sys
+from pathlib import Path
 
 import pgm_places
 from tests.public_api import RECORD, public_api
@@ -13,8 +15,16 @@ def test_public_names_and_signatures_are_those_on_record() -> None:
     assert public_api() == RECORD.read_text(encoding="utf-8")
 
 
-def test_all_lists_what_is_imported_lazily_in_order() -> None:
-    assert set(pgm_places.__all__) == {*pgm_places._HOMES, "__version__"}
+def test_type_checkers_and_the_package_see_the_same_names() -> None:
+    stub = Path(pgm_places.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    aliases = [
+        alias
+        for node in ast.walk(ast.parse(stub))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    ]
+    assert all(alias.asname == alias.name for alias in aliases)  # else no re-export
+    assert {*(alias.name for alias in aliases), "__version__"} == set(pgm_places.__all__)
     assert set(pgm_places.__all__) <= set(dir(pgm_places))
 
 
@@ -24,7 +34,7 @@ def test_public_things_are_documented() -> None:
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
-    heavy = "numba, scipy, sklearn, cvxpy, matplotlib, networkx, pydantic"
+    heavy = "numpy, numba, scipy, sklearn, cvxpy, matplotlib, networkx, pydantic"
     code = f"import sys, pgm_places; print([n for n in '{heavy}'.split(', ') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -81,7 +81,8 @@ def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: boo
         from pgm_places.experiment.runs import train, versions
         from pgm_places.experiment.setup import make_labeler, resolved_config
         from pgm_places.persistence.model_folder import check_target
-        from pgm_places.persistence.place_labeler import check_savable, save_labeler
+        from pgm_places.persistence.place_labeler import check_savable
+        from pgm_places.persistence.stored import save
 
         check_target(out)
         check_savable(make_labeler(experiment.config))  # not after hours of training
@@ -92,8 +93,8 @@ def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: boo
         "versions": dict(versions()),
         "warnings": experiment.warnings,
     }
-    save_labeler(out, labeler, record=record)
-    methods = ", ".join(labeler.methods)
+    save(labeler, out, record=record)
+    methods = ", ".join(labeler.methods_)
     typer.echo(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
 
 
@@ -116,9 +117,10 @@ def run_label(
         from pgm_places.inference.backends import METHODS
         from pgm_places.io.atomic import check_writable_folder
         from pgm_places.io.maps.map_server import load_map
-        from pgm_places.persistence.place_labeler import load_labeler
+        from pgm_places.persistence.stored import read
 
-        labeler, record = load_labeler(folder)
+        stored = read(folder, "place-labeler")
+        labeler, record = stored.item, stored.record
         backend = labeler.method(method).backend  # an unknown method shows before the work
         warm_up.compile([METHODS.name_of(type(backend)), "topology"])
         with progress.stage("map"):

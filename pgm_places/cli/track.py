@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -169,7 +169,7 @@ def _counts(
     options: TrackOptions, labeler: "TrajectoryLabeler", progress: "Progress"
 ) -> _Seen | None:
     """The counts of objects, if the model learned with any."""
-    names = () if labeler.scan_model is None else labeler.scan_model.extra_names
+    names = labeler.scan_model_.extra_names
     if options.counts is None:
         if names:
             raise ConfigError(
@@ -211,32 +211,44 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
 
 def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
     from pgm_places.models.hmm import HiddenMarkovModel
-    from pgm_places.persistence.trajectory_labeler import load_trajectory_labeler
     from pgm_places.sensing.full_circle import check_missing
-    from pgm_places.trained import model_folder
 
-    labeler, _ = load_trajectory_labeler(model_folder(options.model))
-    if isinstance(labeler.method, HiddenMarkovModel):
-        labeler = replace(labeler, method=replace(labeler.method, mode=options.mode))  # type: ignore[arg-type]
+    labeler = _stored_labeler(options.model)
+    is_hmm = isinstance(labeler.method_, HiddenMarkovModel)
+    if is_hmm:
+        labeler = labeler.with_options(method__mode=options.mode)
     elif options.mode != "filter":
         raise ConfigError(
             f"--mode {options.mode} is for hidden Markov models; this model's method is "
-            f"{type(labeler.method).__name__}"
+            f"{type(labeler.method_).__name__}"
         )
     chosen = options.beams or ("known-map" if options.map_yaml is not None else None)
     if chosen is not None:
         check_missing(chosen, all_from_map=False)
-        beams = replace(labeler.beams, missing=chosen)  # type: ignore[arg-type]
-        labeler = replace(labeler, beams=beams)
+        labeler = labeler.with_options(beams__missing=chosen)
     if options.every_m is not None:
-        if isinstance(labeler.method, HiddenMarkovModel) and options.every_m != labeler.every_m:
+        if is_hmm and options.every_m != labeler.every_m:
             progress.warn(
                 f"--every {options.every_m:g}: the model's transitions were learned for updates "
                 f"every {labeler.every_m:g} m and stay as they are; learn a model at this distance "
                 "for the best labels"
             )
-        labeler = replace(labeler, every_m=options.every_m)
+        labeler = labeler.with_options(every_m=options.every_m)
     return labeler
+
+
+def _stored_labeler(model: str) -> "TrajectoryLabeler":
+    """A model of trajectories, or a model of maps with what it learned of moving robots."""
+    from pgm_places.labelers.place_labeler import PlaceLabeler
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.persistence.stored import read
+    from pgm_places.trained import model_folder
+
+    found = read(model_folder(model), "place-labeler", "trajectory-labeler").item
+    if isinstance(found, PlaceLabeler):
+        return TrajectoryLabeler.from_places(found)
+    assert isinstance(found, TrajectoryLabeler)  # read() has checked
+    return found
 
 
 def _with_truth(

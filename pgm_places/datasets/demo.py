@@ -30,6 +30,7 @@ columns = [{split}, "end"]
 [[methods]]
 id = "adaboost"
 name = "independent"
+unary = "laser"
 
 [[methods]]
 name = "relaxation"

@@ -166,8 +166,8 @@ class MethodConfig:
     """A method by name, what to call it, which unary it gets, and its options (all other keys).
 
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
-    sees its neighbourhood), or ``"auto"``: laser for ``independent``, which is AdaBoost alone, and
-    context for all other methods, where there is one.
+    sees its neighbourhood), or ``"auto"``: context where there is one, else laser, the same for
+    every method. AdaBoost alone, the paper's, is ``independent`` with ``unary = "laser"``.
     """
 
     name: str

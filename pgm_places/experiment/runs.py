@@ -99,7 +99,7 @@ def compare_fitted(
         window = np.ones(item.grid.shape, np.bool_) if item.window is None else item.window
         maps.append(TestMap(item.name, item.grid, item.labels, graph.layout, window))
         scored.append((graph, scores, item.truth(graph)))
-    methods = [_run_method(experiment, labeler, name, scored, maps) for name in labeler.methods]
+    methods = [_run_method(experiment, labeler, name, scored, maps) for name in labeler.methods_]
     return Comparison(
         title=config.title or "Place labelling",
         label_names=tuple(config.labels.names),
@@ -126,13 +126,13 @@ def _run_method(
     start = time.perf_counter()
     with experiment.progress.stage(f"labelling with {name}") as stage:
         for index, (graph, scores, truth) in enumerate(scored):
-            labelings.append(labeler.infer(graph, scores, name, truth=truth))
+            labelings.append(labeler.infer(graph, scores, method=name, truth=truth))
             stage.update((index + 1) / len(scored))
     spent = time.perf_counter() - start
     # Recording the accuracy of every iteration is no part of the method.
     spent -= sum(float(item.info.get("recording_seconds", 0.0)) for item in labelings)
     evaluations = [
-        evaluate(truth, found.labels, labeler.label_names, beliefs=found.beliefs)
+        evaluate(truth, found.labels, labeler.label_names_, beliefs=found.beliefs)
         for found, (_, _, truth) in zip(labelings, scored, strict=True)
     ]
     return MethodResult(
@@ -142,9 +142,9 @@ def _run_method(
         labelings=tuple(labelings),
         evaluations=tuple(evaluations),
         evaluation=Evaluation.merged(evaluations),
-        seconds={"learn": method.seconds, "infer": spent},
+        seconds={"learn": labeler.learn_seconds_.get(name, 0.0), "infer": spent},
         learned=dict(getattr(method.backend, "summary", None) or {}),
-        intervals=score_intervals(maps, labelings, len(labeler.label_names)),
+        intervals=score_intervals(maps, labelings, len(labeler.label_names_)),
         histories=tuple(history_of(labeling) for labeling in labelings),
         learning=learning_of(method.backend),
     )

@@ -189,6 +189,6 @@ def _scored(
     scored = []
     for item in test:
         graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=experiment.n_threads)
-        found = labeler.infer(graph, scores, method)
-        scored.append(evaluate(item.truth(graph), found.labels, labeler.label_names))
+        found = labeler.infer(graph, scores, method=method)
+        scored.append(evaluate(item.truth(graph), found.labels, labeler.label_names_))
     return Evaluation.merged(scored)

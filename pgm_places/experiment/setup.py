@@ -4,14 +4,13 @@ from typing import Any
 
 from pgm_places.experiment.config import (
     ExperimentConfig,
-    MethodConfig,
     build_features,
     build_method,
 )
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.options import option_values, plain_values
 
-__all__ = ["make_labeler", "resolved_config", "resolved_unary"]
+__all__ = ["make_labeler", "resolved_config"]
 
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
@@ -19,12 +18,9 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     names, settings = tuple(config.labels.names), config.classifier
     context_m = tuple(config.context.half_widths_m)
     methods = {
-        method.id: PlaceMethod(build_method(method), resolved_unary(method, bool(context_m)))
-        for method in config.methods
+        method.id: PlaceMethod(build_method(method), method.unary) for method in config.methods
     }
-    if all(method.unary == "laser" for method in methods.values()):
-        context_m = ()  # nobody asks for it
-    return PlaceLabeler(
+    labeler = PlaceLabeler(
         names,
         methods,
         sensor=config.sensor,
@@ -37,13 +33,8 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         max_examples_per_map=settings.max_examples_per_map,
         features=build_features(config),
     )
-
-
-def resolved_unary(method: MethodConfig, has_context: bool) -> str:
-    """Which unary a method gets: AdaBoost alone stays the paper's, structure takes context."""
-    if method.unary != "auto":
-        return method.unary
-    return "context" if has_context and method.name != "independent" else "laser"
+    labeler.check_options()
+    return labeler
 
 
 def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str, Any]:
@@ -53,8 +44,8 @@ def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str
         {
             "id": method.id,
             "name": method.name,
-            "unary": labeler.methods[method.id].unary,
-            **option_values(labeler.methods[method.id].backend),
+            "unary": labeler.methods_[method.id].unary,
+            **option_values(labeler.methods_[method.id].backend),
         }
         for method in config.methods
     ]

@@ -3,7 +3,8 @@
 A backend is a frozen dataclass. Its fields are its options, its defaults are the defaults, its
 docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and
 are NumPy arrays or None; they are saved with the model and are no options. One that never looks at
-a problem's node features says so with a class attribute ``uses_node_features = False``.
+a problem's node features says so with a class attribute ``uses_node_features = False``, one that
+labels nothing but chains with ``chains_only = True``.
 """
 
 import dataclasses

@@ -107,7 +107,7 @@ def label_map(
     raster = layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
     painted = Coarsening.behind(layout, grid).paint(raster, -1)
     return LabelledPlaces(
-        grid, painted, layout, labeling, tuple(labeler.label_names), name, tuple(warnings)
+        grid, painted, layout, labeling, labeler.label_names_, name, tuple(warnings)
     )
 
 
@@ -131,8 +131,8 @@ def _at_model_resolution(
     labeler: PlaceLabeler, grid: OccupancyGrid
 ) -> tuple[OccupancyGrid, Sequence[str]]:
     """The map with the model's cells, and what there is to say about it."""
-    wanted = labeler.resolution_m
-    if wanted is None or abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
+    wanted = labeler.resolution_m_
+    if abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
         return grid, []
     note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "
     if wanted > grid.resolution_m:

@@ -4,19 +4,22 @@ import inspect
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import nearest_name, sealed
-from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import Backend, Learnable, build, uses_node_features
+from pgm_places.inference.backends import Learnable, uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.labeler import Labeler
+from pgm_places.labelers.method import as_backend, check_labels_any_graph, follows_truth, infer
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -31,6 +34,10 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 
 __all__ = ["PlaceLabeler", "PlaceMethod"]
 
+UNARIES = ("auto", "laser", "context")
+LEARN_ON = ("out-of-fold", "in-sample")
+SENSOR = Sensor()
+
 
 @dataclass(frozen=True)
 class PlaceMethod:
@@ -40,32 +47,29 @@ class PlaceMethod:
     ----------
     backend : Backend or str
         Any method of :mod:`pgm_places.inference.backends`, or its name.
-    unary : {"laser", "context"}
+    unary : {"auto", "laser", "context"}
         The list on laser features alone (the paper's), or the one that also sees its neighbourhood.
-    seconds : float
-        How long learning took.
+        ``auto`` is context where the labeler has windows for it (``context_m``), else laser: the
+        same for every method, so that exchanging the method changes one thing.
     """
 
     backend: Any
-    unary: str = "laser"
-    seconds: float = 0.0
+    unary: str = "auto"
 
     def __post_init__(self) -> None:
-        if isinstance(self.backend, str):
-            object.__setattr__(self, "backend", build(self.backend))
-        if self.unary not in ("laser", "context"):
-            raise ConfigError(f"unary must be 'laser' or 'context', got {self.unary!r}")
+        object.__setattr__(self, "backend", as_backend(self.backend))
+        if self.unary not in UNARIES:
+            raise ConfigError(f"unary must be 'auto', 'laser' or 'context', got {self.unary!r}")
 
 
-@dataclass(frozen=True)
-class PlaceLabeler:
+class PlaceLabeler(Labeler):
     """Learns places from labelled maps and labels others.
 
     Parameters
     ----------
-    label_names : sequence of str
+    label_names : sequence of K str
         The places to tell apart, for example ``("corridor", "room", "doorway")``.
-    methods : mapping of str to PlaceMethod, backend, or name
+    methods : mapping of str to PlaceMethod, backend, or name; or sequence of names
         The methods to learn, by the name they are asked for later.
     sensor : Sensor
         The simulated range sensor.
@@ -76,59 +80,93 @@ class PlaceLabeler:
         Neighbours of a cell.
     context_m : tuple of float
         Half-widths of the windows of the second list; () to do without.
-    learn_on : {"in-sample", "out-of-fold"}
+    learn_on : {"out-of-fold", "in-sample"}
         Which scores the methods learn from.
     n_folds, n_node_features, max_examples_per_map : int
         See :func:`pgm_places.unary.learning.fit_unary`.
     features : sequence of features or names
         Columns of your own that the lists see beside the laser's: see
         :mod:`pgm_places.features.own`.
-    unary_model : UnaryModel or None
-        Filled by :meth:`fit`.
-    movement : HiddenMarkovModel or None
-        Filled by :meth:`fit`: which place follows which along a robot's way, and how the list
-        errs, for :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`.
+
+    Attributes
+    ----------
+    label_names_ : tuple of K str
+        The labels that were learned.
+    unary_model_ : UnaryModel
+        The lists: what is known of a cell before its neighbours are asked.
+    methods_ : dict of str to PlaceMethod
+        The fitted methods, each with the unary that it learned on.
+    learn_seconds_ : dict of str to float
+        How long each method took to learn; empty in a stored model.
+    resolution_m_ : float
+        Side of the training maps' cells; learned weights belong to it.
+    movement_ : HiddenMarkovModel or None
+        Which place follows which along a robot's way, and how the list errs, for
+        :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`; None where the labels
+        are too sparse to drive from one to the next.
 
     Examples
     --------
     >>> from pgm_places.datasets import generate_building
     >>> building = generate_building(size="small")
     >>> known = LabelledMap(building.grid, building.labels)
-    >>> labeler = PlaceLabeler(building.label_names, {"relaxation": "relaxation"}).fit([known])
+    >>> labeler = PlaceLabeler(building.label_names, ["relaxation"]).fit([known])
     >>> labeling = labeler.label(building.grid)
     >>> truth = known.truth(known.graph())
     >>> bool((labeling.labels == truth)[truth >= 0].mean() > 0.9)
     True
     """
 
-    label_names: Sequence[str]
-    methods: Mapping[str, Any] = field(default_factory=lambda: {"independent": "independent"})
-    sensor: Sensor = field(default_factory=Sensor)
-    classifier: "DecisionListClassifier | None" = None
-    connectivity: int = 8
-    context_m: tuple[float, ...] = ()
-    learn_on: str = "out-of-fold"
-    n_folds: int = 5
-    n_node_features: int = 30
-    max_examples_per_map: int | None = None
-    features: Sequence[Any] = ()
-    unary_model: UnaryModel | None = field(default=None, repr=False)
-    resolution_m: float | None = None
-    movement: "HiddenMarkovModel | None" = field(default=None, repr=False)
+    unary_model_: UnaryModel
+    methods_: dict[str, PlaceMethod]
+    learn_seconds_: dict[str, float]
+    resolution_m_: float
+    movement_: "HiddenMarkovModel | None"
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "label_names", tuple(self.label_names))
-        checked = {name: _as_method(method) for name, method in self.methods.items()}
-        if not checked:
-            raise ConfigError("a labeler needs at least one method")
-        wants_context = [name for name, item in checked.items() if item.unary == "context"]
-        if wants_context and not self.context_m:
+    stored_as: ClassVar[str] = "place-labeler"
+    _call_first: ClassVar[str] = "fit(maps)"
+
+    def __init__(
+        self,
+        label_names: Sequence[str],
+        methods: Mapping[str, Any] | Sequence[str] = ("independent",),
+        sensor: Sensor = SENSOR,
+        classifier: "DecisionListClassifier | None" = None,
+        connectivity: int = 8,
+        context_m: tuple[float, ...] = (),
+        learn_on: str = "out-of-fold",
+        n_folds: int = 5,
+        n_node_features: int = 30,
+        max_examples_per_map: int | None = None,
+        features: Sequence[Any] = (),
+    ) -> None:
+        self.label_names = label_names
+        self.methods = methods
+        self.sensor = sensor
+        self.classifier = classifier
+        self.connectivity = connectivity
+        self.context_m = context_m
+        self.learn_on = learn_on
+        self.n_folds = n_folds
+        self.n_node_features = n_node_features
+        self.max_examples_per_map = max_examples_per_map
+        self.features = features
+
+    def check_options(self) -> None:
+        """Refuse options that are not understood; :meth:`fit` does so before anything else.
+
+        Raises
+        ------
+        ConfigError
+            An option is not understood, or a method cannot label maps.
+        """
+        if self.learn_on not in LEARN_ON:
             raise ConfigError(
-                f"method {wants_context[0]!r} wants unary='context' but context_m is empty; give "
-                "the half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
+                f"unknown learn_on {self.learn_on!r}. {nearest_name(self.learn_on, list(LEARN_ON))}"
             )
-        object.__setattr__(self, "methods", checked)
-        object.__setattr__(self, "features", as_features(self.features))
+        as_features(self.features)
+        for name, method in self.resolved_methods().items():
+            check_labels_any_graph(f"method {name!r}", method.backend, "a map")
 
     def fit(
         self,
@@ -137,62 +175,61 @@ class PlaceLabeler:
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
-        """A fitted labeler: the list first, then every method that learns, on the same maps.
+        """The labeler itself, fitted: the lists, then every method that learns, on the same maps.
 
         Raises
         ------
+        ConfigError
+            An option is not understood, or a method cannot label maps.
         LabelError
             A label has no example in any map.
         InputError
             The maps have different resolutions; structured weights do not carry over.
         """
-        from dataclasses import replace
-
         progress = progress or Silent()
-        maps = list(maps)
-        require_examples(maps, tuple(self.label_names))
+        maps, names = list(maps), tuple(self.label_names)
+        self.check_options()
+        require_examples(maps, names)
         resolution_m = _common_resolution(maps)
+        methods = self.resolved_methods()
+        wants_context = any(method.unary == "context" for method in methods.values())
         unary_model, scores = fit_unary(
             maps,
-            len(self.label_names),
+            len(names),
             sensor=self.sensor,
             classifier=self.classifier or _default_classifier(),
             n_node_features=self.n_node_features,
             max_examples_per_map=self.max_examples_per_map,
-            context_m=self.context_m,
+            context_m=tuple(self.context_m) if wants_context else (),
             learn_on=self.learn_on,
             n_folds=self.n_folds,
-            features=tuple(self.features),
+            features=as_features(self.features),
             n_threads=n_threads,
             progress=progress,
         )
         graphs = [item.graph(connectivity=self.connectivity, labelled_only=True) for item in maps]
         truths = [item.truth(graph) for item, graph in zip(maps, graphs, strict=True)]
-        fitted = {}
-        for name, method in self.methods.items():
+        fitted: dict[str, PlaceMethod] = {}
+        seconds: dict[str, float] = {}
+        for name, method in methods.items():
             if isinstance(method.backend, Learnable):
                 problems = [
-                    self._problem(graph, part, method.unary)
+                    _problem(graph, names, part, method.unary)
                     for graph, part in zip(graphs, scores, strict=True)
                 ]
                 with progress.stage(f"learning {name}") as stage:
                     start = time.perf_counter()
                     backend = _fitted(method.backend, problems, truths, stage)
-                    seconds = time.perf_counter() - start
-                method = PlaceMethod(backend, method.unary, seconds)
+                    seconds[name] = time.perf_counter() - start
+                method = replace(method, backend=backend)
             fitted[name] = method
-        movement = None
-        try:
-            laser = [part.laser for part in scores]
-            movement = learn_movement(maps, truths, laser, len(self.label_names))
-        except InputError as error:  # labels too sparse to drive from one to the next
-            progress.warn(f"this model will label maps, but no trajectories: {error}")
-        return replace(
-            self,
-            methods=fitted,
-            unary_model=unary_model,
-            resolution_m=resolution_m,
-            movement=movement,
+        return self.set_learned(
+            unary_model_=unary_model,
+            methods_=fitted,
+            learn_seconds_=seconds,
+            resolution_m_=resolution_m,
+            movement_=_movement(maps, truths, scores, len(names), progress),
+            label_names_=names,
         )
 
     def scores(
@@ -208,11 +245,10 @@ class PlaceLabeler:
 
         Only what the methods want is computed.
         """
-        if self.unary_model is None:
-            raise NotFittedError("this PlaceLabeler has not learned yet; call fit(maps) first")
-        chosen = [self.method(name) for name in (methods or self.methods)]
+        self.check_fitted()
+        chosen = [self.method(name) for name in (methods or self.methods_)]
         graph = LabelGraph.from_grid(grid, connectivity=self.connectivity, mask=mask)
-        scores = self.unary_model.scores(
+        scores = self.unary_model_.scores(
             grid,
             graph,
             with_context=any(method.unary == "context" for method in chosen),
@@ -232,11 +268,15 @@ class PlaceLabeler:
         progress: Progress | None = None,
     ) -> LabelingProblem:
         """The labelling problem that a method is given for a map."""
-        name = method or self.default_method
+        chosen = self.method(method)
         graph, scores = self.scores(
-            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
+            grid,
+            mask=mask,
+            methods=[method or self.default_method],
+            n_threads=n_threads,
+            progress=progress,
         )
-        return self._problem(graph, scores, self.method(name).unary)
+        return _problem(graph, self.label_names_, scores, chosen.unary)
 
     def label(
         self,
@@ -244,6 +284,7 @@ class PlaceLabeler:
         *,
         method: str | None = None,
         mask: ArrayLike | None = None,
+        truth: ArrayLike | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Labeling:
@@ -251,15 +292,14 @@ class PlaceLabeler:
         problem = self.problem(
             grid, method=method, mask=mask, n_threads=n_threads, progress=progress
         )
-        found: Labeling = self.method(method).backend.infer(problem)
-        return found
+        return infer(self.method(method).backend, problem, truth)
 
     def infer(
         self,
         graph: LabelGraph,
         scores: CellScores,
-        method: str,
         *,
+        method: str | None = None,
         truth: ArrayLike | None = None,
     ) -> Labeling:
         """What a method makes of scores that are already there.
@@ -268,46 +308,99 @@ class PlaceLabeler:
         history; the labels are the same.
         """
         chosen = self.method(method)
-        problem = self._problem(graph, scores, chosen.unary)
-        options = {}
-        if truth is not None and self.follows_truth(method):
-            options["truth"] = truth
-        found: Labeling = chosen.backend.infer(problem, **options)
-        return found
+        problem = _problem(graph, self.label_names_, scores, chosen.unary)
+        return infer(chosen.backend, problem, truth)
 
-    def follows_truth(self, method: str) -> bool:
-        """Whether a method can tell its accuracy after each iteration."""
-        return "truth" in inspect.signature(self.method(method).backend.infer).parameters
-
-    def method(self, name: str | None) -> PlaceMethod:
-        """The method of that name, the default one for None."""
-        name = name or self.default_method
-        if name not in self.methods:
-            raise ConfigError(
-                f"this model has no method {name!r}. {nearest_name(name, list(self.methods))}"
+    def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
+        """The accuracy over the labelled cells of all maps together, for searches of options."""
+        found, truths = [], []
+        for item in maps:
+            graph, scores = self.scores(
+                item.grid, mask=item.cells, methods=None if method is None else [method]
             )
-        found: PlaceMethod = self.methods[name]
-        return found
+            found.append(self.infer(graph, scores, method=method).labels)
+            truths.append(item.truth(graph))
+        return evaluate(np.concatenate(truths), np.concatenate(found), self.label_names_).accuracy
+
+    def follows_truth(self, method: str | None = None) -> bool:
+        """Whether a method can tell its accuracy after each iteration."""
+        return follows_truth(self.method(method).backend)
+
+    def method(self, name: str | None = None) -> PlaceMethod:
+        """The fitted method of that name, the default one for None.
+
+        Raises
+        ------
+        ConfigError
+            There is no such method; the nearest is offered.
+        """
+        name = name or self.default_method
+        if name not in self.methods_:
+            raise ConfigError(
+                f"this model has no method {name!r}. {nearest_name(name, list(self.methods_))}"
+            )
+        return self.methods_[name]
 
     @property
     def default_method(self) -> str:
         """The last method, which is what :meth:`label` uses when none is named."""
-        return list(self.methods)[-1]
+        self.check_fitted()
+        return list(self.methods_)[-1]
 
-    def _problem(self, graph: LabelGraph, scores: CellScores, unary: str) -> LabelingProblem:
-        values = scores.laser if unary == "laser" else scores.context
-        if values is None:
-            raise InputError("the scores hold no context; compute them with with_context=True")
-        return LabelingProblem(
-            graph,
-            self.label_names,
-            unary=values,
-            node_features=(
-                None
-                if scores.node_features is None
-                else sealed(np.asarray(scores.node_features, np.float64))
-            ),
-        )
+    def resolved_methods(self) -> dict[str, PlaceMethod]:
+        """The methods by name, built, with the unary that each gets."""
+        given = self.methods
+        if isinstance(given, str):
+            raise ConfigError(f"methods must be a mapping or a list of names, got {given!r}")
+        named = given if isinstance(given, Mapping) else {name: name for name in given}
+        if not named:
+            raise ConfigError("a labeler needs at least one method")
+        found = {}
+        for name, item in named.items():
+            method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
+            if method.unary == "context" and not self.context_m:
+                raise ConfigError(
+                    f"method {name!r} wants unary='context' but context_m is empty; give the "
+                    "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
+                )
+            auto = "context" if self.context_m else "laser"
+            found[name] = replace(method, unary=auto) if method.unary == "auto" else method
+        return found
+
+    def _part(self, name: str) -> Any:
+        return self.resolved_methods() if name == "methods" else super()._part(name)
+
+
+def _problem(
+    graph: LabelGraph, label_names: tuple[str, ...], scores: CellScores, unary: str
+) -> LabelingProblem:
+    values = scores.laser if unary == "laser" else scores.context
+    if values is None:
+        raise InputError("the scores hold no context; compute them with with_context=True")
+    return LabelingProblem(
+        graph,
+        label_names,
+        unary=values,
+        node_features=(
+            None
+            if scores.node_features is None
+            else sealed(np.asarray(scores.node_features, np.float64))
+        ),
+    )
+
+
+def _movement(
+    maps: Sequence[LabelledMap],
+    truths: Sequence[NDArray[np.int64]],
+    scores: Sequence[CellScores],
+    n_labels: int,
+    progress: Progress,
+) -> "HiddenMarkovModel | None":
+    try:
+        return learn_movement(maps, truths, [part.laser for part in scores], n_labels)
+    except InputError as error:  # labels too sparse to drive from one to the next
+        progress.warn(f"this model will label maps, but no trajectories: {error}")
+        return None
 
 
 def _default_classifier() -> "DecisionListClassifier":
@@ -333,18 +426,6 @@ def _fitted(
         stage.update(fraction, f"gap {100 * gap:.2g} %, {step.n_cuts} cuts")
 
     return backend.fit(problems, truths, on_iteration=show)
-
-
-def _as_method(method: Any) -> PlaceMethod:
-    if isinstance(method, PlaceMethod):
-        return method
-    if isinstance(method, str):
-        return PlaceMethod(build(method))
-    if isinstance(method, Backend):
-        return PlaceMethod(method)
-    raise ConfigError(
-        f"a method must be a PlaceMethod, a backend or a method's name, got {method!r}"
-    )
 
 
 def _common_resolution(maps: Sequence[LabelledMap]) -> float:

@@ -2,20 +2,20 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from sklearn.base import BaseEstimator, clone
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, nearest_name
-from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.inference.backends import Learnable, build
+from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.labeler import Labeler
+from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.models.amn_learning import contiguous_parts
-from pgm_places.plugins import option_fields
 
 __all__ = ["StructuredLabeler"]
 
@@ -25,7 +25,7 @@ LEARN_ON = ("out-of-fold", "in-sample")
 Truth = NDArray[np.int64]
 
 
-class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
+class StructuredLabeler(Labeler):
     """A classifier that looks at each node alone, and a backend that labels all nodes together.
 
     It follows scikit-learn's rules with lists in place of arrays: ``X`` is a list of
@@ -53,10 +53,12 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
 
     Attributes
     ----------
-    backend_, classifier_
-        The fitted backend and classifier.
-    label_names_ : tuple of str
-        The labels of the training problems.
+    label_names_ : tuple of K str
+        The labels that were learned: those of the training problems.
+    classifier_ : scikit-learn classifier or None
+        The fitted classifier: what is known of a node before its neighbours are asked.
+    backend_ : Backend
+        The fitted backend.
 
     Examples
     --------
@@ -77,6 +79,12 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
     True
     """
 
+    classifier_: Any
+    backend_: Any
+
+    stored_as: ClassVar[str] = "structured-labeler"
+    _call_first: ClassVar[str] = "fit(X, y)"
+
     def __init__(
         self,
         backend: Any = "amn",
@@ -93,34 +101,6 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
         self.n_folds = n_folds
         self.min_probability = min_probability
         self.metric = metric
-
-    # ------------------------------------------------------------------ scikit-learn's rules
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The parameters by name; with ``deep`` also ``backend__*`` and ``classifier__*``."""
-        found: dict[str, Any] = super().get_params(deep)
-        if deep:
-            backend = self._unfitted_backend()
-            for item in option_fields(type(backend)):
-                found[f"backend__{item.name}"] = getattr(backend, item.name)
-        return found
-
-    def set_params(self, **params: Any) -> Self:
-        """The labeler itself with other parameters; ``backend__C=10.0`` is an option's."""
-        own = {key: value for key, value in params.items() if not key.startswith("backend__")}
-        super().set_params(**own)
-        options = {key.removeprefix("backend__"): params[key] for key in params if key not in own}
-        if options:
-            backend = self._unfitted_backend()
-            known = [item.name for item in option_fields(type(backend))]
-            for name in options:
-                if name not in known:
-                    raise ConfigError(
-                        f"{type(backend).__name__} has no option {name!r}. "
-                        f"{nearest_name(name, known)}"
-                    )
-            self.backend = dataclasses.replace(backend, **options)
-        return self
 
     # ------------------------------------------------------------------ learning
 
@@ -145,6 +125,9 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
         """
         self.check_options()
         problems, truths = _checked(X, y)
+        backend = as_backend(self.backend)
+        if not all(problem.graph.is_chain for problem in problems):
+            check_labels_any_graph("the backend", backend, "a problem's graph")
         names = tuple(problems[0].label_names)
         known = np.unique(np.concatenate(truths))
         missing = [name for k, name in enumerate(names) if k not in known]
@@ -153,21 +136,20 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
                 f"no training node is labelled {missing[0]!r}: y never holds "
                 f"{names.index(missing[0])}; label some, or take the name out of label_names"
             )
-        seen = problems
+        seen, classifier = problems, None
         if self.classifier is not None:
-            self.classifier_ = self._trained(problems, truths)
+            classifier = self._trained(problems, truths)
             if self.learn_on == "out-of-fold":
                 seen = self._out_of_fold(problems, truths)
             else:
-                seen = [self._scored(problem, self.classifier_) for problem in problems]
-        self.label_names_ = names
-        backend = self._unfitted_backend()
-        self.backend_: Any = (
-            backend.fit(seen, truths) if isinstance(backend, Learnable) else backend
-        )
-        return self
+                seen = [self._scored(problem, classifier) for problem in problems]
+        if isinstance(backend, Learnable):
+            backend = backend.fit(seen, truths)
+        return self.set_learned(classifier_=classifier, backend_=backend, label_names_=names)
 
     def _trained(self, problems: Sequence[LabelingProblem], truths: Sequence[Truth]) -> Any:
+        from sklearn.base import clone  # takes a second; a stored decision list does without
+
         features = np.concatenate([_features(problem) for problem in problems])
         truth = np.concatenate(truths)
         return clone(self.classifier).fit(features[truth >= 0], truth[truth >= 0])
@@ -210,24 +192,48 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
 
     # ------------------------------------------------------------------ use
 
-    def with_unary(self, problem: LabelingProblem) -> LabelingProblem:
-        """The problem as the backend sees it, with the fitted classifier's log-probabilities."""
-        self._check_fitted()
-        if tuple(problem.label_names) != self.label_names_:
-            raise InputError(
-                f"the labeler was fitted on labels {list(self.label_names_)}, this problem has "
-                f"{list(problem.label_names)}"
-            )
-        return problem if self.classifier is None else self._scored(problem, self.classifier_)
+    def scores(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(N, K) log-probabilities of each node by itself: what the classifier says of it.
 
-    def infer(self, X: Sequence[LabelingProblem]) -> list[Labeling]:
-        """One labelling for each problem, with what the backend knows of it: score, bound, gap."""
-        seen = [self.with_unary(problem) for problem in _listed(X)]
-        return [self.backend_.infer(problem) for problem in seen]
+        Without a classifier they are the problem's unary.
+        """
+        self._check_labels(problem)
+        if self.classifier_ is not None:
+            return self._unary(self.classifier_, _features(problem), problem)
+        if problem.unary is None:
+            raise InputError("without a classifier the problem needs a unary; it has none")
+        return problem.unary
+
+    def infer(
+        self,
+        problem: LabelingProblem,
+        scores: NDArray[np.float64],
+        *,
+        truth: ArrayLike | None = None,
+    ) -> Labeling:
+        """What the backend makes of scores (N, K) that are already there."""
+        self.check_fitted()
+        seen = dataclasses.replace(problem, unary=scores)
+        return infer(self.backend_, seen, truth)
+
+    def problem(self, problem: LabelingProblem) -> LabelingProblem:
+        """The problem as the backend sees it: with the scores as its unary."""
+        self._check_labels(problem)
+        if self.classifier_ is None:
+            return problem
+        return dataclasses.replace(problem, unary=self.scores(problem))
+
+    def label(self, problem: LabelingProblem, *, truth: ArrayLike | None = None) -> Labeling:
+        """A label for each node, with what the backend knows of them: score, bound, beliefs.
+
+        ``truth`` is that of every labeler: see :mod:`pgm_places.labelers.labeler`.
+        """
+        seen = self.problem(problem)
+        return infer(self.backend_, seen, truth)
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[Truth]:
         """For each problem the (N,) label indices of its nodes."""
-        return [labeling.labels for labeling in self.infer(X)]
+        return [self.label(problem).labels for problem in _listed(X)]
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
@@ -236,13 +242,23 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
         result = evaluate(np.concatenate(truths), np.concatenate(found), problems[0].label_names)
         return float(getattr(result, self.metric))
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "backend_")
-
     # ------------------------------------------------------------------ checks
 
-    def _unfitted_backend(self) -> Any:
-        return build(self.backend) if isinstance(self.backend, str) else self.backend
+    def _check_labels(self, problem: LabelingProblem) -> None:
+        self.check_fitted()
+        if not isinstance(problem, LabelingProblem):
+            raise InputError(
+                f"one LabelingProblem is labelled at a time, got a {type(problem).__name__}; lists "
+                "go to predict(X)"
+            )
+        if tuple(problem.label_names) != self.label_names_:
+            raise InputError(
+                f"the labeler was fitted on labels {list(self.label_names_)}, this problem has "
+                f"{list(problem.label_names)}"
+            )
+
+    def _part(self, name: str) -> Any:
+        return as_backend(self.backend) if name == "backend" else super()._part(name)
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so first.
@@ -265,10 +281,6 @@ class StructuredLabeler(BaseEstimator):  # type: ignore[misc]
                 f"classifier must have predict_proba, {type(self.classifier).__name__} has none; "
                 "wrap it in sklearn.calibration.CalibratedClassifierCV"
             )
-
-    def _check_fitted(self) -> None:
-        if not hasattr(self, "backend_"):
-            raise NotFittedError("this StructuredLabeler has not learned yet; call fit(X, y) first")
 
 
 def _listed(problems: Sequence[LabelingProblem]) -> list[LabelingProblem]:

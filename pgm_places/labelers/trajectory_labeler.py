@@ -1,8 +1,8 @@
 """Label the places along a robot's trajectory, whole or step by step."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,17 +11,26 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.features.own import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.labeler import Labeler
+from pgm_places.labelers.method import as_backend, infer, unfitted
 from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.trajectory_learning import (
+    chain_problem,
+    check_can_learn,
+    learn_list,
+    learn_method,
+    trajectory_examples,
+)
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.progress import Progress
+from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.scan_model import BeamOptions, ScanModel, circles_along
+from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, circles_along
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -35,9 +44,12 @@ REACH_M = 12.0
 """Longest range of completed scans: farther away, walls seen by a laser and walls of a map differ
 too much (glass, clutter, beams that are farther apart than things are wide)."""
 
+METHOD = HiddenMarkovModel(observation="soft", evidence_weight="fitted")
+SENSOR = Sensor(max_range_m=REACH_M)
+BEAMS = BeamOptions()
 
-@dataclass(frozen=True)
-class TrajectoryLabeler:
+
+class TrajectoryLabeler(Labeler):
     """Learns places from labelled maps and trajectories, and labels trajectories.
 
     Each scan is completed to the full circle, its features go through the boosted list, and the
@@ -48,14 +60,36 @@ class TrajectoryLabeler:
     ----------
     label_names : sequence of K str
         The places to tell apart.
-    method : backend
-        What labels the chain of observations: any method of :mod:`pgm_places.inference.backends`.
+    method : Backend or str
+        What labels the chain of observations: any method of :mod:`pgm_places.inference.backends`,
+        or its name.
     every_m : float
         Distance in metres after which the robot counts as moved; 0 for every scan.
     beams : BeamOptions
         How scans are completed.
-    scan_model : ScanModel or None
-        Filled by :meth:`fit` and :meth:`from_places`.
+    sensor : Sensor
+        Beams and reach of the completed scans; 360 beams of 12 m by default.
+    classifier : DecisionListClassifier, optional
+        The unfitted list with its options.
+    n_folds : int
+        Folds that are held out once: whole buildings where maps are of several, contiguous parts
+        of a single one, and of each trajectory.
+    n_runs, seed : int
+        Simulated runs in maps (paper, section 5).
+    features : sequence of features or names
+        Columns of your own that are computed from scans: see :mod:`pgm_places.features.own`.
+    extra_names : sequence of D str
+        Names of columns beside the laser's that :meth:`fit` and :meth:`label` are given as
+        ``extra``.
+
+    Attributes
+    ----------
+    label_names_ : tuple of K str
+        The labels that were learned.
+    scan_model_ : ScanModel
+        The list: what is known of a step before the others are asked.
+    method_ : Backend
+        The fitted method.
 
     Examples
     --------
@@ -72,18 +106,37 @@ class TrajectoryLabeler:
     (1, 3)
     """
 
-    label_names: Sequence[str]
-    method: Any = field(
-        default_factory=lambda: HiddenMarkovModel(observation="soft", evidence_weight="fitted")
-    )
-    every_m: float = EVERY_M
-    beams: BeamOptions = field(default_factory=BeamOptions)
-    scan_model: ScanModel | None = field(default=None, repr=False)
+    scan_model_: ScanModel
+    method_: Any
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "label_names", tuple(self.label_names))
-        if not self.every_m >= 0:
-            raise InputError(f"every_m must be at least 0 metres, got {self.every_m}")
+    stored_as: ClassVar[str] = "trajectory-labeler"
+    _call_first: ClassVar[str] = "fit(maps, trajectories), or from_places(places)"
+
+    def __init__(
+        self,
+        label_names: Sequence[str],
+        method: Any = METHOD,
+        every_m: float = EVERY_M,
+        beams: BeamOptions = BEAMS,
+        sensor: Sensor = SENSOR,
+        classifier: "DecisionListClassifier | None" = None,
+        n_folds: int = 5,
+        n_runs: int = 1000,
+        seed: int = 0,
+        features: Sequence[Any] = (),
+        extra_names: Sequence[str] = (),
+    ) -> None:
+        self.label_names = label_names
+        self.method = method
+        self.every_m = every_m
+        self.beams = beams
+        self.sensor = sensor
+        self.classifier = classifier
+        self.n_folds = n_folds
+        self.n_runs = n_runs
+        self.seed = seed
+        self.features = features
+        self.extra_names = extra_names
 
     # ------------------------------------------------------------------ learning
 
@@ -94,7 +147,7 @@ class TrajectoryLabeler:
         *,
         method: Any | None = None,
         every_m: float = EVERY_M,
-        beams: BeamOptions | None = None,
+        beams: BeamOptions = BEAMS,
     ) -> Self:
         """One that uses the list of a fitted PlaceLabeler, and what it learned of moving robots.
 
@@ -103,7 +156,7 @@ class TrajectoryLabeler:
         places : PlaceLabeler
             Fitted on labelled maps.
         method : backend, optional
-            A fitted method, in place of ``places.movement``.
+            A fitted method, in place of ``places.movement_``.
         every_m, beams
             As of the class.
 
@@ -114,17 +167,54 @@ class TrajectoryLabeler:
         InputError
             It has a feature of the map's cells.
         """
-        unary = places.unary_model
-        if unary is None:
-            raise NotFittedError("this PlaceLabeler has not learned yet; call fit(maps) first")
-        chosen = places.movement if method is None else method
+        places.check_fitted()
+        chosen = places.movement_ if method is None else method
         if chosen is None:
             raise NotFittedError(
                 "this model was stored without the statistics of moving robots; train it again, or "
                 "give a fitted method"
             )
+        unary = places.unary_model_
         model = ScanModel(unary.classifier, unary.n_labels, unary.sensor, features=unary.features)
-        return cls(places.label_names, chosen, every_m, beams or BeamOptions(), model)
+        return cls.of_parts(places.label_names_, chosen, model, every_m=every_m, beams=beams)
+
+    @classmethod
+    def of_parts(
+        cls,
+        label_names: Sequence[str],
+        method: Any,
+        model: ScanModel,
+        *,
+        every_m: float = EVERY_M,
+        beams: BeamOptions = BEAMS,
+    ) -> Self:
+        """One whose list and method were learned elsewhere."""
+        labeler = cls(
+            tuple(label_names),
+            unfitted(method),
+            every_m,
+            beams,
+            model.sensor,
+            features=model.features,
+            extra_names=model.extra_names,
+        )
+        labeler.check_options()
+        return labeler.set_learned(
+            scan_model_=model, method_=method, label_names_=tuple(label_names)
+        )
+
+    def check_options(self) -> None:
+        """Refuse options that are not understood; :meth:`fit` does so before anything else.
+
+        Raises
+        ------
+        InputError
+            An option is not understood.
+        """
+        if not self.every_m >= 0:
+            raise InputError(f"every_m must be at least 0 metres, got {self.every_m}")
+        as_backend(self.method)
+        check_scan_features(as_features(self.features))
 
     def fit(
         self,
@@ -132,18 +222,11 @@ class TrajectoryLabeler:
         trajectories: Sequence[Trajectory] = (),
         *,
         extra: Sequence[ArrayLike] | None = None,
-        extra_names: Sequence[str] = (),
-        features: Sequence[Any] = (),
         known_map: OccupancyGrid | None = None,
-        sensor: Sensor | None = None,
-        classifier: "DecisionListClassifier | None" = None,
-        n_folds: int = 5,
-        n_runs: int = 1000,
-        seed: int = 0,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
-        """A fitted labeler: the list on cells and steps, then the method on held-out scores.
+        """The labeler itself, fitted: the list on cells and steps, the method on held-out scores.
 
         Parameters
         ----------
@@ -154,65 +237,57 @@ class TrajectoryLabeler:
             Labels are indices into ``label_names``, -1 where not known.
         extra : sequence of (T, D) float, optional
             Columns beside the laser's for each trajectory; then there can be no maps.
-        extra_names : sequence of D str
-            Their names.
-        features : sequence of features or names, optional
-            Columns of your own that are computed from scans: see
-            :mod:`pgm_places.features.own`.
         known_map : OccupancyGrid, optional
             The map in which missing beams are cast, where ``beams`` asks for it.
-        sensor : Sensor, optional
-            Beams and reach of the completed scans; 360 beams of 12 m by default.
-        classifier : DecisionListClassifier, optional
-            The unfitted list with its options.
-        n_folds : int
-            Folds that are held out once: whole buildings where maps are of several, contiguous
-            parts of a single one, and of each trajectory.
-        n_runs, seed : int
-            Simulated runs (paper, section 5).
 
         Raises
         ------
         LabelError
             A label has no example.
         InputError
-            There is nothing to learn from, or columns do not fit.
+            An option is not understood, there is nothing to learn from, or columns do not fit.
         """
-        from pgm_places.labelers.trajectory_learning import (
-            learn_trajectory_labeler,
-            trajectory_examples,
-        )
-
-        sensor = sensor or Sensor(max_range_m=REACH_M)
-        names, own = tuple(extra_names), as_features(features)
+        self.check_options()
+        names, extra_names = tuple(self.label_names), tuple(self.extra_names)
+        method, features = as_backend(self.method), as_features(self.features)
+        if maps or trajectories:
+            check_can_learn(method, trajectories)
         examples = trajectory_examples(
             maps,
             trajectories,
-            tuple(self.label_names),
-            sensor=sensor,
+            names,
+            sensor=self.sensor,
             beams=self.beams,
             known_map=known_map,
             extra=extra,
-            extra_names=names,
-            features=own,
-            n_folds=n_folds,
+            extra_names=extra_names,
+            features=features,
+            n_folds=self.n_folds,
             n_threads=n_threads,
             progress=progress,
         )
-        fitted = learn_trajectory_labeler(
-            self,
-            maps,
-            trajectories,
+        model, scores = learn_list(
             examples,
-            sensor=sensor,
-            extra_names=names,
-            own_features=own,
-            classifier=classifier,
-            n_runs=n_runs,
-            seed=seed,
+            names,
+            sensor=self.sensor,
+            classifier=self.classifier,
+            extra_names=extra_names,
+            features=features,
             progress=progress,
         )
-        return replace(self, method=fitted.method, scan_model=fitted.scan_model)
+        with (progress or Silent()).stage("method"):
+            fitted = learn_method(
+                method,
+                names,
+                maps,
+                trajectories,
+                examples,
+                scores,
+                every_m=self.every_m,
+                n_runs=self.n_runs,
+                seed=self.seed,
+            )
+        return self.set_learned(scan_model_=model, method_=fitted, label_names_=names)
 
     # ------------------------------------------------------------------ labelling
 
@@ -228,9 +303,9 @@ class TrajectoryLabeler:
         NotFittedError
             Before :meth:`fit`.
         """
-        model = self._fitted_model()
-        circle = self.beams.circle(geometry, model.sensor, known_map)
-        return OnlineLabeler(model, circle, self._filter(), tuple(self.label_names))
+        self.check_fitted()
+        circle = self.beams.circle(geometry, self.scan_model_.sensor, known_map)
+        return OnlineLabeler(self.scan_model_, circle, self._filter(), self.label_names_)
 
     def scores(
         self,
@@ -241,7 +316,8 @@ class TrajectoryLabeler:
         n_threads: int | None = None,
     ) -> NDArray[np.float64]:
         """(T, K) log z of each step by itself: what the list says of its scan."""
-        model = self._fitted_model()
+        self.check_fitted()
+        model = self.scan_model_
         circles = circles_along(
             trajectory, model.sensor, self.beams, known_map=known_map, n_threads=n_threads
         )
@@ -253,6 +329,7 @@ class TrajectoryLabeler:
         *,
         known_map: OccupancyGrid | None = None,
         extra: ArrayLike | None = None,
+        truth: ArrayLike | None = None,
         n_threads: int | None = None,
     ) -> Labeling:
         """A label for each step.
@@ -268,35 +345,42 @@ class TrajectoryLabeler:
             A map in the frame of the poses.
         extra : (T, D) float, optional
             The columns beside the laser's that the model learned with.
+        truth, n_threads
+            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
         """
         scores = self.scores(trajectory, known_map=known_map, extra=extra, n_threads=n_threads)
-        return self.infer(trajectory, scores)
+        return self.infer(trajectory, scores, truth=truth)
 
-    def infer(self, trajectory: Trajectory, scores: NDArray[np.float64]) -> Labeling:
+    def infer(
+        self,
+        trajectory: Trajectory,
+        scores: NDArray[np.float64],
+        *,
+        truth: ArrayLike | None = None,
+    ) -> Labeling:
         """What the method makes of scores (T, K) that are already there."""
-        if isinstance(self.method, HiddenMarkovModel) and self.method.mode == "filter":
+        self.check_fitted()
+        if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
             return self._filter().run(trajectory.poses, scores)
         segments = Segments(trajectory.poses, self.every_m)
-        found: Labeling = self.method.infer(self.problem(segments, scores))
+        if truth is not None:
+            truth = segments.majority(truth, len(self.label_names_))
+        found = infer(self.method_, self.problem(segments, scores), truth)
         beliefs = None if found.beliefs is None else found.beliefs[segments.of_step]
         return replace(found, labels=found.labels[segments.of_step], beliefs=beliefs)
 
     def problem(self, segments: Segments, scores: NDArray[np.float64]) -> LabelingProblem:
         """The chain of a trajectory's segments with the mean scores of their steps."""
-        means = segments.means(np.exp(scores))
-        return LabelingProblem(segments.graph(), self.label_names, unary=np.log(means))
+        self.check_fitted()
+        return chain_problem(segments, scores, self.label_names_)
 
-    def _fitted_model(self) -> ScanModel:
-        if self.scan_model is None:
-            raise NotFittedError(
-                "this TrajectoryLabeler has not learned yet; call fit, or from_places"
-            )
-        return self.scan_model
+    def _part(self, name: str) -> Any:
+        return as_backend(self.method) if name == "method" else super()._part(name)
 
     def _filter(self) -> BeliefFilter:
-        if not isinstance(self.method, HiddenMarkovModel):
+        if not isinstance(self.method_, HiddenMarkovModel):
             raise InputError(
-                f"{type(self.method).__name__} labels whole trajectories; online labelling needs "
+                f"{type(self.method_).__name__} labels whole trajectories; online labelling needs "
                 "the method 'hmm'"
             )
-        return BeliefFilter(self.method, self.every_m)
+        return BeliefFilter(self.method_, self.every_m)

@@ -1,7 +1,7 @@
 """How a TrajectoryLabeler learns: the list on cells and steps, the method on held-out scores."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError, LabelError
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -34,10 +35,16 @@ from pgm_places.unary.scan_model import (
 )
 
 if TYPE_CHECKING:
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = ["Examples", "learn_method", "learn_trajectory_labeler", "trajectory_examples"]
+__all__ = [
+    "Examples",
+    "chain_problem",
+    "check_can_learn",
+    "learn_list",
+    "learn_method",
+    "trajectory_examples",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,73 +138,61 @@ def trajectory_examples(
     )
 
 
-def learn_trajectory_labeler(
-    labeler: "TrajectoryLabeler",
-    maps: Sequence[LabelledMap],
-    trajectories: Sequence[Trajectory],
+def learn_list(
     examples: Examples,
+    label_names: tuple[str, ...],
     *,
     sensor: Sensor,
-    extra_names: tuple[str, ...] = (),
-    own_features: tuple[Any, ...] = (),
     classifier: "DecisionListClassifier | None" = None,
-    n_runs: int = 1000,
-    seed: int = 0,
+    extra_names: tuple[str, ...] = (),
+    features: tuple[Any, ...] = (),
     progress: Progress | None = None,
-) -> "TrajectoryLabeler":
-    """The labeler with a list fitted on all examples and a method fitted on held-out scores."""
+) -> tuple[ScanModel, NDArray[np.float64]]:
+    """The list fitted on all examples, and (N, K) what lists say of examples held out."""
     from sklearn.base import clone
 
     from pgm_places.models.decision_list import DecisionListClassifier
 
     progress = progress or Silent()
-    n_labels = len(labeler.label_names)
-    features, truth, groups = examples.features, examples.truth, examples.groups
+    n_labels, truth = len(label_names), examples.truth
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
     unfitted = classifier or DecisionListClassifier(order=RAREST_FIRST)
     unfitted = with_explicit_order(unfitted, truth)
     with progress.stage("decision list"):
-        fitted = clone(unfitted).fit(features, truth, groups=groups)
-    scores = held_out_scores(fitted, features, truth, groups, n_labels, progress, "held-out scores")
-    model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, own_features)
-    found = replace(labeler, scan_model=model)
-    with progress.stage("method"):
-        method = learn_method(found, maps, trajectories, examples, scores, n_runs, seed)
-    return replace(found, method=method)
+        fitted = clone(unfitted).fit(examples.features, truth, groups=examples.groups)
+    scores = held_out_scores(
+        fitted, examples.features, truth, examples.groups, n_labels, progress, "held-out scores"
+    )
+    return ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, features), scores
 
 
 def learn_method(
-    labeler: "TrajectoryLabeler",
+    method: Any,
+    label_names: tuple[str, ...],
     maps: Sequence[LabelledMap],
     trajectories: Sequence[Trajectory],
     examples: Examples,
     scores: NDArray[np.float64],
+    *,
+    every_m: float,
     n_runs: int = 1000,
     seed: int = 0,
-) -> object:
+) -> Any:
     """The method fitted on observations as it will see them: on segments where there are any.
 
     ``scores`` (N, K) are what lists say of the examples that they have not seen.
     """
-    method = labeler.method
     if not isinstance(method, Learnable):
         return method
-    n_labels = len(labeler.label_names)
+    n_labels = len(label_names)
     of_cells, of_steps = examples.split(scores)
     problems, truths = [], []
     for item, steps, part in zip(trajectories, examples.steps, of_steps, strict=True):
         labelled = item.subset(steps)
-        segments = Segments(labelled.poses, labeler.every_m)
-        problems.append(labeler.problem(segments, part))
+        segments = Segments(labelled.poses, every_m)
+        problems.append(chain_problem(segments, part, label_names))
         truths.append(segments.majority(_labels(labelled), n_labels))
-    if not isinstance(method, HiddenMarkovModel):
-        if not problems:
-            raise InputError(
-                f"{type(method).__name__} learns from labelled trajectories; give some, or use "
-                "the method 'hmm', for which maps suffice"
-            )
-        return method.fit(problems, truths)
-    if not maps:
+    if not isinstance(method, HiddenMarkovModel) or not maps:
         return method.fit(problems, truths)
     if problems:
         unaries = [problem.unary for problem in problems if problem.unary is not None]
@@ -208,6 +203,30 @@ def learn_method(
     ends = np.cumsum(examples.n_of_map)[:-1]
     cells = np.split(examples.truth, ends)
     return learn_movement(maps, cells, of_cells, n_labels, model=method, n_runs=n_runs, seed=seed)
+
+
+def chain_problem(
+    segments: Segments, scores: NDArray[np.float64], label_names: tuple[str, ...]
+) -> LabelingProblem:
+    """The chain of a trajectory's segments with the mean scores (T, K) of their steps."""
+    means = segments.means(np.exp(scores))
+    return LabelingProblem(segments.graph(), label_names, unary=np.log(means))
+
+
+def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
+    """Refuse to learn from maps alone what needs a sequence, before anything is learned.
+
+    Raises
+    ------
+    InputError
+        The method learns, is no hidden Markov model, and there are no trajectories.
+    """
+    if trajectories or isinstance(method, HiddenMarkovModel) or not isinstance(method, Learnable):
+        return
+    raise InputError(
+        f"{type(method).__name__} learns from labelled trajectories; give some, or use the method "
+        "'hmm', for which maps suffice"
+    )
 
 
 def _labels(trajectory: Trajectory) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = ["ESTIMATORS", "get_estimator", "put_estimator", "unfitted"]
+__all__ = ["ESTIMATORS", "dump_estimator", "load_estimator", "unfitted_estimator"]
 
 ESTIMATORS: Mapping[str, str] = {
     "DecisionListClassifier": "pgm_places.models.decision_list",
@@ -34,7 +34,7 @@ Record = dict[str, Any]
 _PLAIN = (bool, int, float, str, type(None))
 
 
-def put_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
+def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
     """A fitted estimator as plain data; its arrays go into ``arrays`` under the prefix.
 
     Raises
@@ -52,7 +52,7 @@ def put_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
         )
     if name == "Pipeline":
         steps = [
-            [label, put_estimator(arrays, f"{prefix}/{label}", step)]
+            [label, dump_estimator(arrays, f"{prefix}/{label}", step)]
             for label, step in estimator.steps
         ]
         return {"class": name, "steps": steps}
@@ -62,11 +62,11 @@ def put_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
         meta, parts = estimator.to_arrays()
         arrays.update({f"{prefix}/{key}": array for key, array in parts.items()})
         return {**record, "list": meta}
-    return {**record, **_put_state(arrays, prefix, estimator)}
+    return {**record, **_dump_state(arrays, prefix, estimator)}
 
 
-def get_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
-    """The fitted estimator that :func:`put_estimator` described.
+def load_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any:
+    """The fitted estimator that :func:`dump_estimator` described.
 
     Raises
     ------
@@ -75,11 +75,11 @@ def get_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any
     """
     if record["class"] == "Pipeline":
         steps = [
-            (label, get_estimator(arrays, f"{prefix}/{label}", part))
+            (label, load_estimator(arrays, f"{prefix}/{label}", part))
             for label, part in record["steps"]
         ]
         return _class("Pipeline")(steps)
-    estimator = unfitted(record)
+    estimator = unfitted_estimator(record)
     own = {
         key.removeprefix(f"{prefix}/"): array
         for key, array in arrays.items()
@@ -95,7 +95,7 @@ def get_estimator(arrays: Arrays, prefix: str, record: Mapping[str, Any]) -> Any
     return estimator
 
 
-def unfitted(record: Mapping[str, Any]) -> Any:
+def unfitted_estimator(record: Mapping[str, Any]) -> Any:
     """The estimator of a record before it was fitted.
 
     Raises
@@ -107,7 +107,7 @@ def unfitted(record: Mapping[str, Any]) -> Any:
     if name not in ESTIMATORS:
         raise ModelFileError(f"a classifier {name!r} cannot be loaded; known: {list(ESTIMATORS)}")
     if name == "Pipeline":
-        return _class(name)([(label, unfitted(part)) for label, part in record["steps"]])
+        return _class(name)([(label, unfitted_estimator(part)) for label, part in record["steps"]])
     try:
         return _class(name)(**record["params"])
     except TypeError as error:
@@ -143,7 +143,7 @@ def _plain(name: str, key: str, value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _put_state(arrays: Arrays, prefix: str, estimator: Any) -> Record:
+def _dump_state(arrays: Arrays, prefix: str, estimator: Any) -> Record:
     """The attributes that fitting set, which scikit-learn names with a trailing underscore."""
     names, numbers = [], {}
     for key, value in vars(estimator).items():

@@ -121,12 +121,9 @@ def _scored(
     n_threads: int | None,
 ) -> dict[str, ScoredSteps]:
     extra = None if options is None else [item.counts(options, k) for k, item in enumerate(learn)]
-    labeler = TrajectoryLabeler(learn[0].names).fit(
-        [],
-        [item.drive for item in learn],
-        extra=extra,
-        extra_names=() if extra is None else PAPER_OBJECTS,
-        n_threads=n_threads,
+    extra_names = () if extra is None else PAPER_OBJECTS
+    labeler = TrajectoryLabeler(learn[0].names, extra_names=extra_names).fit(
+        [], [item.drive for item in learn], extra=extra, n_threads=n_threads
     )
     scores = []
     for k, item in enumerate(label):

@@ -92,7 +92,7 @@ def partial_maps(setting: Setting) -> Outcome:
 
 
 _WITHOUT_NETWORK = [
-    {"name": "independent", "id": "adaboost", "options": {}},
+    {"name": "independent", "id": "adaboost", "unary": "laser", "options": {}},
     {"name": "relaxation", "id": "relaxation", "options": {}},
 ]
 

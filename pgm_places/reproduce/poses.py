@@ -59,11 +59,9 @@ def run(setting: Setting) -> Outcome:
 
 
 def _order(labeler: PlaceLabeler) -> tuple[str, ...]:
-    model = labeler.unary_model
-    assert model is not None  # train fitted it
-    found: BoostedList = model.classifier
+    found: BoostedList = labeler.unary_model_.classifier
     labels = np.asarray(found.classes)[found.order]
-    return tuple(labeler.label_names[int(label)] for label in labels)
+    return tuple(labeler.label_names_[int(label)] for label in labels)
 
 
 def _all_orders(

@@ -1,7 +1,7 @@
 """The steps of drives, labelled one by one and by the hidden Markov model, and scored."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +60,11 @@ def scored_modes(
     scores : sequence of (T, K) float
         What the list says of each step.
     """
-    names = tuple(labeler.label_names)
+    names = labeler.label_names_
     alone = [Labeling(item.argmax(axis=1), Status.CONVERGED) for item in scores]
     found = {ALONE: scored_steps(drives, alone, names)}
     for mode, words in MODES.items():
-        tool = replace(labeler, method=replace(labeler.method, mode=mode))
+        tool = labeler.with_options(method__mode=mode)
         labelings = [tool.infer(*pair) for pair in zip(drives, scores, strict=True)]
         found[words] = scored_steps(drives, labelings, names)
     return found

@@ -42,9 +42,10 @@ def trained_labeler(name: str | Path = DEFAULT) -> "PlaceLabeler":
     Examples
     --------
     >>> labeler = trained_labeler()
-    >>> labeler.label_names
+    >>> labeler.label_names_
     ('corridor', 'room', 'doorway')
     """
-    from pgm_places.persistence.place_labeler import load_labeler
+    from pgm_places.persistence.stored import read
 
-    return load_labeler(model_folder(name))[0]
+    found: PlaceLabeler = read(model_folder(name), "place-labeler").item
+    return found

@@ -18,11 +18,7 @@ from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.persistence.place_labeler import save_labeler
-from pgm_places.persistence.trajectory_labeler import (
-    load_trajectory_labeler,
-    save_trajectory_labeler,
-)
+from pgm_places.persistence.stored import load, save
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
@@ -41,7 +37,7 @@ def places() -> PlaceLabeler:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A model, a map and a log."""
-    save_labeler(tmp_path / "model", places())
+    save(places(), tmp_path / "model")
     save_map(made_building()[0].grid, tmp_path / "map")
     write_trajectory(tmp_path / "drive.log", drive(1)[:60])
     return tmp_path
@@ -134,14 +130,14 @@ def objects_along(path: Trajectory) -> NDArray[np.int64]:
 def seeing(folder: Path) -> Path:
     """Besides those, a model that learned with counts of objects, and the counts of the log."""
     learned, names = [drive(1), drive(2)], ("monitor", "person")
-    labeler = TrajectoryLabeler(made_building()[1]).fit(
-        trajectories=learned,
-        extra=[objects_along(path) for path in learned],
-        extra_names=names,
+    labeler = TrajectoryLabeler(
+        made_building()[1],
         classifier=DecisionListClassifier(n_rounds=5, order="rarest-first"),
         n_folds=2,
+        extra_names=names,
     )
-    save_trajectory_labeler(folder / "seeing", labeler)
+    labeler.fit(trajectories=learned, extra=[objects_along(path) for path in learned])
+    save(labeler, folder / "seeing")
     path = drive(1)[:60]
     counts = ObjectCounts(path.times_s, objects_along(path), names)
     write_object_counts(folder / "counts.csv", counts)
@@ -157,10 +153,10 @@ def test_counts_of_objects_go_into_a_model_that_learned_with_them(
     )
     assert (code, error) == (0, "")
     rows = rows_of(seeing / "out" / "beliefs.csv")
-    labeler, _ = load_trajectory_labeler(seeing / "seeing")
+    labeler = load(seeing / "seeing")
     read = read_trajectory(log).trajectory
     expected = labeler.label(read, extra=objects_along(drive(1)[:60]))
-    assert [row["label"] for row in rows] == [labeler.label_names[k] for k in expected.labels]
+    assert [row["label"] for row in rows] == [labeler.label_names_[k] for k in expected.labels]
 
     class Pipe:
         buffer = io.BytesIO(log.read_bytes())

@@ -12,7 +12,7 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.maps.coarsening import coarsen, refine
-from pgm_places.persistence.place_labeler import save_labeler
+from pgm_places.persistence.stored import save
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from tests.cli.conftest import Run
 
@@ -41,7 +41,7 @@ def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
 def test_a_folder_wins_and_other_names_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save_labeler(tmp_path / "default", trained_labeler("generated"))
+    save(trained_labeler("generated"), tmp_path / "default")
     monkeypatch.chdir(tmp_path)
     assert model_folder("default") == Path("default")
     assert isinstance(trained_labeler("default"), PlaceLabeler)

@@ -26,11 +26,7 @@ from pgm_places.features.own import (
 )
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.persistence.place_labeler import load_labeler, save_labeler
-from pgm_places.persistence.trajectory_labeler import (
-    load_trajectory_labeler,
-    save_trajectory_labeler,
-)
+from pgm_places.persistence.stored import load, save
 
 NAMES = ("near a wall", "in the open")
 SENSOR = Sensor(n_beams=360, max_range_m=10.0)
@@ -145,11 +141,9 @@ def test_lists_learn_from_them_and_a_model_keeps_them_by_name(
     feature: object, known: LabelledMap, installed: None, tmp_path: Path
 ) -> None:
     labeler = unfitted(feature).fit([known])
-    assert labeler.unary_model is not None
     if isinstance(feature, Shortest):
-        assert labeler.unary_model.classifier.used_features.max() >= 321
-    save_labeler(tmp_path / "model", labeler)
-    loaded, _ = load_labeler(tmp_path / "model")
+        assert labeler.unary_model_.classifier.used_features.max() >= 321
+    loaded = load(save(labeler, tmp_path / "model"))
     assert tuple(loaded.features) == (feature,)
     _, before = labeler.scores(known.grid)
     _, after = loaded.scores(known.grid)
@@ -168,10 +162,9 @@ def test_the_list_with_context_sees_them_too(known: LabelledMap) -> None:
         n_folds=2,
         features=[Shortest()],
     ).fit([known])
-    assert labeler.unary_model is not None
-    assert labeler.unary_model.context_classifier is not None
-    assert labeler.unary_model.context_classifier.n_features == 321 + 1 + 2
-    assert 321 in labeler.unary_model.node_columns
+    assert labeler.unary_model_.context_classifier is not None
+    assert labeler.unary_model_.context_classifier.n_features == 321 + 1 + 2
+    assert 321 in labeler.unary_model_.node_columns
     labels = labeler.label(known.grid, method="amn").labels
     assert (labels == known.truth(known.graph())).mean() > 0.95
 
@@ -179,20 +172,20 @@ def test_the_list_with_context_sees_them_too(known: LabelledMap) -> None:
 def test_a_model_whose_feature_is_absent_or_changed_says_so(
     known: LabelledMap, installed: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    save_labeler(tmp_path / "model", unfitted(Shortest()).fit([known]))
+    save(unfitted(Shortest()).fit([known]), tmp_path / "model")
     with monkeypatch.context() as changed:
         changed.setattr(Shortest, "column_names", ("closest",))
         with pytest.raises(ModelFileError, match=r"'shortest' has the columns \['closest'\] now"):
-            load_labeler(tmp_path / "model")
+            load(tmp_path / "model")
     monkeypatch.setattr("pgm_places.plugins.entry_points", lambda group: [])
     with pytest.raises(ModelFileError, match=r"no feature 'shortest' is installed; install the"):
-        load_labeler(tmp_path / "model")
+        load(tmp_path / "model")
 
 
 def test_an_unregistered_feature_is_not_saved(known: LabelledMap, tmp_path: Path) -> None:
     labeler = unfitted(Shortest()).fit([known])
     with pytest.raises(OutputError, match=r"Shortest cannot be saved.*pgm_places\.features"):
-        save_labeler(tmp_path / "model", labeler)
+        save(labeler, tmp_path / "model")
 
 
 def test_a_scan_feature_serves_trajectories(
@@ -207,16 +200,15 @@ def test_a_scan_feature_serves_trajectories(
     scores = labeler.scores(path, known_map=known.grid)
     np.testing.assert_allclose(scores, on_map.laser[::40], rtol=0, atol=1e-6)
 
-    fitted = TrajectoryLabeler(NAMES).fit(
-        [known],
+    fitted = TrajectoryLabeler(
+        NAMES,
         features=["shortest"],
         sensor=SENSOR,
         classifier=DecisionListClassifier(n_rounds=5, order="rarest-first"),
         n_folds=2,
         n_runs=20,
-    )
-    save_trajectory_labeler(tmp_path / "model", fitted)
-    loaded, _ = load_trajectory_labeler(tmp_path / "model")
+    ).fit([known])
+    loaded = load(save(fitted, tmp_path / "model"))
     before, after = (one.scores(path, known_map=known.grid) for one in (fitted, loaded))
     np.testing.assert_array_equal(before, after)
 
@@ -226,7 +218,7 @@ def test_a_map_feature_serves_no_trajectory(known: LabelledMap) -> None:
     with pytest.raises(InputError, match="East looks at a map's cells"):
         TrajectoryLabeler.from_places(places)
     with pytest.raises(InputError, match="East looks at a map's cells"):
-        TrajectoryLabeler(NAMES).fit([known], features=[East()])
+        TrajectoryLabeler(NAMES, features=[East()]).fit([known])
 
 
 def config(features: object) -> dict[str, object]:

@@ -40,7 +40,7 @@ def test_structure_helps_the_classifier(
     network = StructuredLabeler("amn", LogisticRegression())
     scores = [m.fit(chains[:3], truths[:3]).score(chains[3:], truths[3:]) for m in (alone, network)]
     assert scores[1] > scores[0]
-    assert network.infer(chains[3:])[0].score is not None
+    assert network.label(chains[3]).score is not None
 
 
 def test_grid_search_with_groups_tunes_backend_and_classifier(
@@ -120,3 +120,5 @@ def test_what_does_not_fit_is_refused(
     with pytest.raises(InputError, match="fitted on labels"):
         other = LabelingProblem(chains[0].graph, ["a", "b", "c"], unary=np.zeros((60, 3)))
         labeler.fit(chains, truths).predict([other])
+    with pytest.raises(InputError, match=r"got a list; lists go to predict\(X\)"):
+        labeler.label(chains)  # type: ignore[arg-type]

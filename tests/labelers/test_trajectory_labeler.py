@@ -1,3 +1,4 @@
+import copy
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -7,17 +8,12 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError, LabelError, ModelFileError, NotFittedError
-from pgm_places.inference.backends import build
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.persistence.place_labeler import save_labeler
-from pgm_places.persistence.trajectory_labeler import (
-    load_trajectory_labeler,
-    save_trajectory_labeler,
-)
+from pgm_places.persistence.stored import load, read, save
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
@@ -65,8 +61,8 @@ def test_the_belief_mends_a_list_that_errs_at_random() -> None:
 
 def test_the_known_map_helps_a_laser_that_sees_only_half() -> None:
     path, (known, _) = drive(1), building()
-    blind = replace(labeler(), beams=BeamOptions("max-range")).label(path)
-    with_map = replace(labeler(), beams=KNOWN).label(path, known_map=known.grid)
+    blind = labeler().with_options(beams=BeamOptions("max-range")).label(path)
+    with_map = labeler().with_options(beams=KNOWN).label(path, known_map=known.grid)
     assert accuracy(path, with_map.labels) > accuracy(path, blind.labels)
 
 
@@ -74,7 +70,7 @@ def test_step_by_step_gives_the_beliefs_of_the_whole_log() -> None:
     path, (known, _) = drive(1)[:150], building()
     for every_m in (0.0, 0.25):
         for beams, known_map in ((BeamOptions(), None), (KNOWN, known.grid)):
-            tool = replace(labeler(), every_m=every_m, beams=beams)
+            tool = labeler().with_options(every_m=every_m, beams=beams)
             whole = tool.label(path, known_map=known_map)
             assert path.geometry is not None
             online = tool.online(path.geometry, known_map=known_map)
@@ -93,16 +89,15 @@ def test_a_robot_that_stands_still_does_not_grow_ever_more_certain() -> None:
 @pytest.mark.parametrize("mode", ["smooth", "viterbi"])
 def test_other_modes_label_whole_segments(mode: str) -> None:
     path = drive(1)
-    tool = labeler()
-    found = replace(tool, method=replace(tool.method, mode=mode)).label(path)
+    found = labeler().with_options(method__mode=mode).label(path)
     assert accuracy(path, found.labels) > 0.8
     assert (found.beliefs is None) == (mode == "viterbi")
 
 
 @pytest.mark.parametrize("name", ["relaxation", "amn", "independent"])
 def test_any_method_labels_the_chain(name: str) -> None:
-    tool = TrajectoryLabeler(building()[1], build(name))
-    tool = tool.fit([], [drive(0), drive(2)], classifier=QUICK)
+    tool = TrajectoryLabeler(building()[1], name, classifier=QUICK)
+    tool.fit([], [drive(0), drive(2)])
     path = drive(1)
     assert accuracy(path, tool.label(path).labels) > 0.75
     with pytest.raises(InputError, match="hmm"):
@@ -111,10 +106,10 @@ def test_any_method_labels_the_chain(name: str) -> None:
 
 def test_maps_and_trajectories_are_learned_from_together() -> None:
     (known, names), path = building(), drive(0)
-    tool = TrajectoryLabeler(names).fit([known], [path], classifier=QUICK, n_runs=200)
+    tool = TrajectoryLabeler(names, classifier=QUICK, n_runs=200).fit([known], [path])
     assert accuracy(drive(1), tool.label(drive(1)).labels) > 0.75
-    again = TrajectoryLabeler(names).fit([known], [path], classifier=QUICK, n_runs=200)
-    np.testing.assert_array_equal(again.method.transition, tool.method.transition)
+    again = TrajectoryLabeler(names, classifier=QUICK, n_runs=200).fit([known], [path])
+    np.testing.assert_array_equal(again.method_.transition, tool.method_.transition)
 
 
 def test_extra_columns_are_learned_from_like_the_lasers_own() -> None:
@@ -123,9 +118,8 @@ def test_extra_columns_are_learned_from_like_the_lasers_own() -> None:
     names = building()[1]
     told = [np.eye(3, dtype=np.float32)[item.labels] for item in (path, other)]
     columns = [f"saw_{name}" for name in names]
-    tool = TrajectoryLabeler(names).fit(
-        [], [path], extra=told[:1], extra_names=columns, classifier=QUICK
-    )
+    tool = TrajectoryLabeler(names, classifier=QUICK, extra_names=columns)
+    tool.fit([], [path], extra=told[:1])
     assert accuracy(other, tool.label(other, extra=told[1]).labels) > 0.9
     assert other.geometry is not None
     belief = tool.online(other.geometry).step(other.scan(0), extra=told[1][0])
@@ -147,59 +141,61 @@ def test_a_trajectory_without_scans_takes_them_from_the_known_map() -> None:
 
 def test_what_is_saved_labels_the_same(tmp_path: Path) -> None:
     path = drive(1)[:100]
-    tool = replace(labeler(), every_m=0.3, beams=BeamOptions("mirror"))
-    save_trajectory_labeler(tmp_path / "model", tool, record={"by": "test"})
-    loaded, record = load_trajectory_labeler(tmp_path / "model")
-    assert record == {"by": "test"}
-    assert (loaded.every_m, loaded.beams, loaded.label_names) == (0.3, tool.beams, tool.label_names)
+    tool = labeler().with_options(every_m=0.3, beams=BeamOptions("mirror"))
+    save(tool, tmp_path / "model", record={"by": "test"})
+    stored = read(tmp_path / "model", "trajectory-labeler")
+    loaded = stored.item
+    assert stored.record == {"by": "test"}
+    assert (loaded.every_m, loaded.beams) == (0.3, tool.beams)
+    assert loaded.label_names_ == tool.label_names_
     np.testing.assert_array_equal(loaded.label(path).beliefs, tool.label(path).beliefs)
 
 
 def test_a_stored_model_of_maps_labels_trajectories(tmp_path: Path) -> None:
     path = drive(1)[:60]
-    save_labeler(tmp_path / "maps", places())
-    loaded, _ = load_trajectory_labeler(tmp_path / "maps")
+    loaded = TrajectoryLabeler.from_places(load(save(places(), tmp_path / "maps")))
     np.testing.assert_array_equal(loaded.label(path).beliefs, labeler().label(path).beliefs)
-    save_labeler(tmp_path / "old", replace(places(), movement=None))
+    without = copy.copy(places())
+    without.movement_ = None
     with pytest.raises(NotFittedError, match="train it again"):
-        load_trajectory_labeler(tmp_path / "old")
+        TrajectoryLabeler.from_places(load(save(without, tmp_path / "old")))
 
 
 def test_a_damaged_model_is_refused(tmp_path: Path) -> None:
-    save_trajectory_labeler(tmp_path / "model", labeler())
+    save(labeler(), tmp_path / "model")
     manifest = tmp_path / "model" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"local-map"', '"elsewhere"'))
     with pytest.raises(ModelFileError):
-        load_trajectory_labeler(tmp_path / "model")
+        load(tmp_path / "model")
 
 
 def test_bad_input_is_refused_with_a_reason() -> None:
     known, names = building()
     path = drive(0)
-    tool = TrajectoryLabeler(names)
+    tool, cups = TrajectoryLabeler(names), TrajectoryLabeler(names, extra_names=["cups"])
     with pytest.raises(NotFittedError):
         tool.label(path)
     with pytest.raises(NotFittedError):
         TrajectoryLabeler.from_places(PlaceLabeler(names))
     with pytest.raises(NotFittedError):
-        save_trajectory_labeler("unused", tool)
+        save(tool, "unused")
     with pytest.raises(InputError, match="nothing to learn"):
         tool.fit()
     with pytest.raises(InputError, match="no extra columns"):
-        tool.fit([known], [path], extra=[np.zeros((len(path), 1))], extra_names=["cups"])
+        cups.fit([known], [path], extra=[np.zeros((len(path), 1))])
     with pytest.raises(InputError, match="belong together"):
-        tool.fit([], [path], extra_names=["cups"])
+        cups.fit([], [path])
     with pytest.raises(InputError, match="1 trajectories but 2"):
-        tool.fit([], [path], extra=[np.zeros((len(path), 1))] * 2, extra_names=["cups"])
+        cups.fit([], [path], extra=[np.zeros((len(path), 1))] * 2)
     with pytest.raises(InputError, match="must have the labels"):
         tool.fit([], [Trajectory(path.times_s, path.poses, path.ranges_m, path.geometry)])
     with pytest.raises(LabelError, match="'kitchen'"):
         more = (*names, "kitchen")
         TrajectoryLabeler(more).fit([LabelledMap(known.grid, known.labels)])
     with pytest.raises(InputError, match="labelled trajectories"):
-        TrajectoryLabeler(names, build("relaxation")).fit([known], classifier=QUICK)
+        TrajectoryLabeler(names, "relaxation").fit([known])
     with pytest.raises(InputError):
-        TrajectoryLabeler(names, every_m=-1.0)
+        TrajectoryLabeler(names, every_m=-1.0).fit([known])
 
 
 def test_scans_of_another_laser_are_refused_online() -> None:
@@ -215,7 +211,9 @@ def test_impossible_observations_are_named_and_beliefs_stay_numbers() -> None:
         confusions=np.eye(3), moves=np.eye(3), first=[1, 0, 0]
     )
     model = replace(model, start="learned")
-    tool = replace(labeler(), method=model, every_m=0.0)
+    tool = TrajectoryLabeler.of_parts(
+        labeler().label_names_, model, labeler().scan_model_, every_m=0.0
+    )
     path = drive(1)[:3]
     scores = np.log(np.eye(3)[[1, 0, 0]] * 0.7 + 0.1)
     found = tool.infer(path, scores)

@@ -13,12 +13,13 @@ from pgm_places import (
     LabelingProblem,
     Status,
     build,
-    load_backend,
-    save_backend,
+    load,
+    save,
 )
 from pgm_places.errors import ModelFileError, OutputError
 from pgm_places.inference.backends import BACKENDS, METHODS, Learnable, backend_names
 from pgm_places.persistence.model_folder import load_folder, save_folder
+from pgm_places.persistence.stored import read
 
 NAMES = ("room", "corridor")
 TRUTH = np.array([0, 0, 0, 1, 1, 1])
@@ -39,9 +40,9 @@ def test_a_saved_backend_labels_as_before(
     backend = build(name)
     if isinstance(backend, Learnable):
         backend = backend.fit([problem], [TRUTH])
-    save_backend(tmp_path / "model", backend, NAMES)
-    again, names = load_backend(tmp_path / "model")
-    assert names == NAMES
+    save(backend, tmp_path / "model", label_names=NAMES)
+    assert read(tmp_path / "model", "backend").label_names == NAMES
+    again = load(tmp_path / "model")
     assert type(again) is type(backend)
     assert again.infer(problem).labels.tolist() == backend.infer(problem).labels.tolist()
 
@@ -55,8 +56,8 @@ class Unregistered:
 
 
 def test_an_unregistered_backend_is_not_saved(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"Unregistered cannot be saved.*pgm_places\.backends"):
-        save_backend(tmp_path / "model", Unregistered(), NAMES)
+    with pytest.raises(OutputError, match=r"Unregistered cannot be saved.*\.inference\.backends"):
+        save(Unregistered(), tmp_path / "model")
     assert not (tmp_path / "model").exists()
 
 
@@ -66,8 +67,8 @@ def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
     point = EntryPoint("mine", f"{__name__}:Unregistered", METHODS.group)
     monkeypatch.setattr("pgm_places.plugins.entry_points", lambda group: [point])
     assert "mine" in backend_names()
-    save_backend(tmp_path / "model", build("mine"), NAMES)
-    assert load_backend(tmp_path / "model") == (Unregistered(), NAMES)
+    save(build("mine"), tmp_path / "model")
+    assert load(tmp_path / "model") == Unregistered()
 
 
 @pytest.mark.parametrize(
@@ -75,8 +76,8 @@ def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
     [("kind", "cake"), ("backend", "os:system"), ("options", {"weight": "much"}), ("learned", 3)],
 )
 def test_a_spoiled_folder_is_refused(key: str, value: object, tmp_path: Path) -> None:
-    save_backend(tmp_path / "model", build("potts"), NAMES)
+    save(build("potts"), tmp_path / "model", label_names=NAMES)
     manifest, arrays = load_folder(tmp_path / "model")
     save_folder(tmp_path / "spoiled", {**manifest, key: value}, arrays)
     with pytest.raises(ModelFileError):
-        load_backend(tmp_path / "spoiled")
+        load(tmp_path / "spoiled")

@@ -17,14 +17,14 @@ from pgm_places import (
     LabelGraph,
     LabelingProblem,
     StructuredLabeler,
-    load_structured_labeler,
-    save_backend,
-    save_structured_labeler,
+    load,
+    save,
 )
 from pgm_places.errors import ModelFileError, NotFittedError, OutputError
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
 from pgm_places.persistence.model_folder import load_folder, save_folder
+from pgm_places.persistence.stored import read
 
 TRUTH = np.repeat([0, 1, 2, 0], 15)
 NAMES = ("rest", "walk", "run")
@@ -57,13 +57,13 @@ CLASSIFIERS = [
 def test_a_saved_labeler_labels_as_before(classifier: Any, backend: Any, tmp_path: Path) -> None:
     labeler = StructuredLabeler(backend, classifier, n_folds=2, metric="macro_f1")
     labeler.fit([chain(0), chain(1)], [TRUTH, TRUTH])
-    save_structured_labeler(tmp_path / "model", labeler)
-    loaded = load_structured_labeler(tmp_path / "model")
+    save(labeler, tmp_path / "model")
+    loaded = load(tmp_path / "model")
     assert loaded.label_names_ == NAMES
-    before, after = labeler.infer([chain(2)])[0], loaded.infer([chain(2)])[0]
+    before, after = labeler.label(chain(2)), loaded.label(chain(2))
     assert before.labels.tolist() == after.labels.tolist()
     assert before.score == after.score
-    seen, again = (one.with_unary(chain(2)).unary for one in (labeler, loaded))
+    seen, again = (one.scores(chain(2)) for one in (labeler, loaded))
     np.testing.assert_array_equal(seen, again)
     assert loaded.score([chain(2)], [TRUTH]) == labeler.score([chain(2)], [TRUTH])
 
@@ -72,8 +72,8 @@ def test_a_loaded_labeler_can_be_fitted_again(tmp_path: Path) -> None:
     classifier = make_pipeline(StandardScaler(with_mean=False), LogisticRegression(C=0.25))
     labeler = StructuredLabeler("amn", classifier, n_folds=3).set_params(backend__C=3.0)
     labeler.fit([chain(0), chain(1)], [TRUTH, TRUTH])
-    save_structured_labeler(tmp_path / "model", labeler)
-    again = clone(load_structured_labeler(tmp_path / "model"))
+    save(labeler, tmp_path / "model")
+    again = clone(load(tmp_path / "model"))
     assert again.get_params()["backend__C"] == 3.0
     assert again.get_params()["classifier__logisticregression__C"] == 0.25
     assert again.n_folds == 3
@@ -88,7 +88,7 @@ def test_a_classifier_that_is_no_plain_data_is_refused(tmp_path: Path) -> None:
         labeler = StructuredLabeler("potts", classifier, n_folds=2)
         labeler.fit([chain(0), chain(1)], [TRUTH, TRUTH])
         with pytest.raises(OutputError, match=f"{name}.* cannot be saved.*LogisticRegression"):
-            save_structured_labeler(tmp_path / "model", labeler)
+            save(labeler, tmp_path / "model")
     assert not (tmp_path / "model").exists()
 
 
@@ -97,7 +97,7 @@ def test_an_own_class_of_a_known_name_is_not_taken_for_it(tmp_path: Path) -> Non
     labeler = StructuredLabeler("potts", other(), n_folds=2)
     labeler.fit([chain(0), chain(1)], [TRUTH, TRUTH])
     with pytest.raises(OutputError, match="cannot be saved"):
-        save_structured_labeler(tmp_path / "model", labeler)
+        save(labeler, tmp_path / "model")
 
 
 def test_a_parameter_that_is_no_plain_data_is_refused(tmp_path: Path) -> None:
@@ -105,18 +105,18 @@ def test_a_parameter_that_is_no_plain_data_is_refused(tmp_path: Path) -> None:
     labeler = StructuredLabeler("potts", classifier, n_folds=2)
     labeler.fit([chain(0), chain(1)], [TRUTH, TRUTH])
     with pytest.raises(OutputError, match="parameter random_state is a RandomState"):
-        save_structured_labeler(tmp_path / "model", labeler)
+        save(labeler, tmp_path / "model")
 
 
 def test_only_a_fitted_labeler_is_saved(tmp_path: Path) -> None:
     with pytest.raises(NotFittedError, match="call fit"):
-        save_structured_labeler(tmp_path / "model", StructuredLabeler("potts"))
+        save(StructuredLabeler("potts"), tmp_path / "model")
 
 
 def test_another_kind_of_model_is_refused(tmp_path: Path) -> None:
-    save_backend(tmp_path / "model", PottsField(), NAMES)
+    save(PottsField(), tmp_path / "model")
     with pytest.raises(ModelFileError, match="holds a 'backend' model; a 'structured-labeler'"):
-        load_structured_labeler(tmp_path / "model")
+        read(tmp_path / "model", "structured-labeler")
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_another_kind_of_model_is_refused(tmp_path: Path) -> None:
 def test_a_spoiled_folder_is_refused(path: tuple[str, ...], value: object, tmp_path: Path) -> None:
     labeler = StructuredLabeler("potts", LogisticRegression(), n_folds=2)
     labeler.fit([chain(0), chain(1)], [TRUTH, TRUTH])
-    save_structured_labeler(tmp_path / "model", labeler)
+    save(labeler, tmp_path / "model")
     manifest, arrays = load_folder(tmp_path / "model")
     record = manifest
     for key in path[:-1]:
@@ -143,4 +143,4 @@ def test_a_spoiled_folder_is_refused(path: tuple[str, ...], value: object, tmp_p
     record[path[-1]] = value
     save_folder(tmp_path / "spoiled", manifest, arrays)
     with pytest.raises(ModelFileError, match="spoiled"):
-        load_structured_labeler(tmp_path / "spoiled")
+        load(tmp_path / "spoiled")

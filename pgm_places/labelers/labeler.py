@@ -1,0 +1,196 @@
+"""What all labelers have in common: options in the constructor, learned attributes, one signature.
+
+The contract is scikit-learn's, so that its ``clone`` and its grid searches take any labeler, but
+scikit-learn is not imported: it takes a second, and labelling does without it.
+
+=====================  ==========================================================================
+``Labeler(options)``   keeps the options as they are; ``fit`` checks them first
+``fit(...)``           learns into attributes with a trailing underscore, and returns the labeler
+``scores(thing)``      what the classifier says of each node by itself
+``infer(thing, scores)``  what the method makes of scores that are already there
+``label(thing)``       both: a :class:`~pgm_places.inference.labeling.Labeling`
+=====================  ==========================================================================
+
+The thing is a map for PlaceLabeler, a trajectory for TrajectoryLabeler and a problem for
+StructuredLabeler. Keywords mean the same wherever they occur:
+
+``method``
+    Name of the method to use, where a labeler has several; the last one by default.
+``mask``
+    (H, W) bool, the cells of a map to label; all free cells by default.
+``truth``
+    (N,) true label indices or -1: methods that can follow their accuracy add it to their history.
+    The labels are the same.
+``n_threads``
+    Threads to use, all by default; results are the same bits for any number.
+``progress``
+    Where stages and warnings are reported; nowhere by default.
+"""
+
+import copy
+import dataclasses
+import inspect
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+from pgm_places._checks import nearest_name
+from pgm_places.errors import ConfigError, NotFittedError
+from pgm_places.plugins import option_values
+
+__all__ = ["Labeler"]
+
+
+class Labeler:
+    """The base of labelers: options by name, what was learned, and a text that shows the options.
+
+    Attributes
+    ----------
+    label_names_ : tuple of K str
+        The labels that were learned; its presence says that the labeler is fitted.
+    """
+
+    label_names_: tuple[str, ...]
+
+    stored_as: ClassVar[str] = ""
+    _call_first: ClassVar[str] = "fit(...)"
+
+    # ------------------------------------------------------------------ options
+
+    def check_options(self) -> None:
+        """Refuse options that are not understood; ``fit`` does so before anything is learned."""
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The options by name; with ``deep`` also options of options: ``sensor__n_beams``."""
+        found = {name: getattr(self, name) for name in self._defaults()}
+        if deep:
+            for name in list(found):
+                inner = _options_of(self._part(name), deep=True)
+                found |= {f"{name}__{key}": value for key, value in inner.items()}
+        return found
+
+    def set_params(self, **params: Any) -> Self:
+        """The labeler itself with other options; what it has learned stays until the next fit.
+
+        Raises
+        ------
+        ConfigError
+            There is no such option; the nearest is offered.
+        """
+        known = list(self._defaults())
+        for name, (given, inner) in _grouped(params).items():
+            _check_known(type(self).__name__, name, known)
+            if given:
+                setattr(self, name, params[name])
+            if inner:
+                setattr(self, name, _changed(self._part(name), inner))
+        return self
+
+    def with_options(self, **params: Any) -> Self:
+        """A copy that has learned the same and labels with other options.
+
+        Options of a method go to the fitted one as well: ``method__mode="viterbi"``. Options that
+        only learning reads take effect when the copy is fitted again.
+        """
+        found = copy.copy(self).set_params(**params)
+        for name, (_, inner) in _grouped(params).items():
+            learned = getattr(self, f"{name}_", None)
+            if inner and learned is not None:
+                setattr(found, f"{name}_", _changed(learned, inner))
+        found.check_options()
+        return found
+
+    def __repr__(self) -> str:
+        defaults = self._defaults()
+        shown = [
+            f"{name}={getattr(self, name)!r}"
+            for name, default in defaults.items()
+            if repr(getattr(self, name)) != repr(default)
+        ]
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+    @classmethod
+    def _defaults(cls) -> dict[str, Any]:
+        """The constructor's parameters in order, with their defaults."""
+        parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]
+        return {item.name: item.default for item in parameters}
+
+    def _part(self, name: str) -> Any:
+        """An option as an object with options of its own; a method's name as the method."""
+        return getattr(self, name)
+
+    # ------------------------------------------------------------------ what was learned
+
+    def set_learned(self, **learned: Any) -> Self:
+        """The labeler with these learned attributes and no others: nothing of before is left."""
+        for name in [name for name in vars(self) if name.endswith("_")]:
+            delattr(self, name)
+        vars(self).update(learned)
+        return self
+
+    def check_fitted(self) -> None:
+        """Refuse what only a fitted labeler can do.
+
+        Raises
+        ------
+        NotFittedError
+            Before ``fit``.
+        """
+        if not self.__sklearn_is_fitted__():
+            raise NotFittedError(
+                f"this {type(self).__name__} has not learned yet; call {self._call_first} first"
+            )
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "label_names_")
+
+    def __sklearn_tags__(self) -> Any:
+        from sklearn.utils import Tags, TargetTags
+
+        return Tags(estimator_type=None, target_tags=TargetTags(required=False))
+
+
+def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:
+    """The options of an option: of an estimator, of a dataclass, or the items of a mapping."""
+    if hasattr(value, "get_params") and not isinstance(value, type):
+        return dict(value.get_params(deep))
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        found = option_values(value)
+    elif isinstance(value, Mapping):
+        found = dict(value)
+    else:
+        return {}
+    if deep:
+        for name in list(found):
+            inner = _options_of(found[name], deep=True)
+            found |= {f"{name}__{key}": item for key, item in inner.items()}
+    return found
+
+
+def _changed(value: Any, params: Mapping[str, Any]) -> Any:
+    """The value with other options; the one that is given stays as it is."""
+    if hasattr(value, "set_params"):
+        return copy.deepcopy(value).set_params(**params)
+    known = _options_of(value, deep=False)
+    new = {}
+    for name, (given, inner) in _grouped(params).items():
+        _check_known(type(value).__name__, name, list(known))
+        new[name] = params[name] if given else known[name]
+        if inner:
+            new[name] = _changed(new[name], inner)
+    return {**value, **new} if isinstance(value, Mapping) else dataclasses.replace(value, **new)
+
+
+def _grouped(params: Mapping[str, Any]) -> dict[str, tuple[bool, dict[str, Any]]]:
+    """Per option whether it is given itself, and what is given of its own options."""
+    found: dict[str, tuple[bool, dict[str, Any]]] = {}
+    for key, value in params.items():
+        name, _, inner = key.partition("__")
+        given, others = found.get(name, (False, {}))
+        found[name] = (given, {**others, inner: value}) if inner else (True, others)
+    return found
+
+
+def _check_known(owner: str, name: str, known: list[str]) -> None:
+    if name not in known:
+        hint = nearest_name(name, known) if known else "It has none"
+        raise ConfigError(f"{owner} has no option {name!r}. {hint}")

@@ -1,0 +1,74 @@
+"""A method as labelers use it: named or built, checked for what it can do, then run."""
+
+import dataclasses
+import inspect
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from pgm_places.errors import ConfigError
+from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
+
+__all__ = [
+    "as_backend",
+    "check_labels_any_graph",
+    "follows_truth",
+    "infer",
+    "labels_chains_only",
+    "unfitted",
+]
+
+
+def as_backend(method: Any) -> Backend:
+    """The method itself, or the one of that name.
+
+    Raises
+    ------
+    ConfigError
+        Neither a name nor something that can infer.
+    """
+    found = build(method) if isinstance(method, str) else method
+    if isinstance(found, type) or not isinstance(found, Backend):
+        raise ConfigError(f"a method must be a backend or a method's name, got {method!r}")
+    return found
+
+
+def unfitted(backend: Any) -> Any:
+    """The backend with its options and nothing that it has learned."""
+    learned = [item.name for item in dataclasses.fields(backend) if item.metadata.get("learned")]
+    return dataclasses.replace(backend, **dict.fromkeys(learned))
+
+
+def labels_chains_only(backend: Any) -> bool:
+    """Whether a backend needs an order of the nodes, as along a trajectory."""
+    return bool(getattr(backend, "chains_only", False))
+
+
+def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
+    """Refuse a method for chains where the graph is none, before anything is learned.
+
+    Raises
+    ------
+    ConfigError
+        With the methods that label any graph.
+    """
+    if labels_chains_only(backend):
+        others = [other for other in BACKENDS if not labels_chains_only(METHODS.find(other))]
+        raise ConfigError(
+            f"{name} ({type(backend).__name__}) labels only chains such as trajectories, and "
+            f"{what} is not a chain; use one of {', '.join(others)}"
+        )
+
+
+def follows_truth(backend: Any) -> bool:
+    """Whether a backend can tell its accuracy after each iteration."""
+    return "truth" in inspect.signature(backend.infer).parameters
+
+
+def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
+    """What a backend makes of a problem; with ``truth`` it follows its accuracy where it can."""
+    options = {"truth": truth} if truth is not None and follows_truth(backend) else {}
+    found: Labeling = backend.infer(problem, **options)
+    return found

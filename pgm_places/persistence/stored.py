@@ -1,0 +1,139 @@
+"""What is learned as a folder, and back: one pair of functions for labelers and backends alike."""
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from pgm_places.errors import InputError, ModelFileError, OutputError
+from pgm_places.inference.backends import Backend
+from pgm_places.labelers.labeler import Labeler
+from pgm_places.persistence.model_folder import load_folder, readable, save_folder
+
+__all__ = ["KINDS", "Stored", "load", "read", "save"]
+
+KINDS = ("place-labeler", "trajectory-labeler", "structured-labeler", "backend")
+"""What a manifest says a folder holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A folder's content.
+
+    Parameters
+    ----------
+    kind : str
+        One of ``KINDS``.
+    item : labeler or backend
+    label_names : tuple of str
+        The labels that were learned.
+    record : mapping
+        How it was trained, word for word as it was saved.
+    """
+
+    kind: str
+    item: Any
+    label_names: tuple[str, ...]
+    record: Mapping[str, Any]
+
+
+def save(
+    item: Labeler | Backend,
+    folder: Path | str,
+    *,
+    label_names: Sequence[str] = (),
+    record: Mapping[str, Any] | None = None,
+) -> Path:
+    """The folder with a fitted labeler or a backend in it: manifest.json and arrays.safetensors.
+
+    Data only, without pickle, so that loading it runs no code of the file's choosing.
+
+    Parameters
+    ----------
+    item : PlaceLabeler, TrajectoryLabeler, StructuredLabeler or Backend
+        Labelers must be fitted.
+    folder : Path
+        Absent, empty, or a model, which is then replaced.
+    label_names : sequence of str
+        The labels that a backend was fitted on; a labeler knows its own.
+    record : mapping, optional
+        How it was trained, as plain data; kept word for word.
+
+    Raises
+    ------
+    NotFittedError
+        The labeler has not learned.
+    OutputError
+        Something in it cannot be stored as data, or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pgm_places.inference.backends import build
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     load(save(build("potts", {"weight": 0.5}), f"{folder}/model")).weight
+    0.5
+    """
+    kind = _kind_of(item)
+    names: tuple[Sequence[str], ...] = ()
+    if isinstance(item, Labeler):
+        item.check_fitted()
+        if label_names:
+            raise InputError("a labeler knows its label names; leave label_names out")
+    elif label_names:
+        names = (label_names,)
+    manifest, arrays = _codec(kind).dump(item, *names)
+    return save_folder(folder, {"kind": kind, **manifest, "record": dict(record or {})}, arrays)
+
+
+def load(folder: Path | str) -> Any:
+    """The labeler or the backend in a folder that :func:`save` wrote, also an earlier version's.
+
+    Raises
+    ------
+    ModelFileError
+        The folder is missing or damaged, was made for other features, or names a method or a
+        feature that is not installed.
+    """
+    return read(folder).item
+
+
+def read(folder: Path | str, *kinds: str) -> Stored:
+    """What a folder holds, with its training record; of these kinds only, where some are named.
+
+    Raises
+    ------
+    ModelFileError
+        As of :func:`load`, or the folder holds another kind.
+    """
+    manifest, arrays = load_folder(folder)
+    kind = manifest.get("kind")
+    wanted = kinds or KINDS
+    if kind not in wanted:
+        listed = " or ".join(repr(name) for name in wanted)
+        raise ModelFileError(f"{folder} holds a {kind!r} model; a {listed} is wanted")
+    with readable(folder):
+        return Stored(
+            kind,
+            _codec(kind).load(manifest, arrays),
+            tuple(str(name) for name in manifest["label_names"]),
+            dict(manifest.get("record", {})),
+        )
+
+
+def _kind_of(item: Any) -> str:
+    if isinstance(item, Labeler) and item.stored_as in KINDS:
+        return item.stored_as
+    if isinstance(item, Backend) and not isinstance(item, type | Labeler):
+        return "backend"
+    raise OutputError(
+        f"only labelers and backends can be saved, got a {type(item).__name__}; for maps there is "
+        "save_map"
+    )
+
+
+def _codec(kind: str) -> ModuleType:
+    """The module that turns a kind into data and back; others' imports are spared."""
+    return importlib.import_module(f"pgm_places.persistence.{kind.replace('-', '_')}")

@@ -1,0 +1,146 @@
+"""One pair of functions for all that is learned; models saved by the version before still load.
+
+``tests/data/stored`` was written by the version before this pair: a folder of each kind, and in
+``expected.npz`` what they were asked to label and the labels that they gave.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places import (
+    LabelGraph,
+    LabelingProblem,
+    OccupancyGrid,
+    Trajectory,
+    TrajectoryLabeler,
+    build,
+    load,
+    save,
+)
+from pgm_places.errors import InputError, ModelFileError, NotFittedError, OutputError
+from pgm_places.inference.backends import BACKENDS
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.persistence.model_folder import load_folder, save_folder
+from pgm_places.persistence.stored import KINDS, read
+
+STORED = Path(__file__).parents[1] / "data" / "stored"
+
+
+@lru_cache
+def expected() -> dict[str, NDArray[Any]]:
+    with np.load(STORED / "expected.npz") as found:
+        return dict(found)
+
+
+def grid() -> OccupancyGrid:
+    return OccupancyGrid(expected()["cells"], float(expected()["resolution_m"]))
+
+
+def path() -> Trajectory:
+    poses = expected()["poses"]
+    return Trajectory(0.5 * np.arange(len(poses), dtype=np.float64), poses)
+
+
+def chain() -> LabelingProblem:
+    return LabelingProblem(
+        LabelGraph.from_lattice((30,)),
+        ("rest", "walk", "run"),
+        unary=expected()["unary"],
+        node_features=expected()["features"],
+    )
+
+
+@pytest.mark.parametrize("method", ["adaboost", "relaxation", "amn", "potts"])
+def test_a_place_labeler_of_before_labels_as_it_did(method: str) -> None:
+    labels = load(STORED / "place_labeler").label(grid(), method=method).labels
+    np.testing.assert_array_equal(labels, expected()[f"place_labeler.{method}"])
+
+
+def test_a_place_labeler_of_before_tracks_as_it_did() -> None:
+    tracker = TrajectoryLabeler.from_places(load(STORED / "place_labeler"), every_m=0.3)
+    labels = tracker.label(path(), known_map=grid()).labels
+    np.testing.assert_array_equal(labels, expected()["place_labeler.track"])
+
+
+def test_a_trajectory_labeler_of_before_labels_as_it_did() -> None:
+    labels = load(STORED / "trajectory_labeler").label(path(), known_map=grid()).labels
+    np.testing.assert_array_equal(labels, expected()["trajectory_labeler"])
+
+
+def test_a_structured_labeler_of_before_labels_as_it_did() -> None:
+    labels = load(STORED / "structured_labeler").label(chain()).labels
+    np.testing.assert_array_equal(labels, expected()["structured_labeler"])
+
+
+@pytest.mark.parametrize("name", list(BACKENDS))
+def test_a_backend_of_before_labels_as_it_did(name: str) -> None:
+    labels = load(STORED / f"backend_{name}").infer(chain()).labels
+    np.testing.assert_array_equal(labels, expected()[f"backend_{name}"])
+
+
+@pytest.mark.parametrize("folder", sorted(item.name for item in STORED.iterdir() if item.is_dir()))
+def test_a_folder_says_what_it_holds_and_is_saved_again_alike(folder: str, tmp_path: Path) -> None:
+    found = read(STORED / folder)
+    assert found.kind in KINDS and found.label_names
+    names = found.label_names if found.kind == "backend" else ()
+    save(found.item, tmp_path / "again", label_names=names, record=found.record)
+    before, after = (load_folder(where) for where in (STORED / folder, tmp_path / "again"))
+    assert {**before[0], "record": dict(found.record)} == after[0]
+    assert before[1].keys() == after[1].keys()
+    for name, array in before[1].items():
+        np.testing.assert_array_equal(array, after[1][name], strict=True)
+
+
+def test_the_record_of_training_is_kept() -> None:
+    assert read(STORED / "place_labeler").record == {"seed": 1, "title": "stored before"}
+    assert read(STORED / "backend_potts").record == {}
+
+
+def test_other_kinds_are_refused_where_one_is_wanted(tmp_path: Path) -> None:
+    with pytest.raises(ModelFileError, match="holds a 'backend' model; a 'place-labeler' or 'traj"):
+        read(STORED / "backend_hmm", "place-labeler", "trajectory-labeler")
+    save_folder(tmp_path / "cake", {"kind": "cake"}, {})
+    with pytest.raises(ModelFileError, match="holds a 'cake' model; a 'place-labeler' or"):
+        load(tmp_path / "cake")
+
+
+def test_what_is_no_model_is_not_saved(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="only labelers and backends can be saved, got a Occup"):
+        save(grid(), tmp_path / "model")  # type: ignore[arg-type]
+    with pytest.raises(NotFittedError, match=r"this PlaceLabeler .* call fit\(maps\) first"):
+        save(PlaceLabeler(["a", "b"]), tmp_path / "model")
+    with pytest.raises(InputError, match="a labeler knows its label names"):
+        save(load(STORED / "place_labeler"), tmp_path / "model", label_names=["a"])
+    assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize("folder", ["place_labeler", "trajectory_labeler", "structured_labeler"])
+def test_every_part_of_a_manifest_that_is_missing_is_one_clear_line(
+    folder: str, tmp_path: Path
+) -> None:
+    manifest, arrays = load_folder(STORED / folder)
+    optional = {"kind", "record", "features", "movement"}
+    for key in manifest.keys() - optional:
+        less = {name: value for name, value in manifest.items() if name != key}
+        save_folder(tmp_path / "spoiled", less, arrays)
+        with pytest.raises(ModelFileError, match="spoiled") as caught:
+            load(tmp_path / "spoiled")
+        assert "\n" not in str(caught.value)
+
+
+def test_arrays_that_are_missing_are_one_clear_line(tmp_path: Path) -> None:
+    manifest, arrays = load_folder(STORED / "backend_amn")
+    for key in arrays:
+        less = {name: value for name, value in arrays.items() if name != key}
+        save_folder(tmp_path / "spoiled", manifest, less)
+        with pytest.raises(ModelFileError, match="is not what this version writes"):
+            load(tmp_path / "spoiled")
+
+
+def test_an_unfitted_backend_can_be_kept_without_names(tmp_path: Path) -> None:
+    assert load(save(build("potts", {"weight": 0.25}), tmp_path / "model")).weight == 0.25
