@@ -7,11 +7,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import integer_array
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.graph.layout import GridLayout
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     Cut,
@@ -30,9 +30,7 @@ __all__ = [
     "ClassWeight",
     "Learner",
     "LearnerOptions",
-    "balanced_accuracy",
     "choose_penalty",
-    "contiguous_parts",
     "labelled_parts",
     "learn",
     "node_losses",
@@ -99,22 +97,10 @@ def labelled_parts(
     InputError
         Maps and labelings that do not belong together, or no label at all.
     """
-    if not problems or len(problems) != len(labelings):
-        raise InputError(
-            f"fit wants one labeling per problem, got {len(labelings)} for {len(problems)} problems"
-        )
-    names = problems[0].label_names
     known = []
-    for number, (problem, labeling) in enumerate(zip(problems, labelings, strict=True)):
-        if problem.label_names != names:
-            raise InputError(
-                f"all training maps must have the labels {list(names)}, "
-                f"map {number} has {list(problem.label_names)}"
-            )
-        n_nodes, n_labels = problem.graph.n_nodes, problem.n_labels
-        truth = integer_array(f"labelings[{number}]", labeling, (n_nodes,), low=-1, high=n_labels)
+    for problem, truth in labelled_problems(problems, labelings):
         labelled = truth >= 0
-        if labelled.all() and n_nodes:
+        if labelled.all() and len(truth):
             known.append((problem, truth))
         elif labelled.any():
             known.append((problem.subproblem(labelled), truth[labelled]))
@@ -213,31 +199,13 @@ def choose_penalty(
             cuts = solution.cuts  # planes hold at any C
             found[number].append(oracle(*potentials_of(held_out, solution.weights)))
     everywhere = np.concatenate(truth)
-    scores = [balanced_accuracy(everywhere, np.concatenate(labels)) for labels in found]
+    scores = [
+        float(balanced_accuracy(confusion_matrix(everywhere, np.concatenate(labels))))
+        for labels in found
+    ]
     table = np.column_stack([penalties, scores])
     best = max(range(len(penalties)), key=lambda p: (scores[p], -penalties[p]))
     return float(penalties[best]), table
-
-
-def balanced_accuracy(truth: NDArray[np.int64], labels: NDArray[np.int64]) -> float:
-    """The mean recall over the labels that occur in ``truth``."""
-    return float(np.mean([(labels[truth == k] == k).mean() for k in np.unique(truth)]))
-
-
-def contiguous_parts(graph: LabelGraph, n_parts: int) -> NDArray[np.int64]:
-    """(N,) part of each node: stripes of equal size across the longer side of the graph.
-
-    Without positions or a raster, nodes are taken in their order.
-    """
-    if graph.positions_m is not None:
-        places = graph.positions_m
-    elif isinstance(graph.layout, GridLayout):
-        places = graph.layout.cells_rc.astype(np.float64)
-    else:
-        places = np.arange(graph.n_nodes, dtype=np.float64)[:, None]
-    along = places[:, int(np.argmax(np.ptp(places, axis=0)))]
-    rank = np.argsort(np.argsort(along, kind="stable"), kind="stable")
-    return rank * n_parts // max(graph.n_nodes, 1)
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import LabelingProblem
 
 __all__ = ["WEIGHTS", "best_weight"]
@@ -36,9 +37,8 @@ def best_weight(
     best, highest = 1.0, -1.0
     for weight in sorted(WEIGHTS, reverse=True):
         found = np.concatenate([labels_at(weight, problem) for problem in problems])
-        right = found[known] == truth[known]
-        recalls = [right[truth[known] == label].mean() for label in np.unique(truth[known])]
-        quality = float(right.mean() + np.mean(recalls))
+        confusion = confusion_matrix(truth[known], found[known])
+        quality = float(accuracy(confusion) + balanced_accuracy(confusion))
         if quality > highest + 1e-9:
             best, highest = weight, quality
     return best

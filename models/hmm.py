@@ -11,13 +11,13 @@ import numpy as np
 from annotated_types import Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array
+from pgm_places._checks import finite_array
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight
 from pgm_places.options import AtLeastZero, check_options
@@ -116,24 +116,14 @@ class HiddenMarkovModel:
             A problem that is no chain, has no unary, or other labels than the first; no labelled
             step at all.
         """
-        if not problems or len(problems) != len(labelings):
-            raise InputError(
-                "fit wants at least one problem and as many labelings, got "
-                f"{len(problems)} and {len(labelings)}"
-            )
-        names, n_labels = problems[0].label_names, problems[0].n_labels
+        pairs = labelled_problems(problems, labelings)
+        n_labels = pairs[0][0].n_labels
         moves = np.full((n_labels, n_labels), float(self.smoothing))
         seen = moves.copy()
         first = np.full(n_labels, float(self.smoothing))
         share = first.copy()
-        for problem, labels in zip(problems, labelings, strict=True):
-            if problem.label_names != names:
-                raise InputError(
-                    f"problems have different labels: {list(names)} and {list(problem.label_names)}"
-                )
+        for problem, truth in pairs:
             unary = _chain_unary(problem)
-            n_steps = problem.graph.n_nodes
-            truth = integer_array("labels", labels, (n_steps,), low=-1, high=n_labels)
             known = np.flatnonzero(truth >= 0)
             pair = (truth[:-1] >= 0) & (truth[1:] >= 0)
             pair &= self._actions(problem.graph) == MOVE

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, log_expit
 
 from pgm_places.errors import InputError
+from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import SortedFeatures, prepare
@@ -197,10 +198,8 @@ class ListTraining:
             else:
                 chosen = places[_log_bins(scores).argmax(axis=0)]
             np.add.at(confusion, (self.labels[inside], chosen), self.weights[inside])
-        if criterion == "accuracy":
-            return float(np.trace(confusion) / confusion.sum())
-        seen = confusion.sum(axis=1) > 0
-        return float(np.mean(np.diag(confusion)[seen] / confusion.sum(axis=1)[seen]))
+        score = accuracy if criterion == "accuracy" else balanced_accuracy
+        return float(score(confusion))
 
     def platt_calibration(self, order: Sequence[int]) -> NDArray[np.float64]:
         """(K - 1, 2) slope and offset of each classifier's confidence, from held-out scores."""

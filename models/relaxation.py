@@ -15,7 +15,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
@@ -105,19 +105,8 @@ class Relaxation:
             No two labelled neighbours anywhere; problems with other labels than the first; or, if
             directional, grids and other graphs mixed.
         """
-        if not problems or len(problems) != len(labelings):
-            raise InputError(
-                "fit wants at least one problem and as many labelings, got "
-                f"{len(problems)} and {len(labelings)}"
-            )
-        names = problems[0].label_names
-        counts: list[NDArray[np.int64]] = []
-        for problem, labels in zip(problems, labelings, strict=True):
-            if problem.label_names != names:
-                raise InputError(
-                    f"problems have different labels: {list(names)} and {list(problem.label_names)}"
-                )
-            counts.append(self._counts(problem, labels))
+        pairs = labelled_problems(problems, labelings)
+        counts = [self._counts(problem, truth) for problem, truth in pairs]
         if len({len(item) for item in counts}) > 1:
             raise InputError(
                 "directional relaxation has 8 directions on grids and 2 on other graphs; learn "
@@ -132,11 +121,10 @@ class Relaxation:
             compatibility=yamamoto_coefficients(total, smoothing=self.smoothing),
         )
 
-    def _counts(self, problem: LabelingProblem, labels: ArrayLike) -> NDArray[np.int64]:
+    def _counts(self, problem: LabelingProblem, known: NDArray[np.int64]) -> NDArray[np.int64]:
         """(1, L, L) pair counts of one problem, or (8, L, L) or (2, L, L) if directional."""
         n_labels = problem.n_labels
         graph = problem.graph
-        known = integer_array("labels", labels, (graph.n_nodes,), low=-1, high=n_labels)
         connectivity = grid_connectivity(graph)
         if connectivity is None:
             counts = edge_pair_counts(known, graph.edges, n_labels + 1)

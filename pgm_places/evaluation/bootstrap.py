@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
-from pgm_places.evaluation.confusion import accuracy, mean_of_defined, paired_labels, recall
+from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, paired_labels
 
 __all__ = ["Interval", "block_bootstrap", "square_blocks"]
 
@@ -78,7 +78,7 @@ def block_bootstrap(
 
     return {
         "accuracy": interval(accuracy),
-        "balanced_accuracy": interval(lambda counts: mean_of_defined(recall(counts))),
+        "balanced_accuracy": interval(balanced_accuracy),
     }
 
 

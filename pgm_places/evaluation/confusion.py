@@ -1,4 +1,7 @@
-"""Confusion matrices and the figures that follow from them, over any leading axes."""
+"""Confusion matrices and the figures that follow from them, over any leading axes.
+
+Entries are counts of nodes, or sums of their weights.
+"""
 
 from typing import Any
 
@@ -10,6 +13,8 @@ from pgm_places.errors import InputError
 
 __all__ = [
     "accuracy",
+    "balanced_accuracy",
+    "confusion_matrix",
     "f1",
     "iou",
     "mean_of_defined",
@@ -40,27 +45,43 @@ def paired_labels(
     return true, chosen, known
 
 
-def accuracy(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+def confusion_matrix(
+    truth: NDArray[np.int64], predicted: NDArray[np.int64], n_labels: int | None = None
+) -> NDArray[np.int64]:
+    """(K, K) counts of nodes by true and predicted label, both (N,) and known everywhere.
+
+    K is one more than the highest label where ``n_labels`` is not given.
+    """
+    size = n_labels or 1 + int(max(truth.max(initial=-1), predicted.max(initial=-1)))
+    return np.bincount(truth * size + predicted, minlength=size * size).reshape(size, size)
+
+
+def accuracy(confusion: NDArray[Any]) -> NDArray[np.float64]:
     """Share of right predictions (...,) of confusion matrices (..., K, K)."""
     return ratio(_right(confusion).sum(axis=-1), confusion.sum(axis=(-2, -1)))
 
 
-def recall(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+def recall(confusion: NDArray[Any]) -> NDArray[np.float64]:
     """Recall (..., K), NaN for labels that never occur."""
     return ratio(_right(confusion), confusion.sum(axis=-1))
 
 
-def precision(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+def balanced_accuracy(confusion: NDArray[Any]) -> NDArray[np.float64]:
+    """Mean recall (...,) over the labels that occur."""
+    return mean_of_defined(recall(confusion))
+
+
+def precision(confusion: NDArray[Any]) -> NDArray[np.float64]:
     """Precision (..., K), NaN for labels that are never predicted."""
     return ratio(_right(confusion), confusion.sum(axis=-2))
 
 
-def f1(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+def f1(confusion: NDArray[Any]) -> NDArray[np.float64]:
     """Harmonic mean of recall and precision (..., K), NaN for labels on neither side."""
     return ratio(2 * _right(confusion), confusion.sum(axis=-1) + confusion.sum(axis=-2))
 
 
-def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
+def iou(confusion: NDArray[Any]) -> NDArray[np.float64]:
     """Intersection over union (..., K), NaN for labels on neither side."""
     right = _right(confusion)
     return ratio(right, confusion.sum(axis=-1) + confusion.sum(axis=-2) - right)
@@ -79,5 +100,5 @@ def ratio(part: NDArray[Any], whole: NDArray[Any]) -> NDArray[np.float64]:
     return result
 
 
-def _right(confusion: NDArray[np.int64]) -> NDArray[np.int64]:
+def _right(confusion: NDArray[Any]) -> NDArray[Any]:
     return np.diagonal(confusion, axis1=-2, axis2=-1)

@@ -13,7 +13,7 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation import confusion as _confusion
 from pgm_places.evaluation.bootstrap import Interval, block_bootstrap, square_blocks
 from pgm_places.evaluation.border_mask import border_tolerant_mask
-from pgm_places.evaluation.confusion import mean_of_defined, paired_labels, ratio
+from pgm_places.evaluation.confusion import confusion_matrix, mean_of_defined, paired_labels, ratio
 
 __all__ = [
     "Evaluation",
@@ -146,7 +146,7 @@ class Evaluation:
     @cached_property
     def balanced_accuracy(self) -> float:
         """Mean recall over the labels that occur."""
-        return float(mean_of_defined(_confusion.recall(self.confusion)))
+        return float(_confusion.balanced_accuracy(self.confusion))
 
     @cached_property
     def macro_f1(self) -> float:
@@ -249,8 +249,7 @@ def evaluate(
     """
     size = len(label_names)
     true, chosen, known = paired_labels(truth, predicted, size)
-    cell = true[known] * size + chosen[known]
-    confusion = np.bincount(cell, minlength=size * size).reshape(size, size)
+    confusion = confusion_matrix(true[known], chosen[known], size)
     table = None
     if beliefs is not None:
         array = finite_array("beliefs", beliefs, (len(true), size))

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.evaluation.folds import building_folds
 from pgm_places.experiment.config import ExperimentConfig, SelectConfig
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.unary.learning import building_folds
 
 __all__ = ["Candidate", "Selection", "held_out_splits", "select"]
 

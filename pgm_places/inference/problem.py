@@ -7,11 +7,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen
+from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 
-__all__ = ["LabelingProblem"]
+__all__ = ["LabelingProblem", "labelled_problems"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,3 +134,32 @@ class LabelingProblem:
             None if self.node_features is None else self.node_features[keep],
             None if self.edge_features is None else self.edge_features[inside],
         )
+
+
+def labelled_problems(
+    problems: Sequence[LabelingProblem], labelings: Sequence[ArrayLike]
+) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
+    """What a method learns from: each problem with its true labels (N,), -1 where not known.
+
+    Raises
+    ------
+    InputError
+        No problem, another number of labelings, problems with different labels, or a labeling that
+        does not fit its problem.
+    """
+    if not len(problems) or len(problems) != len(labelings):
+        raise InputError(
+            "learning takes at least one problem and as many labelings, got "
+            f"{len(problems)} and {len(labelings)}"
+        )
+    names = problems[0].label_names
+    for problem in problems:
+        if problem.label_names != names:
+            raise InputError(
+                f"problems have different labels: {list(names)} and {list(problem.label_names)}"
+            )
+    truths = [
+        integer_array(f"labelings[{m}]", labels, (problem.graph.n_nodes,), low=-1, high=len(names))
+        for m, (problem, labels) in enumerate(zip(problems, labelings, strict=True))
+    ]
+    return list(zip(problems, truths, strict=True))

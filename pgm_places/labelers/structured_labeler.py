@@ -7,15 +7,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, nearest_name
+from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
-from pgm_places.models.amn_learning import contiguous_parts
 
 __all__ = ["StructuredLabeler"]
 
@@ -293,23 +293,8 @@ def _checked(
     problems: Sequence[LabelingProblem], labelings: Sequence[Truth]
 ) -> tuple[list[LabelingProblem], list[Truth]]:
     """Both as lists that belong together."""
-    listed = _listed(problems)
-    if not listed or len(listed) != len(labelings):
-        raise InputError(
-            f"X and y must be lists of the same length, at least 1, got {len(listed)} problems and "
-            f"{len(labelings)} labelings"
-        )
-    names = listed[0].label_names
-    for problem in listed:
-        if problem.label_names != names:
-            raise InputError(
-                f"problems have different labels: {list(names)} and {list(problem.label_names)}"
-            )
-    truths = [
-        integer_array(f"y[{m}]", truth, (problem.graph.n_nodes,), low=-1, high=len(names))
-        for m, (problem, truth) in enumerate(zip(listed, labelings, strict=True))
-    ]
-    return listed, truths
+    pairs = labelled_problems(_listed(problems), labelings)
+    return [problem for problem, _ in pairs], [truth for _, truth in pairs]
 
 
 def _features(problem: LabelingProblem) -> NDArray[np.float64]:

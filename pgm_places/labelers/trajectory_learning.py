@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.folds import building_folds
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
@@ -21,7 +22,6 @@ from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.learning import (
     RAREST_FIRST,
-    building_folds,
     held_out_scores,
     training_features,
     with_explicit_order,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.evaluation.folds import building_folds
 from pgm_places.features.context import window_means
 from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph.layout import GridLayout
@@ -27,10 +28,7 @@ PRIOR_WEIGHT = 0.5
 halfway kept both accuracy and balanced accuracy on buildings held out."""
 
 __all__ = [
-    "building_folds",
-    "contiguous_blocks",
     "fit_unary",
-    "fold_groups",
     "held_out_scores",
     "training_features",
     "with_explicit_order",
@@ -158,23 +156,6 @@ def with_explicit_order(
     return clone(classifier).set_params(order=order)
 
 
-def contiguous_blocks(cells_rc: NDArray[Any], n_blocks: int) -> NDArray[np.int64]:
-    """(N,) block number of each cell: stripes of about equal size across the longer side.
-
-    Neighbouring cells look alike, so held-out cells must not lie among training cells; stripes
-    keep them apart but for their borders.
-    """
-    if n_blocks < 1:
-        raise InputError(f"n_blocks must be at least 1, got {n_blocks}")
-    cells = np.asarray(cells_rc)
-    if not len(cells):
-        return np.zeros(0, np.int64)
-    axis = int(np.argmax(np.ptp(cells, axis=0)))
-    along = cells[:, axis]
-    cuts = np.quantile(along, np.arange(1, n_blocks) / n_blocks)
-    return np.searchsorted(cuts, along, side="right").astype(np.int64)
-
-
 def training_features(
     maps: Sequence[LabelledMap],
     sensor: Sensor,
@@ -202,27 +183,6 @@ def training_features(
                 stage.update((start + int(block.nodes[-1])) / max(total, 1))
             start += int(mask.sum())
     return features
-
-
-def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:
-    """Block numbers of the cells of several masks, map after map."""
-    return np.concatenate([contiguous_blocks(np.argwhere(mask), n_folds) for mask in masks])
-
-
-def building_folds(
-    maps: Sequence[LabelledMap], masks: Sequence[NDArray[np.bool_]], n_folds: int
-) -> NDArray[np.int64]:
-    """(N,) fold of each cell: whole buildings where there are several, else contiguous blocks.
-
-    A list is much surer of another part of a building that it has seen than of a new building;
-    what is to label new buildings must learn from scores of the latter kind.
-    """
-    names = [item.building or f"map {index}" for index, item in enumerate(maps)]
-    buildings = list(dict.fromkeys(names))
-    if len(buildings) == 1:
-        return fold_groups(masks, n_folds)
-    fold = [buildings.index(name) % n_folds for name in names]
-    return np.repeat(fold, [int(mask.sum()) for mask in masks])
 
 
 def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_] | None:

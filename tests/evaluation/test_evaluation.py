@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError, LabelError
+from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.evaluation import (
     Evaluation,
     block_bootstrap,
@@ -226,3 +227,10 @@ def test_bootstrap_checks_its_input() -> None:
         block_bootstrap([-1], [0], [0], n_labels=1)
     with pytest.raises(InputError, match="square_blocks"):
         square_blocks(np.zeros((3, 3), int), 2)
+
+
+def test_balanced_accuracy_is_the_mean_recall_of_the_labels_that_occur() -> None:
+    confusion = confusion_matrix(np.array([0, 0, 0, 2]), np.array([0, 0, 1, 2]))
+    assert confusion.tolist() == [[2, 1, 0], [0, 0, 0], [0, 0, 1]]
+    assert balanced_accuracy(confusion) == pytest.approx((2 / 3 + 1) / 2)
+    assert balanced_accuracy(0.25 * confusion) == pytest.approx((2 / 3 + 1) / 2)

@@ -13,7 +13,6 @@ from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, read, save
-from pgm_places.unary.learning import building_folds, contiguous_blocks
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -159,19 +158,6 @@ def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler)
         LabelledMap(known.grid, known.labels[1:])
 
 
-def test_buildings_are_held_out_whole_and_a_single_one_in_blocks(known: LabelledMap) -> None:
-    def folds(*buildings: str | None) -> list[list[int]]:
-        maps = [dataclasses.replace(known, building=name) for name in buildings]
-        masks = [item.labelled_cells for item in maps]
-        found = np.split(building_folds(maps, masks, 3), len(maps))
-        return [np.unique(part).tolist() for part in found]
-
-    assert folds("a", "b", "a", "c", "d") == [[0], [1], [0], [2], [0]]
-    assert folds(None, None) == [[0], [1]]
-    assert folds("a", "a") == [[0, 1, 2], [0, 1, 2]]
-    assert folds(None) == [[0, 1, 2]]
-
-
 def test_lists_may_be_trained_on_a_part_of_each_map(known: LabelledMap) -> None:
     few = PlaceLabeler(
         NAMES,
@@ -184,13 +170,6 @@ def test_lists_may_be_trained_on_a_part_of_each_map(known: LabelledMap) -> None:
     part = few.scores(known.grid)[1].laser
     whole = few.set_params(max_examples_per_map=None).fit([known]).scores(known.grid)[1].laser
     assert (part != whole).any()
-
-
-def test_blocks_are_stripes_of_equal_size() -> None:
-    cells = np.argwhere(np.ones((4, 30), np.bool_))
-    blocks = contiguous_blocks(cells, 3)
-    assert np.bincount(blocks).tolist() == [40, 40, 40]
-    assert (np.diff(blocks[cells[:, 0] == 0]) >= 0).all()
 
 
 def test_noise_changes_scans_but_not_from_run_to_run(known: LabelledMap) -> None:

@@ -293,7 +293,7 @@ def test_bad_problems() -> None:
         Relaxation().fit([problem], [np.full(len(truth), -1)])
     with pytest.raises(InputError, match="8 directions on grids and 2"):
         Relaxation(directional=True).fit([problem, on_chain], [truth, np.zeros(5, int)])
-    with pytest.raises(InputError, match="labels must have shape"):
+    with pytest.raises(InputError, match=r"labelings\[0\] must have shape"):
         Relaxation().fit([problem], [truth[1:]])
     fitted = Relaxation(directional=True).fit([problem], [truth])
     with pytest.raises(InputError, match="learned coefficients for 8 directions"):

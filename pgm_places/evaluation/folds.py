@@ -1,0 +1,69 @@
+"""Folds: which part of the examples is held out together."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.labelled_map import LabelledMap
+
+__all__ = ["building_folds", "contiguous_blocks", "contiguous_parts", "fold_groups"]
+
+
+def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
+    """(N,) block number of each place: stripes of about equal size across the longer side.
+
+    Neighbouring cells look alike, so held-out cells must not lie among training cells; stripes
+    keep them apart but for their borders. Places at one position along that side are in one block.
+
+    Parameters
+    ----------
+    places : (N, D) int or float
+        Cells or positions.
+    n_blocks : int
+        How many stripes, at least 1.
+    """
+    if n_blocks < 1:
+        raise InputError(f"n_blocks must be at least 1, got {n_blocks}")
+    found = np.asarray(places)
+    if not len(found):
+        return np.zeros(0, np.int64)
+    along = found[:, int(np.argmax(np.ptp(found, axis=0)))]
+    cuts = np.quantile(along, np.arange(1, n_blocks) / n_blocks)
+    return np.searchsorted(cuts, along, side="right").astype(np.int64)
+
+
+def contiguous_parts(graph: LabelGraph, n_parts: int) -> NDArray[np.int64]:
+    """(N,) part of each node: the :func:`contiguous_blocks` of the graph's positions.
+
+    Without positions those of its raster's cells, else of the nodes in their order.
+    """
+    if graph.points_m is None and isinstance(graph.layout, GridLayout):
+        return contiguous_blocks(graph.layout.cells_rc, n_parts)
+    if graph.points_m is not None:
+        return contiguous_blocks(graph.points_m, n_parts)
+    return contiguous_blocks(np.arange(graph.n_nodes)[:, None], n_parts)
+
+
+def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:
+    """Block numbers of the cells of several masks, map after map."""
+    return np.concatenate([contiguous_blocks(np.argwhere(mask), n_folds) for mask in masks])
+
+
+def building_folds(
+    maps: Sequence[LabelledMap], masks: Sequence[NDArray[np.bool_]], n_folds: int
+) -> NDArray[np.int64]:
+    """(N,) fold of each cell: whole buildings where there are several, else contiguous blocks.
+
+    A list is much surer of another part of a building that it has seen than of a new building;
+    what is to label new buildings must learn from scores of the latter kind.
+    """
+    names = [item.building or f"map {index}" for index, item in enumerate(maps)]
+    buildings = list(dict.fromkeys(names))
+    if len(buildings) == 1:
+        return fold_groups(masks, n_folds)
+    fold = [buildings.index(name) % n_folds for name in names]
+    return np.repeat(fold, [int(mask.sum()) for mask in masks])
