@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["UNIT", "half_width_m", "relief_of"]
+__all__ = ["UNIT", "clearance_m", "half_width_m", "relief_of"]
 
 _ROOT_UNIT = 1024
 
@@ -44,6 +44,16 @@ def half_width_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
 
     ``(relief / UNIT + 1/4) resolution_m``: smoothing takes a quarter of a cell, up to a twelfth,
     from the distance on the middle line of a passage, whether that is an odd or an even number of
-    cells wide. Beside the middle line it is the distance to the nearest wall, up to 3/4 of a cell.
+    cells wide. For cells beside the middle line see ``clearance_m``.
     """
     return np.asarray((np.asarray(relief, np.float64) + _OFFSET) * (resolution_m / UNIT))
+
+
+def clearance_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
+    """Distance in metres from the centres of cells of such heights to the edge of the nearest wall.
+
+    ``(relief / UNIT - 1/2) resolution_m``, at least 0; up to 3/4 of a cell less on the middle line
+    of a passage, which smoothing lowers.
+    """
+    cells = np.asarray(relief, np.float64) / UNIT - 0.5
+    return np.asarray(np.maximum(cells, 0.0) * resolution_m)

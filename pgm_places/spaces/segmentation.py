@@ -12,10 +12,11 @@ from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.basin_sums import BasinSums, sum_up
 from pgm_places.spaces.basins import Basins, find_basins, neighbour_steps
 from pgm_places.spaces.open_space import open_space
 from pgm_places.spaces.openings import Borders, Openings, find_openings
-from pgm_places.spaces.relief import half_width_m, relief_of
+from pgm_places.spaces.relief import clearance_m, half_width_m, relief_of
 
 __all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
 
@@ -46,8 +47,18 @@ class Watershed:
     basins: Basins
     borders: Borders
 
+    @cached_property
+    def sums(self) -> BasinSums:
+        """What the shapes of segments are put together from."""
+        return sum_up(self.grid, self.basins, self.relief)
+
     def at(self, cells_rc: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """(n,) basin, -1 for none, and (n,) half width in metres of cells (n, 2), row and column.
+        """(n,) basin, -1 for none, and (n,) distance to the nearest wall in metres of some cells.
+
+        Parameters
+        ----------
+        cells_rc : (n, 2) int
+            Row and column.
 
         Raises
         ------
@@ -67,9 +78,7 @@ class Watershed:
                 f"{tuple(cells[outside][0].tolist())} at index {int(outside.argmax())}"
             )
         r, c = cells[:, 0] + 1, cells[:, 1] + 1
-        height = self.relief[r, c]
-        clearance = np.where(height > 0, half_width_m(height, self.grid.resolution_m), 0.0)
-        return self.basins.raster[r, c], clearance
+        return self.basins.raster[r, c], clearance_m(self.relief[r, c], self.grid.resolution_m)
 
 
 @dataclass(frozen=True, eq=False)

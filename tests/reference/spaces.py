@@ -214,3 +214,33 @@ def border_pieces(
                 )
             )
     return sorted(found)
+
+
+def shape(
+    segment: np.ndarray, number: int, cells: np.ndarray, resolution_m: float
+) -> dict[str, float]:
+    """Shape of one segment of a raster; ``cells`` are the map's: 0 free, -1 unknown."""
+    inside = np.argwhere(segment == number).astype(float)
+    spread = np.linalg.eigvalsh(np.cov(inside.T, bias=True) + np.eye(2) / 12)
+    best = (np.inf, 0.0, 0.0)
+    for degrees in range(0, 90, 6):
+        angle = np.deg2rad(degrees)
+        along = inside @ [np.sin(angle), np.cos(angle)]
+        across = inside @ [np.cos(angle), -np.sin(angle)]
+        one, other = np.ptp(along) + 1, np.ptp(across) + 1
+        best = min(best, (round(one * other, 6), min(one, other), max(one, other)))
+    sides = unknown = 0
+    for r, c in np.argwhere(segment == number).tolist():
+        for s, d in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
+            off = not (0 <= s < segment.shape[0] and 0 <= d < segment.shape[1])
+            sides += off or segment[s, d] != number
+            unknown += not off and segment[s, d] == -1 and cells[s, d] == -1
+    return {
+        "area": len(inside) * resolution_m**2,
+        "roundness": float(np.sqrt(max(spread[0], 0) / spread[1])),
+        "short": best[1] * resolution_m,
+        "long": best[2] * resolution_m,
+        "outline": sides * resolution_m,
+        "unknown": unknown * resolution_m,
+        "furniture": float((cells[segment == number] != 0).mean()),
+    }

@@ -1,0 +1,113 @@
+"""Where a node lies in a graph: shortest paths through it, and what hangs together without it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.kernels.jit import njit
+
+__all__ = ["add_paths_from", "largest_rests"]
+
+
+@njit
+def add_paths_from(
+    source: int,
+    start: NDArray[np.int32],
+    neighbour: NDArray[np.int32],
+    share: NDArray[np.float64],
+    order: NDArray[np.int32],
+    distance: NDArray[np.int32],
+    paths: NDArray[np.float64],
+    passed: NDArray[np.float64],
+) -> int:
+    """Add to ``share`` (N,) the shares of the shortest paths from a node that lead through others.
+
+    Brandes (2001). The neighbours of node i are ``neighbour[start[i]:start[i + 1]]``; ``distance``
+    is -1 on entry and on return, the others are scratch (N,). Returns the nodes reached, the
+    source included.
+    """
+    order[0] = source
+    distance[source] = 0
+    paths[source] = 1.0
+    end, at = 1, 0
+    while at < end:
+        i = order[at]
+        at += 1
+        for e in range(start[i], start[i + 1]):
+            j = neighbour[e]
+            if distance[j] < 0:
+                distance[j] = distance[i] + 1
+                paths[j] = 0.0
+                order[end] = j
+                end += 1
+            if distance[j] == distance[i] + 1:
+                paths[j] += paths[i]
+    for q in range(end):
+        passed[order[q]] = 0.0
+    for q in range(end - 1, 0, -1):
+        j = order[q]
+        for e in range(start[j], start[j + 1]):
+            i = neighbour[e]
+            if distance[i] == distance[j] - 1:
+                passed[i] += paths[i] / paths[j] * (1.0 + passed[j])
+        share[j] += passed[j]
+    for q in range(end):
+        distance[order[q]] = -1
+    return end
+
+
+@njit
+def largest_rests(
+    start: NDArray[np.int32],
+    neighbour: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    rest: NDArray[np.float64],
+    whole: NDArray[np.float64],
+) -> None:
+    """Write the weight of each node's component, and of the largest part of it without the node.
+
+    Depth-first search (Hopcroft and Tarjan, 1973): a child's subtree is cut off where nothing in it
+    leads above the node.
+    """
+    n = len(weight)
+    seen = np.full(n, -1, np.int64)  # the order of discovery
+    lowest = np.empty(n, np.int64)
+    parent = np.full(n, -1, np.int64)
+    below = weight.copy()  # of the subtree
+    cut = np.zeros(n)  # of the subtrees that are cut off, together
+    largest = np.zeros(n)
+    edge = start[:-1].astype(np.int64)
+    stack, found = np.empty(n, np.int64), np.empty(n, np.int64)
+    time = 0
+    for root in range(n):
+        if seen[root] >= 0:
+            continue
+        first, top = time, 1
+        stack[0] = root
+        while top > 0:
+            i = stack[top - 1]
+            if seen[i] < 0:
+                seen[i] = lowest[i] = time
+                found[time] = i
+                time += 1
+            if edge[i] < start[i + 1]:
+                j = neighbour[edge[i]]
+                edge[i] += 1
+                if seen[j] < 0:
+                    parent[j] = i
+                    stack[top] = j
+                    top += 1
+                elif j != parent[i]:
+                    lowest[i] = min(lowest[i], seen[j])
+                continue
+            top -= 1
+            p = parent[i]
+            if p >= 0:
+                lowest[p] = min(lowest[p], lowest[i])
+                below[p] += below[i]
+                if lowest[i] >= seen[p]:
+                    cut[p] += below[i]
+                    largest[p] = max(largest[p], below[i])
+        for t in range(first, time):
+            i = found[t]
+            whole[i] = below[root]
+            rest[i] = max(largest[i], below[root] - weight[i] - cut[i])

@@ -1,0 +1,60 @@
+"""One pass over the raster that sums up the shape of every basin."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.kernels.jit import njit
+
+__all__ = ["COLUMNS", "sum_basins"]
+
+COLUMNS = 9
+"""Summed heights, furniture, sides to walls, sides to the unknown, sums of r, c, rr, rc, cc."""
+
+
+@njit
+def sum_basins(
+    basin: NDArray[np.int32],
+    relief: NDArray[np.int32],
+    cells: NDArray[np.int8],
+    free: int,
+    unknown: int,
+    directions: NDArray[np.float64],
+    total: NDArray[np.int64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> None:
+    """Add up every basin's cells in ``total`` (N, COLUMNS), and its extents in cells.
+
+    ``basin`` and ``relief`` have a frame. ``low`` and ``high`` (N, D) are the least and largest
+    projection of its cells on the ``directions`` (D, 2); what lies off the map is a wall.
+    """
+    height, width = cells.shape
+    for r in range(height):
+        for c in range(width):
+            own = basin[r + 1, c + 1]
+            if own < 0:
+                continue
+            total[own, 0] += relief[r + 1, c + 1]
+            total[own, 1] += cells[r, c] != free
+            total[own, 4] += r
+            total[own, 5] += c
+            total[own, 6] += r * r
+            total[own, 7] += r * c
+            total[own, 8] += c * c
+            at_edge = False
+            for k in range(4):
+                s = r + (k == 0) - (k == 1)
+                d = c + (k == 2) - (k == 3)
+                other = basin[s + 1, d + 1]
+                if other == own:
+                    continue
+                at_edge = True
+                if other < 0:
+                    off = s < 0 or d < 0 or s >= height or d >= width
+                    total[own, 3 if not off and cells[s, d] == unknown else 2] += 1
+            if not at_edge:
+                continue
+            for k in range(len(directions)):
+                along = r * directions[k, 0] + c * directions[k, 1]
+                low[own, k] = min(low[own, k], along)
+                high[own, k] = max(high[own, k], along)

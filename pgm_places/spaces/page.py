@@ -1,0 +1,56 @@
+"""The manual's tables of features of spaces: ``python -m pgm_places.spaces.page docs/spaces.md``.
+
+It rewrites the parts of the page between marks that name a table.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pgm_places.errors import InputError
+from pgm_places.spaces.space_spec import CELL_FEATURES, SEGMENT_FEATURES, SpaceSpec
+
+__all__ = ["TABLES", "updated_page"]
+
+TABLES: dict[str, tuple[SpaceSpec, ...]] = {
+    "segments": SEGMENT_FEATURES,
+    "cells": CELL_FEATURES,
+}
+END = "<!-- end of table -->"
+
+
+def updated_page(text: str) -> str:
+    """The page with its tables made anew.
+
+    Raises
+    ------
+    InputError
+        If the page lacks the marks of a table.
+    """
+    for name, specs in TABLES.items():
+        start = f"<!-- table: {name} -->"
+        before, found, rest = text.partition(start)
+        _, end, after = rest.partition(END)
+        if not found or not end:
+            raise InputError(f"the page must hold the marks {start!r} and {END!r}")
+        text = f"{before}{start}\n\n{_table(specs)}\n\n{END}{after}"
+    return text
+
+
+def _table(specs: tuple[SpaceSpec, ...]) -> str:
+    lines = ["| column | name | definition |", "|---|---|---|"]
+    return "\n".join(
+        [*lines, *(f"| {k} | {spec.id} | {spec.definition} |" for k, spec in enumerate(specs))]
+    )
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Rewrite the tables of the page that is named."""
+    if len(arguments) != 1:
+        raise InputError("name one page: python -m pgm_places.spaces.page docs/spaces.md")
+    page = Path(arguments[0])
+    page.write_text(updated_page(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,131 @@
+"""The features of segments: one row each."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.spaces.position import area_cut_off, betweenness
+from pgm_places.spaces.segmentation import Segments
+from pgm_places.spaces.shapes import shapes_of
+from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
+
+__all__ = ["NARROW_M", "segment_features"]
+
+NARROW_M = 0.8
+"""Half width of the widest opening that counts as narrow."""
+
+_Columns = Mapping[str, NDArray[np.float64]]
+
+
+def segment_features(segments: Segments) -> NDArray[np.float64]:
+    """(S, 37) the features of every segment of a scale, or of every place.
+
+    The columns are those of ``SEGMENT_FEATURES``, which defines them.
+
+    Examples
+    --------
+    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.spaces.segmentation import Segmentation
+    >>> scale = Segmentation.of(generate_building(size="small").grid).scales[0]
+    >>> segment_features(scale).shape == (scale.count, 37)
+    True
+    """
+    if not segments.count:
+        return np.zeros((0, len(OWN_FEATURES) + len(LARGEST_NEIGHBOUR_FEATURES)))
+    own = _shape_columns(segments)
+    own |= _opening_columns(segments, own)
+    own |= _position_columns(segments, own)
+    values = np.stack([own[spec.id] for spec in OWN_FEATURES], axis=1)
+    of_largest = [spec.id.removeprefix("largest_") for spec in LARGEST_NEIGHBOUR_FEATURES]
+    picked = np.stack([own[id] for id in of_largest], axis=1)
+    return np.concatenate([values, _of_largest_neighbour(segments, picked)], axis=1)
+
+
+def _shape_columns(segments: Segments) -> dict[str, NDArray[np.float64]]:
+    shapes, area, radius = shapes_of(segments), segments.area_m2, segments.radius_m
+    return {
+        "area": area,
+        "radius": radius,
+        "clearance": shapes.clearance,
+        "clearance_share": shapes.clearance / radius,
+        "roundness": shapes.roundness,
+        "short": shapes.short,
+        "long": shapes.long,
+        "aspect": shapes.short / shapes.long,
+        "filling": area / (shapes.short * shapes.long),
+        "discs": area / (np.pi * radius**2),
+        "unknown": shapes.unknown / shapes.outline,
+        "furniture": shapes.furniture,
+        "outline": shapes.outline,
+    }
+
+
+def _opening_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.float64]]:
+    openings, count = segments.openings, segments.count
+    ends = openings.segments.reshape(-1)
+    half_width = np.repeat(openings.half_width_m, 2)
+    number = np.bincount(ends, minlength=count).astype(np.float64)
+    narrow = np.bincount(ends[half_width < NARROW_M], minlength=count).astype(np.float64)
+    widest = np.zeros(count)
+    np.maximum.at(widest, ends, half_width)
+    sides = np.bincount(ends, np.repeat(openings.sides, 2).astype(np.float64), count)
+    return {
+        "openings": number,
+        "narrow": narrow,
+        "widest": widest,
+        "widest_share": widest / own["radius"],
+        "opening_density": number / np.sqrt(own["area"]),
+        "narrow_density": narrow / own["long"],
+        "open_share": sides * segments.watershed.grid.resolution_m / own["outline"],
+    }
+
+
+def _position_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.float64]]:
+    area, whole = own["area"], own["area"].sum()
+    between = betweenness(segments.graph, area)
+    cut = area_cut_off(segments.graph, area)
+    i, j = np.concatenate([segments.graph.edges, segments.graph.edges[:, ::-1]]).T
+    number = np.bincount(i, minlength=segments.count)
+    around = np.bincount(i, area[j], segments.count)
+    return {
+        "rank": _share_no_larger(area),
+        "radius_share": own["radius"] / _weighted_median(own["radius"], area),
+        "long_share": own["long"] / np.sqrt(whole),
+        "betweenness": between,
+        "cut": cut,
+        "neighbour_area": around / np.maximum(number, 1),
+        "neighbour_share": around / area,
+        "neighbour_betweenness": _largest_around(between, i, j),
+        "neighbour_cut": _largest_around(cut, i, j),
+    }
+
+
+def _share_no_larger(area: NDArray[np.float64]) -> NDArray[np.float64]:
+    ordered = np.sort(area)
+    below = np.concatenate([[0.0], np.cumsum(ordered)])
+    # Sizes that differ by rounding only are equal.
+    return np.asarray(below[np.searchsorted(ordered, area * (1 + 1e-9), "right")] / below[-1])
+
+
+def _weighted_median(values: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weight[order])
+    return float(values[order][np.searchsorted(below, below[-1] / 2)])
+
+
+def _largest_around(
+    values: NDArray[np.float64], i: NDArray[np.int32], j: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    largest = np.zeros(len(values))
+    np.maximum.at(largest, i, values[j])
+    return largest
+
+
+def _of_largest_neighbour(segments: Segments, picked: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S, P) the columns of each segment's largest neighbour; of equal ones the larger values."""
+    i, j = np.concatenate([segments.graph.edges, segments.graph.edges[:, ::-1]]).T
+    order = np.lexsort((*picked[j].T[::-1], i))  # the area is the first column: compared first
+    found = np.zeros_like(picked)
+    found[i[order]] = picked[j[order]]  # the last one stays
+    return found

@@ -1,0 +1,96 @@
+"""Shapes of segments: moments, smallest rectangle, outline, furniture."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.spaces.basin_sums import N_RECTANGLES, BasinSums
+from pgm_places.spaces.relief import clearance_m
+from pgm_places.spaces.segmentation import Segments
+
+__all__ = ["Shapes", "shapes_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """One value per segment, lengths in metres.
+
+    Parameters
+    ----------
+    clearance : (S,) float64
+        Mean distance of its cells to the nearest wall.
+    roundness : (S,) float64
+        Root of the smaller over the larger second central moment of its cells: 1 for a disc or
+        a square, near 0 for a line.
+    short, long : (S,) float64
+        Sides of the smallest rectangle around it, over 15 orientations.
+    outline : (S,) float64
+        Length of its outline along sides of cells, openings included.
+    unknown : (S,) float64
+        Length of its outline at unknown cells.
+    furniture : (S,) float64
+        Share of its cells that are not free on the map: obstacles that were filled.
+    """
+
+    clearance: NDArray[np.float64]
+    roundness: NDArray[np.float64]
+    short: NDArray[np.float64]
+    long: NDArray[np.float64]
+    outline: NDArray[np.float64]
+    unknown: NDArray[np.float64]
+    furniture: NDArray[np.float64]
+
+
+def shapes_of(segments: Segments) -> Shapes:
+    """The shapes of all segments of a division."""
+    watershed, count = segments.watershed, segments.count
+    resolution_m = watershed.grid.resolution_m
+    sums = watershed.sums
+    inside = segments.segment_of >= 0
+    home = segments.segment_of[inside]
+    total = np.zeros((count, sums.total.shape[1]), np.int64)
+    np.add.at(total, home, sums.total[inside])
+    cells = np.round(segments.area_m2 / resolution_m**2).astype(np.int64)
+    openings = np.bincount(
+        segments.openings.segments.reshape(-1),
+        np.repeat(segments.openings.sides, 2).astype(np.float64),
+        count,
+    )
+    short, long = _rectangles(sums, inside, home, count)
+    return Shapes(
+        clearance=clearance_m(total[:, 0] / cells, resolution_m),
+        roundness=_roundness(cells, total[:, 4:9]),
+        short=short * resolution_m,
+        long=long * resolution_m,
+        outline=np.asarray((total[:, 2] + total[:, 3] + openings) * resolution_m, np.float64),
+        unknown=np.asarray(total[:, 3] * resolution_m, np.float64),
+        furniture=total[:, 1] / cells,
+    )
+
+
+def _rectangles(
+    sums: BasinSums, inside: NDArray[np.bool_], home: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(S,) shorter and (S,) longer side, in cells, of the rectangle of the smallest area."""
+    low = np.full((count, sums.low.shape[1]), np.inf)
+    high = np.full((count, sums.high.shape[1]), -np.inf)
+    np.minimum.at(low, home, sums.low[inside])
+    np.maximum.at(high, home, sums.high[inside])
+    extent = high - low + 1
+    one, other = extent[:, :N_RECTANGLES], extent[:, N_RECTANGLES:]
+    best = np.arange(count), np.argmin(np.round(one * other, 6), axis=1)
+    return np.minimum(one, other)[best], np.maximum(one, other)[best]
+
+
+def _roundness(cells: NDArray[np.int64], moments: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Root of the ratio of the principal second moments; each cell is a square, not a point."""
+    r, c, rr, rc, cc = moments.T
+    # Whole numbers shifted by the rounded mean stay exact and small.
+    mid_r, mid_c = np.round(r / cells).astype(np.int64), np.round(c / cells).astype(np.int64)
+    off_r, off_c = (r - cells * mid_r) / cells, (c - cells * mid_c) / cells
+    var_r = (rr - 2 * mid_r * r + cells * mid_r**2) / cells - off_r**2 + 1 / 12
+    var_c = (cc - 2 * mid_c * c + cells * mid_c**2) / cells - off_c**2 + 1 / 12
+    cov = (rc - mid_r * c - mid_c * r + cells * mid_r * mid_c) / cells - off_r * off_c
+    mean, spread = (var_r + var_c) / 2, np.hypot((var_r - var_c) / 2, cov)
+    return np.asarray(np.sqrt(np.maximum(mean - spread, 0.0) / (mean + spread)))

@@ -1,0 +1,218 @@
+"""Features of segments and cells against slow and obvious ones, and on turned and finer maps."""
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces import position
+from pgm_places.spaces.cell_features import CellFeatures, nearest_opening, space_feature_names
+from pgm_places.spaces.position import area_cut_off, betweenness
+from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.segmentation import Segmentation, Segments
+from pgm_places.spaces.shapes import shapes_of
+from pgm_places.spaces.space_spec import segment_feature_names
+from tests.real_data import real_data_folder
+from tests.reference import spaces as reference
+from tests.spaces.floors import TURNS, grid_of
+
+NAMES = segment_feature_names()
+maps = arrays(
+    np.int8,
+    st.tuples(st.integers(8, 24), st.integers(8, 24)),
+    elements=st.sampled_from([0, 100, -1]),
+    fill=st.just(np.int8(0)),
+)
+
+
+def columns(segments: Segments) -> dict[str, np.ndarray]:
+    return dict(zip(NAMES, segment_features(segments).T, strict=True))
+
+
+def u_floor() -> np.ndarray:
+    """Three rooms in a row, each with a door to a corridor along them; cells of 10 cm."""
+    free = np.zeros((80, 134), np.bool_)
+    free[5:25, 2:132] = True  # corridor of 2 m x 13 m
+    for first in (2, 46, 90):
+        free[30:70, first : first + 42] = True
+        free[25:30, first + 16 : first + 25] = True
+    return free
+
+
+# ------------------------------------------------------------------ against slow ones
+
+
+@given(cells=maps)
+@settings(max_examples=60)
+def test_shapes_are_those_of_the_raster(cells: np.ndarray) -> None:
+    scale = Segmentation.of(OccupancyGrid(cells, 0.5)).scales[0]
+    found, raster = shapes_of(scale), scale.raster()
+    for k in range(scale.count):
+        if scale.watershed.basins.n_lines:
+            continue  # cells of lines border on no opening
+        wanted = reference.shape(raster, k, cells, 0.5)
+        assert scale.area_m2[k] == pytest.approx(wanted["area"])
+        for name in ("roundness", "short", "long", "outline", "unknown", "furniture"):
+            assert getattr(found, name)[k] == pytest.approx(wanted[name], rel=1e-9, abs=1e-9), name
+
+
+@st.composite
+def graphs(draw: st.DrawFn) -> tuple[LabelGraph, np.ndarray]:
+    n = draw(st.integers(1, 9))
+    every = [(a, b) for a in range(n) for b in range(a + 1, n)]
+    pairs = draw(st.lists(st.sampled_from(every), unique=True)) if every else []
+    area = draw(st.lists(st.integers(1, 9), min_size=n, max_size=n))
+    return LabelGraph.from_edges(n, pairs), np.array(area, float)
+
+
+def networkx_of(graph: LabelGraph) -> "nx.Graph[int]":
+    found: nx.Graph[int] = nx.Graph()
+    found.add_nodes_from(range(graph.n_nodes))
+    found.add_edges_from(graph.edges.tolist())
+    return found
+
+
+@given(drawn=graphs())
+def test_betweenness_is_that_of_networkx(drawn: tuple[LabelGraph, np.ndarray]) -> None:
+    graph, area = drawn
+    whole = networkx_of(graph)
+    wanted: dict[int, float] = {}
+    for part in nx.connected_components(whole):
+        wanted |= nx.betweenness_centrality(whole.subgraph(part))
+    assert betweenness(graph, area) == pytest.approx([wanted[k] for k in range(graph.n_nodes)])
+
+
+def test_paths_from_some_nodes_are_near_those_from_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    generator = np.random.default_rng(3)
+    graph = LabelGraph.from_points(generator.random((120, 2)), n_neighbours=4)
+    every = betweenness(graph, np.ones(120))
+    monkeypatch.setattr(position, "_MOST_SOURCES", 60)
+    some = betweenness(graph, generator.random(120))
+    assert np.corrcoef(every, some)[0, 1] > 0.95
+    assert some.sum() == pytest.approx(every.sum(), rel=0.1)
+
+
+@given(drawn=graphs())
+def test_what_is_cut_off_is_what_hangs_apart(drawn: tuple[LabelGraph, np.ndarray]) -> None:
+    graph, area = drawn
+    whole, found = networkx_of(graph), area_cut_off(graph, area)
+    for part in nx.connected_components(whole):
+        for node in part:
+            rest = whole.subgraph(part - {node})
+            parts = [area[list(p)].sum() for p in nx.connected_components(rest)]
+            wanted = 1 - max(parts) / sum(parts) if parts else 0.0
+            assert found[node] == pytest.approx(wanted)
+
+
+@given(
+    free=arrays(np.bool_, st.tuples(st.integers(10, 24), st.integers(10, 24)), fill=st.just(True))
+)
+@settings(max_examples=40)
+def test_the_nearest_opening_is_found(free: np.ndarray) -> None:
+    scale = Segmentation.of(grid_of(free, 1.0)).scales[0]
+    cells = np.argwhere(free)
+    segment, o = scale.at(cells), scale.openings
+    distance, width = nearest_opening(scale, cells, segment)
+    for k, cell in enumerate(cells):
+        best = (10.0, 0.0)
+        for m in np.flatnonzero((o.segments == segment[k]).any(axis=1)):
+            steps = np.linspace(-1, 1, 201)[:, None] * (o.length_m[m] - 1) / 2
+            line = o.centre_rc[m] + steps * o.direction_rc[m]
+            best = min(best, (np.sqrt(((line - cell) ** 2).sum(axis=1)).min(), o.half_width_m[m]))
+        assert distance[k] == pytest.approx(best[0], abs=0.06)
+        if len(o) == 1 and segment[k] in o.segments:
+            assert width[k] == o.half_width_m[0]
+
+
+# ------------------------------------------------------------------ a floor that is easily seen
+
+
+def test_a_corridor_with_three_rooms() -> None:
+    scale = Segmentation.of(grid_of(u_floor())).scales[0]
+    assert scale.count == 4
+    found = columns(scale)
+    corridor = int(np.argmin(found["aspect"]))
+    rooms = np.flatnonzero(np.arange(4) != corridor)
+    assert found["area"][corridor] == pytest.approx(26, abs=1)
+    assert found["area"][rooms] == pytest.approx([16.8] * 3, abs=1)
+    assert found["radius"][[corridor, *rooms]] == pytest.approx([1.0, 2.0, 2.0, 2.0], abs=0.1)
+    assert found["long"][corridor] == pytest.approx(13.0, abs=0.1)
+    assert found["openings"][[corridor, *rooms]].tolist() == [3, 1, 1, 1]
+    assert found["narrow"][[corridor, *rooms]].tolist() == [3, 1, 1, 1]
+    assert found["widest"] == pytest.approx([0.45] * 4, abs=0.03)
+    assert found["betweenness"][[corridor, *rooms]].tolist() == [1, 0, 0, 0]
+    assert found["cut"][corridor] == pytest.approx(2 / 3, abs=0.01)
+    assert found["rank"][corridor] == 1.0
+    assert found["neighbour_area"][rooms] == pytest.approx([found["area"][corridor]] * 3)
+    assert found["largest_aspect"][rooms] == pytest.approx([found["aspect"][corridor]] * 3)
+    assert found["open_share"][rooms] == pytest.approx([0.9 / 17.4] * 3, rel=0.1)
+
+
+def test_cells_take_the_features_of_their_segments() -> None:
+    grid = grid_of(u_floor())
+    found = Segmentation.of(grid)
+    features = CellFeatures.of(found)
+    assert features.names == space_feature_names(found.ratios)
+    cells = np.array([[50, 20], [26, 22], [0, 0]])
+    rows = features.lookup(cells)
+    table = segment_features(found.scales[0])
+    segment = found.scales[0].at(cells)
+    own = [features.names.index(f"{name}[0.9]") for name in NAMES]
+    assert (rows[:2, own] == table[segment[:2]].astype(np.float32)).all()
+    assert (rows[2, own] == 0).all() and rows[2, 0] == 0
+    at = {name: features.names.index(f"{name}[0.9]") for name in ("depth", "way_out")}
+    assert rows[0, at["depth"]] > 0.8
+    assert rows[1, at["way_out"]] < 0.5 and rows[2, at["way_out"]] == 10
+    assert features.lookup(np.empty((0, 2), int)).shape == (0, len(features.names))
+
+
+def test_a_chunk_has_the_same_rows() -> None:
+    grid = grid_of(u_floor())
+    features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
+    assert (features.lookup(cells)[70:90] == features.lookup(cells[70:90])).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (20, 20)])
+def test_maps_without_open_space_have_empty_tables(shape: tuple[int, int]) -> None:
+    features = CellFeatures.of(Segmentation.of(grid_of(np.zeros(shape, np.bool_))))
+    assert [table.shape for table in features.tables] == [(0, 37)] * 3
+    row = features.lookup([[0, 0]])[0]
+    assert sorted(set(row.tolist())) == [0, 10]
+
+
+def test_a_single_room_has_finite_features() -> None:
+    table = segment_features(Segmentation.of(grid_of(np.ones((30, 30), np.bool_))).scales[0])
+    assert table.shape == (1, 37) and np.isfinite(table).all()
+
+
+# ------------------------------------------------------------------ turned, mirrored, finer
+
+
+def in_order(table: np.ndarray) -> np.ndarray:
+    return table[np.lexsort(np.round(table, 6).T)]
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("name", ["freiburg052", "floors/school_plans1"])
+def test_turned_maps_have_the_same_features(name: str, turn: str) -> None:
+    grid = load_map(real_data_folder(name) / "map.yaml").grid
+    other = grid.with_cells(np.ascontiguousarray(TURNS[turn](grid.cells)))
+    for one, two in zip(Segmentation.of(grid).scales, Segmentation.of(other).scales, strict=True):
+        first, second = in_order(segment_features(one)), in_order(segment_features(two))
+        assert first == pytest.approx(second, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("finer", [2, 4])
+def test_finer_cells_change_little(finer: int) -> None:
+    """The floor at 10 cm, and the same one in cells of 5 and 2.5 cm."""
+    free = u_floor()
+    fine = free.repeat(finer, axis=0).repeat(finer, axis=1)
+    one = segment_features(Segmentation.of(grid_of(free, 0.1)).scales[0])
+    two = segment_features(Segmentation.of(grid_of(fine, 0.1 / finer)).scales[0])
+    assert one == pytest.approx(two, rel=0.1, abs=0.05)
