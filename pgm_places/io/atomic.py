@@ -1,4 +1,4 @@
-"""Output that is either complete or absent: files and folders written aside, then renamed."""
+"""Output that is complete or absent: written under another name, then renamed."""
 
 import contextlib
 import os

@@ -1,6 +1,5 @@
 """GeoJSON files of polygons in a map's metres, checked feature by feature."""
 
-import codecs
 import reprlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import from_json
 
 from pgm_places.errors import LabelError
+from pgm_places.io.text_file import read_text
 
 __all__ = ["Region", "read_regions"]
 
@@ -39,7 +39,7 @@ class Region:
 
     @property
     def area_m2(self) -> float:
-        """Area of the outlines less that of the holes."""
+        """Area of the outlines minus that of the holes."""
         return sum(
             _ring_area(rings[0]) - sum(_ring_area(ring) for ring in rings[1:])
             for rings in self.polygons
@@ -59,7 +59,11 @@ def read_regions(path: Path | str, property_name: str = "class") -> list[Region]
         polygon of finite numbers or has no class; the message names the feature's index.
     """
     file = Path(path).expanduser()
-    data = _json(file)
+    text = read_text(file, LabelError, "regions (GeoJSON)", max_bytes=MAX_BYTES)
+    try:
+        data = from_json(text, allow_inf_nan=False)
+    except ValueError as error:
+        raise LabelError(f"{file}: not a GeoJSON file: {error}") from None
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "Feature":
         features = [data]
@@ -70,22 +74,6 @@ def read_regions(path: Path | str, property_name: str = "class") -> list[Region]
     return [
         _region(f"{file}: feature {i}", i, item, property_name) for i, item in enumerate(features)
     ]
-
-
-def _json(path: Path) -> Any:
-    try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise LabelError(f"{path}: no such file; regions (GeoJSON) were expected there") from None
-    except OSError as error:
-        raise LabelError(f"{path}: cannot be read: {error.strerror or error}") from None
-    if len(text) > MAX_BYTES:
-        raise LabelError(f"{path}: larger than {MAX_BYTES} bytes; simplify its polygons")
-    try:
-        return from_json(text.removeprefix(codecs.BOM_UTF8), allow_inf_nan=False)
-    except ValueError as error:
-        raise LabelError(f"{path}: not a GeoJSON file: {error}") from None
 
 
 _Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=-1e9, lt=1e9)]
@@ -112,7 +100,7 @@ def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
     code = properties.get(property_name) if isinstance(properties, dict) else None
     if isinstance(code, bool) or not isinstance(code, str | int) or code == "":
         raise LabelError(
-            f"{where}: property {property_name!r} must be a text that names its class, got {code!r}"
+            f"{where}: property {property_name!r} must be text that names its class, got {code!r}"
         )
     kind, coordinates = (feature["geometry"].get(key) for key in ("type", "coordinates"))
     if kind not in ("Polygon", "MultiPolygon"):

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import InputError
+from pgm_places.io.text_file import read_text
 
 __all__ = ["YamlFile", "YamlValue", "read_yaml"]
 
@@ -60,10 +61,10 @@ class YamlFile:
         return self.values[key]
 
     def text(self, key: str) -> str:
-        """A text that is not empty."""
+        """Text that is not empty."""
         value = self.value(key)
         if not isinstance(value, str) or not value:
-            raise self.fail(f"key {key!r} must be a text that is not empty, got {value!r}")
+            raise self.fail(f"key {key!r} must be non-empty text, got {value!r}")
         return value
 
     def number(self, key: str) -> float:
@@ -101,7 +102,7 @@ class YamlFile:
 
 
 def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
-    """The content of a YAML file whose top is a mapping; no types guessed, no tags obeyed.
+    """The content of a YAML file whose top is a mapping; no types guessed, no tags resolved.
 
     Parameters
     ----------
@@ -116,9 +117,9 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
     ------
     error
         Where the file is missing, unreadable, longer than 256 KiB, not YAML, nested deeper than 16
-        levels, uses anchors or aliases, names a key twice, or is no mapping at its top.
+        levels, uses anchors or aliases, names a key twice, or is not a mapping at its top level.
     """
-    text = _text_of(path, error, what)
+    text = read_text(path, error, f"the {what} (YAML)", max_bytes=MAX_BYTES)
     import yaml
 
     try:
@@ -134,26 +135,6 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
         raise error(f"{path}: the {what} must be a mapping of keys to values (key: value)")
     file.values = value
     return file
-
-
-def _text_of(path: Path, error: type[InputError], what: str) -> str:
-    try:
-        if path.is_dir():
-            raise error(f"{path}: is a folder, the {what} must be a YAML file")
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise error(f"{path}: no such file; the {what} (YAML) was expected there") from None
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    if len(data) > MAX_BYTES:
-        raise error(f"{path}: longer than {MAX_BYTES} bytes; is this the {what} (YAML)?")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise error(
-            f"{path}: not a text file in UTF-8; the {what} (YAML) was expected, not an image"
-        ) from None
 
 
 def _plain(node: object, file: YamlFile, *, depth: int, seen: set[int]) -> YamlValue:
@@ -177,7 +158,7 @@ def _plain(node: object, file: YamlFile, *, depth: int, seen: set[int]) -> YamlV
         for key_node, value_node in node.value:
             key = _plain(key_node, file, depth=depth + 1, seen=seen)
             if not isinstance(key, str):
-                raise file.fail(f"a key must be a text, got {key!r}")
+                raise file.fail(f"a key must be text, got {key!r}")
             if key in mapping:
                 line = key_node.start_mark.line + 1
                 raise file.fail(f"key {key!r} appears twice (line {line}); keep one")

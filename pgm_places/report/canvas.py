@@ -169,7 +169,7 @@ def difference_canvas(
     label_names: Sequence[str],
     view: View,
 ) -> Canvas:
-    """Where the prediction is wrong, in one strong colour over pale right answers."""
+    """Where the prediction is wrong, in one strong colour over pale correct labels."""
     pale = (tinted(colour, RIGHT_TINT) for colour in label_colours(label_names))
     colours = (*_GROUND, *pale, ERROR)
     wrong_index = _FIRST + len(label_names)

@@ -70,7 +70,7 @@ def path_picture(track: Track, grid: OccupancyGrid, *, title: str | None = None)
 
 
 def belief_plot(track: Track, *, title: str | None = None) -> bytes:
-    """A PNG file: beliefs over the way as stacked areas, the labels and, if known, the truth below.
+    """A PNG file: beliefs along the path as stacked areas; below, labels and ground truth if known.
 
     A labelling without beliefs shows its labels only.
     """

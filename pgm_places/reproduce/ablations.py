@@ -64,7 +64,7 @@ def resolution(setting: Setting) -> Outcome:
         )
         for cells_m in CELLS_M
     }
-    return _outcome(TAUGHT, "Side of the cells", found)
+    return _outcome(TAUGHT, "Cell size", found)
 
 
 def noise(setting: Setting) -> Outcome:
@@ -83,7 +83,7 @@ def noise(setting: Setting) -> Outcome:
         for k, method in enumerate(runs[0].methods):
             rows.append(_spread_row(name, method.id, [run.methods[k].evaluation for run in runs]))
     heading = ("noise", "method", "accuracy", "balanced", "doorway recall", "doorway F1")
-    caption = f"Noise of the beams; mean ± standard deviation over {len(SEEDS)} seeds"
+    caption = f"Beam noise; mean ± standard deviation over {len(SEEDS)} seeds"
     by_paper = noisy["5 cm, 1 % random, 1 % maximum"]
     findings = [finding(f"no noise, {method.id}", method) for method in clean.methods]
     for k, method in enumerate(by_paper[0].methods):
@@ -103,7 +103,7 @@ def training_size(setting: Setting) -> Outcome:
         if len(np.unique(part.labels[part.labelled_cells])) < len(experiment.config.labels.names):
             continue  # a stripe without a doorway teaches nothing of doorways
         found[f"{area:.0f} m²"] = _compare_on(setting, part)
-    return _outcome(TAUGHT, "Labelled area to learn from", found)
+    return _outcome(TAUGHT, "Labelled area for training", found)
 
 
 def features(setting: Setting) -> Outcome:
@@ -137,7 +137,7 @@ def features(setting: Setting) -> Outcome:
         figures = (scored.accuracy, scored.balanced_accuracy, scored.f1[DOORWAY])
         findings.append(Finding(name, *figures))
     heading = ("features", "columns", "accuracy", "balanced", "doorway recall", "doorway F1")
-    table = Table("The decision list alone on parts of the features", heading, tuple(rows))
+    table = Table("The decision list alone on subsets of the features", heading, tuple(rows))
     return Outcome(TAUGHT, tuple(findings), (table,))
 
 

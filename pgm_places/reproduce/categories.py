@@ -46,7 +46,7 @@ FURNISHING_79: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "printer area": {"office cupboard": (1, 2), "upper human body": (0, 1)},
     "corridor": {"full human body": (0, 2)},
 }
-"""Objects put into building 79: nobody wrote down which there were."""
+"""Objects put into building 79: the data set does not say which there were."""
 
 LEARN_SEEDS, LABEL_SEEDS = (1, 2), (11,)
 """Of the generated buildings that stand in."""
@@ -80,15 +80,15 @@ def run(setting: Setting) -> Outcome:
         findings=tuple(findings),
         tables=(_table(found, names),),
         pictures=(
-            Picture("true.png", "The drive to be labelled in its true colours."),
+            Picture("true.png", "Ground truth of the drive to be labelled."),
             Picture("labelled.png", f"The same by the {SMOOTHED}, fair detector (paper, Fig. 8)."),
-            Picture("beliefs.png", f"Beliefs of the {SMOOTHED} along the way."),
-            Picture("confusion.png", "Which categories are taken for which."),
+            Picture("beliefs.png", f"Beliefs of the {SMOOTHED} along the path."),
+            Picture("confusion.png", "Confusion between categories."),
         ),
         files=_pictures(label[0], shown[SMOOTHED]),
         remarks=(
             "The objects are put into the map and seen by a simulated detector: the fair one "
-            "misses 30 % of what is in an image and invents 0.04 objects of each class per "
+            "misses 30 % of what is in an image and reports 0.04 false objects of each class per "
             "observation, the poor one 60 % and 0.16, the perfect one nothing.",
         ),
     )
@@ -147,7 +147,7 @@ def _table(found: Mapping[str, Mapping[str, ScoredSteps]], names: tuple[str, ...
         for name, modes in found.items()
         for mode, steps in modes.items()
     ]
-    return Table("Right steps in percent, of all and of each category", heading, tuple(rows))
+    return Table("Correct steps in percent, overall and by category", heading, tuple(rows))
 
 
 def _pictures(floor: Floor, steps: ScoredSteps) -> dict[str, bytes]:
@@ -184,5 +184,5 @@ def _words(learn: Sequence[Floor], label: Sequence[Floor], *, real: bool) -> str
         )
     return (
         f"Simulated drives: {n_learn:,} steps in {len(learn)} buildings to learn from, {n_label:,} "
-        f"in {len(label)} to label, a laser all around."
+        f"in {len(label)} to label, a 360° laser."
     )

@@ -85,7 +85,7 @@ def run(setting: Setting) -> Outcome:
         findings=tuple(findings),
         tables=(_table(found),),
         pictures=(
-            Picture("learned.png", "A drive that is learned from (paper, Fig. 13, above)."),
+            Picture("learned.png", "A training drive (paper, Fig. 13, above)."),
             Picture("labelled.png", f"A drive as the {SMOOTHED} labels it (Fig. 13, below)."),
             Picture("beliefs.png", f"Beliefs of the {SMOOTHED} along that drive."),
         ),
@@ -93,11 +93,11 @@ def run(setting: Setting) -> Outcome:
         remarks=()
         if setting.data is None
         else (
-            "The paper's floors, at KTH, are not at hand. The positions here were recorded, a "
-            "metre apart; the robot is taken to drive straight from one to the next, a scan cast "
+            "The paper's floors, at KTH, are not available. The positions here were recorded, a "
+            "metre apart; the robot is assumed to drive straight from one to the next, a scan cast "
             "in the map every 0.1 m.",
             "A has large rooms and a lobby that is labelled corridor, B has neither: what was "
-            "learned in B knows a third of the steps in A's rooms.",
+            "learned in B recognises only a third of the steps in A's rooms.",
         ),
     )
 
@@ -157,7 +157,7 @@ def _table(found: Mapping[tuple[str, str], Mapping[str, ScoredSteps]]) -> Table:
             rows.append((way, name, mode, *map(percent, figures), *recalls))
     places = (f"{place} recall" for place in PLACES)
     heading = ("floors", "beams", "steps", "accuracy", "balanced", "doorway F1", *places)
-    return Table("Right steps in percent", heading, tuple(rows))
+    return Table("Correct steps in percent", heading, tuple(rows))
 
 
 def _pictures(learn: Run, label: Run, steps: ScoredSteps) -> dict[str, bytes]:

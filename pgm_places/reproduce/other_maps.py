@@ -78,14 +78,14 @@ def partial_maps(setting: Setting) -> Outcome:
         files[f"{name}.png"] = label_picture(grid, labels.labels, labels.label_names)
         pictures.append(Picture(f"{name}.png", f"A snapshot taken while mapping, {name}."))
     return Outcome(
-        setting="Learned on the left half of building 79 as it is when mapped to the end; tested "
+        setting="Learned on the left half of building 79 as mapped completely; tested "
         "on what the first part of a drive saw of the right half.",
         findings=tuple(
             finding(f"{words} of the drive, {method.id}", method)
             for words, comparison in found.items()
             for method in comparison.methods
         ),
-        tables=(method_table("Part of the drive that the map was made from", found),),
+        tables=(method_table("Share of the drive that the map was made from", found),),
         pictures=tuple(pictures),
         files=files,
     )

@@ -18,7 +18,7 @@ __all__ = ["run"]
 
 PAPER = 0.973
 SEARCHES = {
-    "exhaustive": "the order that held-out blocks of the training half choose",
+    "exhaustive": "order chosen on held-out blocks of the training half",
     "heuristic": "the paper's heuristic",
     "rarest-first": "the default",
 }
@@ -47,8 +47,8 @@ def run(setting: Setting) -> Outcome:
         tables=(table,),
         pictures=(
             Picture("labels.png", "The test half as the decision list labels it (paper, Fig. 7)."),
-            Picture("errors.png", "Where it is wrong."),
-            Picture("confusion.png", "Which places are taken for which."),
+            Picture("errors.png", "Its errors."),
+            Picture("confusion.png", "Confusion between places."),
         ),
         files={
             "labels.png": label_sheet(shown),
@@ -96,5 +96,5 @@ def _all_orders(
         "chosen by",
     )  # fmt: skip
     return Table(
-        "Every order of the decision list; the last place is what is left", heading, tuple(rows)
+        "Every order of the decision list; the last place is the remainder", heading, tuple(rows)
     )

@@ -31,7 +31,7 @@ def run(setting: Setting) -> Outcome:
         which = " (paper, Fig. 12)" if cells_m == CELLS_M[0] else ""
         pictures += [
             Picture(f"labels_{stem}.png", f"Cells of {_centimetres(cells_m)}{which}."),
-            Picture(f"errors_{stem}.png", "Where each method is wrong."),
+            Picture(f"errors_{stem}.png", "Errors of each method."),
         ]
     return Outcome(
         setting="Learned on the left half, tested on the right half; the list alone, then with "
@@ -52,13 +52,13 @@ def fine(setting: Setting) -> Outcome:
     nodes = int((last.maps[0].layout.from_raster(last.maps[0].truth) >= 0).sum())
     return Outcome(
         setting="Building 79 as the COLD campaign mapped it, in cells of 2 cm, from one half to "
-        "the other; the lists are trained on 20,000 cells drawn at random, methods learn from "
-        f"all. At {_centimetres(sides[-1])} {nodes:,} cells are tested.",
+        "the other; the lists are trained on 20,000 cells drawn at random, the methods "
+        f"learn from all cells. At {_centimetres(sides[-1])} {nodes:,} cells are tested.",
         findings=_findings(found, {}),
         tables=(_table(found),),
         pictures=(
             Picture("labels.png", f"Cells of {_centimetres(sides[-1])}."),
-            Picture("errors.png", "Where each method is wrong."),
+            Picture("errors.png", "Errors of each method."),
         ),
         files={"labels.png": label_sheet(last), "errors.png": error_sheet(last)},
         remarks=() if finest == 0 else ("Generated buildings have cells of 5 cm at the finest.",),
@@ -85,7 +85,7 @@ def _findings(
 
 def _table(found: Mapping[float, Comparison]) -> Table:
     named = {_centimetres(cells_m): comparison for cells_m, comparison in found.items()}
-    return method_table("Methods by the side of the cells", named)
+    return method_table("Methods by cell size", named)
 
 
 def _centimetres(cells_m: float) -> str:

@@ -36,8 +36,8 @@ def reproduce(
     out : Path
         Gets a folder per section, ``reproduce.md`` and ``reproduce.html``.
     again : bool
-        Run sections anew that are there already. Those that another version of the package or
-        other buildings gave are always run anew.
+        Run finished sections again. Those that another version of the package or
+        other buildings gave are always run again.
     progress, n_threads
         Of the experiments.
 

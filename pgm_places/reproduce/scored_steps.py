@@ -16,7 +16,7 @@ from pgm_places.trajectories.trajectory import Trajectory
 __all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]
 
 BLOCK_M = 5.0
-"""Way that is drawn anew together for confidence intervals: steps nearer than that err together."""
+"""Stretch of path that the bootstrap resamples as a block: nearer steps err together."""
 
 ALONE = "each scan alone"
 MODES: Mapping[str, str] = {"filter": "filter", "smooth": "smoother", "viterbi": "Viterbi"}
@@ -73,7 +73,7 @@ def scored_modes(
 def scored_steps(
     drives: Sequence[Trajectory], labelings: Sequence[Labeling], names: tuple[str, ...]
 ) -> ScoredSteps:
-    """The labels of drives with true labels, scored; stretches of ``BLOCK_M`` are drawn anew."""
+    """The labels of drives with true labels, scored; intervals by a bootstrap of ``BLOCK_M``."""
     truth = np.concatenate([_labels(drive) for drive in drives])
     labels = np.concatenate([item.labels for item in labelings])
     blocks, first = [], 0

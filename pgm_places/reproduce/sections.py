@@ -56,7 +56,7 @@ _ABLATIONS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
 
 SECTIONS: Mapping[str, PaperSection] = {
     "7.1": PaperSection(
-        "Poses by themselves",
+        "Single poses",
         "Building 79, left half to right half, simulated scans, three places: 97.3 % with the "
         "optimal list, room - doorway.",
         "poses:run",
@@ -97,7 +97,7 @@ SECTIONS: Mapping[str, PaperSection] = {
     ),
     "7.5-fine": PaperSection(
         "The same down to 2 cm",
-        "nothing finer than 20 cm, for want of memory.",
+        "nothing finer than 20 cm, for lack of memory.",
         "resolutions:fine",
         ("cold_freiburg_seq2",),
     ),

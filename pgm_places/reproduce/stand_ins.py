@@ -1,4 +1,4 @@
-"""Generated buildings in place of real ones, where the real maps are not at hand."""
+"""Generated buildings in place of real ones, where the real maps are not available."""
 
 from collections.abc import Mapping
 

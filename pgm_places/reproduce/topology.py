@@ -108,7 +108,7 @@ def topology_table(
             rows.append(_row(method, words, scores[method, name]))
             if name == "further":
                 maps[method] = found
-    caption = f"{item.name}: places and connections, found ones against those of the truth"
+    caption = f"{item.name}: places and connections found, against those of the ground truth"
     return Table(caption, HEADING, tuple(rows)), maps, scores
 
 

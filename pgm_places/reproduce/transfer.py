@@ -17,7 +17,7 @@ from pgm_places.topology.from_labels import topological_map
 __all__ = ["run"]
 
 UNLABELLED = "intel"
-"""A building whose true labels nobody wrote down: pictures only."""
+"""A building without ground truth: pictures only."""
 
 TRANSFERS = {
     "transfer_52": "52 to 79",
@@ -41,7 +41,7 @@ def run(setting: Setting) -> Outcome:
         where = found[words].maps[0].name
         pictures += [
             Picture(f"{name}_labels.png", f"{words}: {where}."),
-            Picture(f"{name}_errors.png", f"{words}: where each method is wrong on {where}."),
+            Picture(f"{name}_errors.png", f"{words}: errors of each method on {where}."),
         ]
         if name == "transfer_52":
             files["unlabelled.png"] = _labels(labeler, grid, "adaboost")
@@ -59,17 +59,17 @@ def run(setting: Setting) -> Outcome:
                     f"Learned on buildings 79 and 52, with {SHOWN}: the topological map (compare "
                     "the paper's Fig. 11, of another building).",
                 ),
-                Picture("confusion.png", f"{words}: which places are taken for which."),
+                Picture("confusion.png", f"{words}: confusion between places."),
             ]
     return Outcome(
         setting="Every method learned on whole buildings and tested on another one; the Intel "
-        "Research Lab has no true labels here, so it is shown only.",
+        "Research Lab has no ground truth here, so there are pictures only.",
         findings=tuple(
             finding(f"{words}, {method.id}", method)
             for words, comparison in found.items()
             for method in comparison.methods
         ),
-        tables=(method_table("From some buildings to another", found), _by_map(found)),
+        tables=(method_table("Transfer between buildings", found), _by_map(found)),
         pictures=tuple(pictures),
         files=files,
     )
@@ -94,4 +94,4 @@ def _by_map(found: dict[str, Comparison]) -> Table:
                 figures = (scored.accuracy, scored.balanced_accuracy, scored.f1.get(DOORWAY))
                 rows.append((words, item.name, method.id, *map(percent, figures)))
     heading = ("", "map", "method", "accuracy", "balanced", "doorway F1")
-    return Table("Each map by itself", heading, tuple(rows))
+    return Table("Each map separately", heading, tuple(rows))

@@ -81,7 +81,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
         (["export", "--to", "keepout", "--set", "rom=3"], "no place is called 'rom'"),
         (["export", "--to", "keepout", "--set", "room=101"], "must be 0 to 100, got 101"),
-        (["export", "--to", "dot", "--set", "room=1"], "has no values to set"),
+        (["export", "--to", "dot", "--set", "room=1"], "takes no values"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, run: Run) -> None:

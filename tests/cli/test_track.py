@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pgm_places.io.logs.object_counts import write_object_counts
 from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -25,6 +24,7 @@ from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run
 from tests.drives import building as made_building
 from tests.drives import drive
+from tests.io.files import write_counts
 
 
 @lru_cache
@@ -140,7 +140,7 @@ def seeing(folder: Path) -> Path:
     save(labeler, folder / "seeing")
     path = drive(1)[:60]
     counts = ObjectCounts(path.times_s, objects_along(path), names)
-    write_object_counts(folder / "counts.csv", counts)
+    write_counts(folder / "counts.csv", counts)
     return folder
 
 

@@ -1,4 +1,4 @@
-"""Small map files for the tests of the readers."""
+"""Small files for the tests of the readers."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
 
-__all__ = ["write_map"]
+from pgm_places.vision.object_counts import ObjectCounts
+
+__all__ = ["write_counts", "write_map"]
 
 DESCRIPTION = {
     "resolution": "0.05",
@@ -27,4 +29,14 @@ def write_map(
     lines = {"image": image, **DESCRIPTION, **keys}
     path = folder / "map.yaml"
     path.write_text("".join(f"{k}: {v}\n" for k, v in lines.items() if v is not None))
+    return path
+
+
+def write_counts(path: Path, counts: ObjectCounts) -> Path:
+    """The path, once the counts are written as CSV with all their digits."""
+    quoted = ['"' + name.replace('"', '""') + '"' for name in counts.object_names]
+    lines = [",".join(["t_s", *quoted])]
+    for time, row in zip(counts.times_s.tolist(), counts.counts.tolist(), strict=True):
+        lines.append(",".join([repr(time), *map(str, row)]))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path

@@ -108,7 +108,7 @@ def test_maps_of_robots(
 )
 def test_descriptions_without_their_image(name: str, image: str) -> None:
     path = real_data_folder("formats") / f"{name}.yaml"
-    with pytest.raises(MapError, match=f"its image '{image}' is not there: no file {path.parent}"):
+    with pytest.raises(MapError, match=f"its image '{image}' is missing: no file {path.parent}"):
         load_map(path)
 
 

@@ -74,9 +74,9 @@ def test_what_is_no_flag_is_refused(tmp_path: Path, text: str) -> None:
         ("a: &x [1]\nb: *x\n", "anchors and aliases (& and *) are not supported"),
         ("a: " + "[" * 20 + "]" * 20, "nested deeper than 16 levels"),
         ("a: " + "[" * 1500 + "]" * 1500, "nested deeper than 16 levels"),
-        ("? [a]\n: 1\n", "a key must be a text, got ['a']"),
+        ("? [a]\n: 1\n", "a key must be text, got ['a']"),
         ("a: 1\n--- \nb: 1\n", "not a YAML file: expected a single document"),
-        ("a: " + "x" * 300_000, "longer than 262144 bytes; is this the map description (YAML)?"),
+        ("a: " + "x" * 300_000, "larger than 262144 bytes; expected the map description (YAML)"),
     ],
 )
 def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -93,11 +93,11 @@ def test_tags_are_not_obeyed(tmp_path: Path) -> None:
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b"\x89PNG\r\n")
-    with pytest.raises(MapError, match="not a text file in UTF-8"):
+    with pytest.raises(MapError, match="not UTF-8 text; expected the map description"):
         read_yaml(tmp_path / "x", MapError, "map description")
-    with pytest.raises(MapError, match="is a folder, the map description must be a YAML file"):
+    with pytest.raises(MapError, match="is a folder; expected the map description"):
         read_yaml(tmp_path, MapError, "map description")
-    with pytest.raises(MapError, match=r"no such file; the map description \(YAML\) was expected"):
+    with pytest.raises(MapError, match=r"no such file; expected the map description \(YAML\)"):
         read_yaml(tmp_path / "absent", MapError, "map description")
 
 
@@ -106,7 +106,7 @@ def test_a_missing_key_offers_the_nearest(tmp_path: Path) -> None:
         MapError, match=r"key 'resolution' is missing; did you mean 'resolutions'\?"
     ):
         read(tmp_path, "resolutions: 1\n").number("resolution")
-    with pytest.raises(MapError, match="key 'image' must be a text that is not empty"):
+    with pytest.raises(MapError, match="key 'image' must be non-empty text"):
         read(tmp_path, "image:\n").text("image")
 
 

@@ -43,7 +43,7 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     definitions = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     path = Path(path)
     if not path.exists():
-        raise LogError(f"cannot read the bag {path}: there is no such file or folder")
+        raise LogError(f"cannot read the bag {path}: no such file or folder")
     if path.suffix == ".db3" and (path.parent / "metadata.yaml").is_file():
         path = path.parent
     try:
@@ -54,8 +54,8 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     except _damage() as error:
         reason = str(error) or type(error).__name__
         raise LogError(
-            f"cannot read the bag {path}: {reason}; is it whole? 'rosbag reindex', 'ros2 bag "
-            "reindex' and 'mcap recover' mend recordings that were cut short"
+            f"cannot read the bag {path}: {reason}; is it complete? 'rosbag reindex', 'ros2 bag "
+            "reindex' and 'mcap recover' repair truncated recordings"
         ) from error
 
 

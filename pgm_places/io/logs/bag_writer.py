@@ -54,11 +54,11 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
         raise InputError(f"{trajectory.name} has no scans to write as a bag")
     if trajectory.geometry.spacing_rad is None:
         raise InputError(
-            f"a bag can hold evenly spaced beams only, and those of {trajectory.geometry} are not"
+            f"a bag can only hold evenly spaced beams, and those of {trajectory.geometry} are not"
         )
     if len(trajectory) and trajectory.times_s.min() < 0:
         raise InputError(
-            f"a bag wants stamps from 0 s on, but {trajectory.name} begins at "
+            f"a bag needs time stamps from 0 s on, but {trajectory.name} begins at "
             f"{trajectory.times_s.min():g} s"
         )
     needed("rosbags", extra="bags", purpose="writing ROS bags")

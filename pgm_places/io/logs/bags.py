@@ -74,12 +74,12 @@ def read_bag(
         Interpolate only between poses at most so far apart; the nearest may be so far away. A scan
         without a pose is dropped, and counted in a warning.
     range_max_m : float, optional
-        From which reading on a beam has met nothing; what the messages say by default.
+        Readings of at least this mean that a beam met nothing; what the messages say by default.
 
     Where neither topic nor frame is named, poses come from the tree if that connects ``map`` with
     the laser, else from the only odometry topic, else from the tree with ``odom``. Odometry
     beside poses in ``map`` is kept as the trajectory's odometry. Where the tree knows how the
-    laser is mounted on the robot, poses are the laser's, and a laser that hangs upside down has
+    laser is mounted on the robot, poses are the laser's, and a laser mounted upside down has
     its beams turned round.
 
     Raises
@@ -115,7 +115,7 @@ def read_bag(
     if not known.all():
         warnings.append(_drop_message(known, poses.source, max_gap_s))
     if not known.any():
-        raise LogError(f"{path}: {warnings[-1]}; other poses, or a larger max_gap_s?")
+        raise LogError(f"{path}: {warnings[-1]}; choose other poses or a larger max_gap_s")
     trajectory = trajectory.subset(known)
     if range_max_m is None:
         warnings += code_warnings(trajectory)
@@ -186,7 +186,7 @@ def _read_scans(bag: _Bag, topic: str, range_max_m: float | None) -> tuple[list[
         ranges = geometry.cleaned(message.ranges)
         scans.append(Scan(stamp_s(message, recorded_ns), _ORIGIN, ranges, geometry))
     if not scans:
-        raise LogError(f"{bag.path}: the topic {topic} holds no scan")
+        raise LogError(f"{bag.path}: the topic {topic} holds no scans")
     return scans, frame
 
 
@@ -209,7 +209,7 @@ def _geometry(
         except InputError as error:
             raise LogError(
                 f"{bag.path}: a scan of {n_beams} beams says range_min {low:g} and range_max "
-                f"{high:g}: {error}; range_max_m can say it better"
+                f"{high:g}: {error}; give the right one as range_max_m"
             ) from None
     return known[key]
 
@@ -279,8 +279,8 @@ def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
     warnings: tuple[str, ...] = ()
     if mount is None:
         warnings = (
-            f"no transforms lead from {robot!r} to the laser's frame {frame!r}; the laser is taken "
-            "to sit at the robot's centre and to look ahead",
+            f"no transforms lead from {robot!r} to the laser's frame {frame!r}; the laser is "
+            "assumed to sit at the robot's centre and to face forwards",
         )
     return _Poses([track, *(mount or [])], topic, warnings)
 
@@ -292,7 +292,7 @@ def _wheels(bag: _Bag, tree: FrameTree, frame: str) -> _Poses | None:
 
 
 def _turned_round(trajectory: Trajectory) -> Trajectory:
-    """With the beams of a laser that hangs upside down pointing where they really point."""
+    """With the beams of a laser mounted upside down pointing where they really point."""
     if trajectory.ranges_m is None or trajectory.geometry is None:
         return trajectory
     geometry = replace(trajectory.geometry, angles_rad=-trajectory.geometry.angles_rad[::-1])

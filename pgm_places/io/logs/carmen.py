@@ -59,7 +59,7 @@ class CarmenReader:
     laser : {"front", "rear"}
         Which of the robot's lasers is wanted.
     range_max_m : float or None
-        From which reading on a beam has met nothing. None takes it from the message
+        Readings of at least this mean that a beam met nothing. None takes it from the message
         (``ROBOTLASER1``), else from the log's parameter ``robot_front_laser_max`` (or ``rear``),
         else 81.83 m.
 
@@ -205,7 +205,7 @@ def read_carmen(
     laser : {"front", "rear"}
         Which of the robot's lasers.
     range_max_m : float, optional
-        From which reading on a beam has met nothing; see :class:`CarmenReader`.
+        Readings of at least this mean that a beam met nothing; see :class:`CarmenReader`.
 
     Poses are the laser's. The odometry of the same lines is kept where it differs from them.
     What could be read is kept, with a warning each: the part before the place where compressed
@@ -224,9 +224,9 @@ def read_carmen(
     scans = list(iter_carmen_scans(lines, reader=reader))
     warnings = []
     if lines.damage:
-        warnings.append(f"{lines.damage}; what came before was read ({len(scans)} scans)")
+        warnings.append(f"{lines.damage}; everything before it was read ({len(scans)} scans)")
     if reader.n_damaged:
-        warnings.append(f"{_lines(reader.n_damaged)} could not be read and left out")
+        warnings.append(f"{_lines(reader.n_damaged)} could not be read and were skipped")
     name = Path(path).name.removesuffix(".gz").removesuffix(".log")
     if scans:
         kept = most_frequent_kind(scans)
@@ -260,8 +260,8 @@ def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Traject
     if not reader.odometry:
         found = ", ".join(f"{count} {kind[:20]}" for kind, count in reader.counts.most_common(5))
         raise LogError(
-            f"{path} holds neither laser scans nor odometry that could be read "
-            f"(lines: {found or 'none'}); is it a CARMEN log, and whole?"
+            f"{path} holds no readable laser scans or odometry "
+            f"(lines: {found or 'none'}); is it a complete CARMEN log?"
         )
     rows: NDArray[np.float64] = np.array(reader.odometry)
     return Trajectory(rows[:, 0], rows[:, 1:], name=name)

@@ -83,7 +83,7 @@ def _message_ends(geometry: ScanGeometry) -> tuple[str, tuple[str, str]]:
     start, spacing = float(geometry.angles_rad[0]), geometry.spacing_rad
     if spacing is None:
         raise InputError(
-            f"a CARMEN log can hold evenly spaced beams only, and those of {geometry} are not; "
+            f"a CARMEN log can only hold evenly spaced beams, and those of {geometry} are not; "
             "choose another format or other beams"
         )
     span = spacing * n_beams

@@ -67,7 +67,7 @@ def _connections(path: Path | str, bag: Any, topics: Sequence[str]) -> list[Any]
     missing = sorted(set(topics) - {item.topic for item in there})
     if missing or not there:
         wanted = f"the topic {missing[0]}" if missing else "a topic"
-        raise LogError(f"{path} has not {wanted} of type {KINDS[0]}; topics of that type: {listed}")
+        raise LogError(f"{path} lacks {wanted} of type {KINDS[0]}; topics of that type: {listed}")
     return [item for item in there if not topics or item.topic in topics]
 
 
@@ -76,7 +76,7 @@ def _message(path: Path | str, bag: Any, connection: Any, raw: bytes) -> Any:
         return bag.deserialize(raw, connection.msgtype)
     except KeyError:
         raise LogError(
-            f"{path} does not say what {connection.msgtype} holds, as old sqlite3 bags do not; "
+            f"{path} does not define {connection.msgtype}, as is usual for old sqlite3 bags; "
             "convert it to MCAP with 'ros2 bag convert'"
         ) from None
 

@@ -86,6 +86,6 @@ def code_warnings(trajectory: Trajectory) -> list[str]:
     if share < _CODE_SHARE or readings < _CODE_READINGS:
         return []
     return [
-        f"{100 * share:.1f} % of the readings are exactly {longest:g} m, the longest of all: if "
-        f"that is how the sensor says that it saw nothing, give {longest:g} as range_max_m"
+        f"{100 * share:.1f} % of the readings are exactly {longest:g} m, the longest of all: "
+        f"if that is how the sensor reports no return, give {longest:g} as range_max_m"
     ]

@@ -17,7 +17,7 @@ _GZIP_MAGIC = b"\x1f\x8b"
 class LogLines:
     """The lines of a file, plain or gzip by its first bytes, whatever it is called.
 
-    Where the compressed data end too early or are damaged, the lines before that place come all
+    Where the compressed data are truncated or are damaged, the lines before that place come all
     the same, and :attr:`damage` then says what happened.
 
     Parameters
@@ -49,7 +49,7 @@ class LogLines:
                     yield from unpacked
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             cut = isinstance(error, EOFError)
-            self.damage = "the compressed data end too early" if cut else f"damaged data: {error}"
+            self.damage = "the compressed data are truncated" if cut else f"damaged data: {error}"
         except OSError as error:
             reason = error.strerror or str(error)
             raise LogError(f"cannot read the log {self.path}: {reason}; check the path") from None

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pgm_places.errors import LogError
-from pgm_places.io.atomic import write_text
+from pgm_places.io.text_file import read_text
 from pgm_places.vision.detector import MOST
 from pgm_places.vision.object_counts import ObjectCounts
 
-__all__ = ["read_object_counts", "write_object_counts"]
+__all__ = ["read_object_counts"]
 
 TIME = "t_s"
 MAX_BYTES = 256 << 20
@@ -30,24 +30,17 @@ def read_object_counts(path: Path | str) -> ObjectCounts:
     Raises
     ------
     LogError
-        The file is missing, too large or something else, or a value is no time or no count.
+        The file is missing, too large or something else, or a value is not a time or a count.
     """
     source = Path(path)
-    try:
-        if source.stat().st_size > MAX_BYTES:
-            raise LogError(f"{source} is larger than {MAX_BYTES} bytes; are these counts?")
-        text = source.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise LogError(f"cannot read {source}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise LogError(f"{source} is no text; counts are CSV or JSON") from None
+    text = read_text(source, LogError, "counts of objects (CSV or JSON)", max_bytes=MAX_BYTES)
     if source.suffix.lower() == ".json":
         return _from_json(source, text)
     return _from_csv(source, text)
 
 
 def _from_csv(source: Path, text: str) -> ObjectCounts:
-    rows = [row for row in csv.reader(io.StringIO(text)) if row]
+    rows = [row for row in csv.reader(io.StringIO(text, newline=None)) if row]
     heading = [name.strip() for name in rows[0]] if rows else []
     if TIME not in heading or len(heading) < 2:
         raise LogError(
@@ -70,7 +63,7 @@ def _from_json(source: Path, text: str) -> ObjectCounts:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise LogError(f"{source} is no JSON: {error}") from None
+        raise LogError(f"{source} is not JSON: {error}") from None
     shape = f'a list of records such as {{"{TIME}": 12.3, "counts": {{"coffee machine": 1}}}}'
     if not isinstance(content, list):
         raise LogError(f"{source} must hold {shape}, got {type(content).__name__}")
@@ -96,7 +89,7 @@ def _checked(
         for name, value in found.items():
             count = _number(where, name, value)
             if not (0 <= count < MOST and count == int(count)):
-                raise LogError(f"{where}: {name} must be a count from 0, got {value!r}")
+                raise LogError(f"{where}: {name} must be a whole number from 0, got {value!r}")
             counts[k, names.index(name)] = int(count)
     return ObjectCounts(times, counts, tuple(names))
 
@@ -109,19 +102,3 @@ def _number(where: str, name: str, value: Any) -> float:
     if not np.isfinite(number):
         raise LogError(f"{where}: {name} must be a finite number, got {value!r}")
     return number
-
-
-def write_object_counts(path: Path | str, counts: ObjectCounts) -> Path:
-    """Write counts as CSV, which :func:`read_object_counts` reads back exactly; the path.
-
-    Raises
-    ------
-    OutputError
-        Where the file cannot be written.
-    """
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([TIME, *counts.object_names])
-    for time, row in zip(counts.times_s.tolist(), counts.counts.tolist(), strict=True):
-        writer.writerow([repr(time), *row])
-    return write_text(path, buffer.getvalue())

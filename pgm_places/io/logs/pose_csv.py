@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError, LogError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.logs.loaded_log import LoadedLog, order_warnings
+from pgm_places.io.text_file import read_text
 from pgm_places.trajectories.trajectory import Trajectory, headings_along
 
 __all__ = ["read_pose_csv", "write_pose_csv"]
 
+MAX_BYTES = 1 << 30
 _TIME = ("t_s", "time_s", "timestamp", "time", "t")
 _X = ("x_m", "x")
 _Y = ("y_m", "y")
@@ -87,8 +89,8 @@ def read_pose_csv(
     Raises
     ------
     LogError
-        The file cannot be read or is no such table: a column is missing or comes twice, a row has
-        another number of fields, a number is none.
+        The file cannot be read or is not such a table: a column is missing or appears twice, a
+        row has a different number of fields, a field is not a number.
     LabelError
         A place is not among ``label_names``.
     """
@@ -113,20 +115,17 @@ def read_pose_csv(
 
 
 def _read_table(path: Path) -> _Table:
+    text = read_text(path, LogError, "a table of poses (CSV)", max_bytes=MAX_BYTES)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        lines = [row for row in csv.reader(io.StringIO(text), strict=True) if row]
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise LogError(f"cannot read {path}: {reason}; check the path") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"{path} is no table of comma-separated values: {error}") from None
+        lines = [row for row in csv.reader(io.StringIO(text, newline=None), strict=True) if row]
+    except csv.Error as error:
+        raise LogError(f"{path} is not a table of comma-separated values: {error}") from None
     if not lines:
-        raise LogError(f"{path} is empty; wanted a line of column names and one row per step")
+        raise LogError(f"{path} is empty; expected a line of column names and one row per step")
     names = [name.strip() for name in lines[0]]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
-        raise LogError(f"{path}: the column {sorted(twice)[0]!r} comes twice")
+        raise LogError(f"{path}: the column {sorted(twice)[0]!r} appears twice")
     if len(lines) == 1:
         raise LogError(f"{path} has column names but no rows")
     for number, row in enumerate(lines[1:], 1):

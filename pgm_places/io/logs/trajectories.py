@@ -35,7 +35,7 @@ def read_trajectory(
     laser
         For CARMEN logs; see there.
     range_max_m
-        For logs and bags: from which reading on a beam has met nothing.
+        For logs and bags: readings of at least this mean that a beam met nothing.
     scan_topic, pose_topic, fixed_frame
         For bags; see there.
     label_column, label_names
@@ -48,7 +48,7 @@ def read_trajectory(
     """
     path = Path(path)
     if not path.exists():
-        raise LogError(f"cannot read the log {path}: there is no such file; check the path")
+        raise LogError(f"cannot read the log {path}: no such file; check the path")
     if path.suffix.lower() == ".csv":
         from pgm_places.io.logs.pose_csv import read_pose_csv
 
@@ -64,7 +64,7 @@ def read_trajectory(
             range_max_m=range_max_m,
         )
     if path.is_dir():
-        raise LogError(f"{path} is a folder without a metadata.yaml, so no ROS 2 bag")
+        raise LogError(f"{path} is a folder without a metadata.yaml, so it is not a ROS 2 bag")
     from pgm_places.io.logs.carmen import read_carmen
 
     return read_carmen(path, laser=laser, range_max_m=range_max_m)

@@ -58,7 +58,7 @@ def write_geotiff(
         raise InputError(f"what must be 'regions' or 'labels', got {what!r}")
     highest = max((region.id for region in topology.regions), default=0)
     if highest > 65535:
-        raise InputError(f"a GeoTIFF of regions holds ids up to 65535, there is {highest}")
+        raise InputError(f"a GeoTIFF of regions holds ids up to 65535, got {highest}")
     values = topology.region
     if what == "labels":
         table = np.zeros(highest + 1, np.int32)

@@ -74,7 +74,7 @@ def load_labels(
             )
         if image.is_deep:
             raise LabelError(
-                f"{path}: greys of 16 bits; label values are 0 to 255, save it with 8 bits"
+                f"{path}: 16-bit grey values; label values are 0 to 255: save it with 8 bits"
             )
         raster = _raster(image, values)
     _check_orientation(path, raster, grid)
@@ -156,7 +156,7 @@ def _single_channel(strip: Strip, path: Path) -> NDArray[np.uint8]:
         if coloured.any():
             row, column = (int(i) for i in np.argwhere(coloured)[0])
             raise LabelError(
-                f"{path}: the label image is in colours, e.g. {channels[row, column].tolist()} at "
+                f"{path}: the label image is in colour, e.g. {channels[row, column].tolist()} at "
                 f"row {strip.row + row} from the top, column {column}; save it as greyscale or as "
                 "an indexed image"
             )
@@ -170,7 +170,7 @@ def _check_values(path: Path, counts: NDArray[np.int64], values: LabelValues) ->
         more = f" and {len(unnamed) - 8} more" if len(unnamed) > 8 else ""
         raise LabelError(
             f"{path}: grey values without a name: {shown}{more}. {values.path} names "
-            f"{values.listed()}; add them under 'values', or under 'ignore' if they are no labels"
+            f"{values.listed()}; add them under 'values', or under 'ignore' if they are not labels"
         )
 
 
@@ -186,7 +186,7 @@ def _check_orientation(path: Path, raster: NDArray[np.int16], grid: OccupancyGri
     shares = f"{100 * upright:.0f} % of the labelled pixels lie on free cells of the map"
     if flipped >= _MOST_ON_FREE:
         raise LabelError(
-            f"{path}: the label image is upside down: only {shares}, turned over it is "
+            f"{path}: the label image is upside down: only {shares}, flipped it is "
             f"{100 * flipped:.0f} %; flip it vertically"
         )
     _log.warning("%s: only %s; do the labels belong to this map?", path, shares)

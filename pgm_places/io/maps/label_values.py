@@ -52,7 +52,7 @@ def default_values(label_names: Sequence[str]) -> dict[str, int]:
     """
     names = list(label_names)
     if not 1 <= len(names) <= 255 or len(set(names)) != len(names):
-        raise LabelError(f"label_names must be 1 to 255 names, each once, got {names[:10]}")
+        raise LabelError(f"label_names must be 1 to 255 distinct names, got {names[:10]}")
     step = 255 // len(names)
     return {name: (k + 1) * step for k, name in enumerate(names)}
 
@@ -117,8 +117,8 @@ def _names_file(image_path: Path, names_path: Path | str | None) -> Path:
     if shared.exists():
         return shared
     raise LabelError(
-        f"{image_path}: no names for its grey values: neither {own.name} nor {shared.name} is "
-        f"beside it. Write one, e.g. 'values: {{room: 77, corridor: 115}}' and 'ignore: 0'"
+        f"{image_path}: its grey values have no names: neither {own.name} nor {shared.name} "
+        "exists beside it. Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
     )
 
 

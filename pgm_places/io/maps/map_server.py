@@ -163,7 +163,7 @@ def _image_path(file: YamlFile) -> Path:
         there = False
     if not there:
         raise MapError(
-            f"{file.path}: its image {name!r} is not there: no file {path}; correct the key "
+            f"{file.path}: its image {name!r} is missing: no file {path}; correct the key "
             "'image' or put the image there"
         )
     return path

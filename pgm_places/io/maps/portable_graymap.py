@@ -58,7 +58,7 @@ def read_header(path: Path, file: IO[bytes], error: type[InputError]) -> Graymap
     Raises
     ------
     error
-        Where the header is no PGM header or states more pixels than the file holds.
+        Where the header is not a PGM header or states more pixels than the file holds.
     """
     if file.read(2) != b"P5":
         file.seek(0)

@@ -139,7 +139,7 @@ def open_image(
         if height * width > max_pixels:
             raise error(
                 f"{path}: the image's header states {width} x {height} = {height * width} pixels, "
-                f"more than the limit of {max_pixels}; raise max_pixels if the map is really so "
+                f"more than the limit of {max_pixels}; raise max_pixels if the map really is that "
                 "large"
             )
         _check_length(image, path.stat().st_size, error)
@@ -172,7 +172,7 @@ def _opened(path: Path, file: IO[bytes], error: type[InputError]) -> RasterImage
 def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) -> "Image":
     """The header as Pillow reads it; one named decoder, never Pillow's guess among dozens.
 
-    The plugin is called by its class: ``Image.open`` would hold maps of more than 89 million pixels
+    The plugin is called by its class: ``Image.open`` would take maps of more than 89 million pixels
     for an attack, by a limit that is global to the process.
     """
     try:

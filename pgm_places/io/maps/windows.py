@@ -80,7 +80,7 @@ def _metres(name: str, limits: Sequence[float | None] | None) -> tuple[float, fl
     low, high = _pair(name, limits)
     low_m, high_m = -np.inf if low is None else float(low), np.inf if high is None else float(high)
     if not low_m < high_m:
-        raise MapError(f"the window {_listed(**{name: limits})} is empty: low < high is wanted")
+        raise MapError(f"the window {_listed(**{name: limits})} is empty: low must be below high")
     return low_m, high_m
 
 

@@ -58,7 +58,9 @@ def export(topology: TopologicalMap, to: str, folder: Path, *, values: Values = 
         stem = folder / to.replace("-", "_")
         return write_filter_mask(stem, topology, MASKS[to], values=values)
     if to not in EXPORTS:
-        raise InputError(f"no export is called {to!r}; {nearest_name(to, [*EXPORTS, *MASKS])}")
+        raise InputError(
+            f"there is no export called {to!r}; {nearest_name(to, [*EXPORTS, *MASKS])}"
+        )
     if values:
-        raise InputError(f"the export {to!r} has no values to set; masks have: {', '.join(MASKS)}")
+        raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(MASKS)}")
     return EXPORTS[to](folder, topology)

@@ -140,7 +140,7 @@ def _zone_states(
 ) -> str:
     """Parameters of a zone filter with a state per value of the mask.
 
-    No state has ``setpoints``, as ROS reads no empty list; the filter says so and goes on.
+    No state has ``setpoints``, as ROS cannot read an empty list; the filter says so and goes on.
     """
     named: dict[int, list[str]] = {}
     for name, value in _named(topology, values).items():

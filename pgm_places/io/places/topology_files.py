@@ -15,6 +15,7 @@ from pgm_places.io.geojson import read_regions
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.strict_yaml import read_yaml
+from pgm_places.io.text_file import read_text
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.regions import Region
@@ -27,6 +28,7 @@ NAMES_FILE = "place_names.yaml"
 FORMAT, SCHEMA = "pgm-places-topology", 1
 MAX_REGIONS = 65535
 MAX_BYTES = 256 << 20
+_WANTED = "a topological map, as 'pgm-places label' and 'pgm-places topology' write it"
 
 
 def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
@@ -45,7 +47,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     if topology.next_id - 1 > MAX_REGIONS:
         raise OutputError(
             f"{target}: {topology.next_id - 1} ids have been given, regions.png holds {MAX_REGIONS}"
-            "; correct the labels (larger least areas), or start anew in an empty folder"
+            "; correct the labels (larger least areas), or start again in an empty folder"
         )
     written = [
         write_bytes(target / REGION_FILE, _png(topology.region)),
@@ -101,29 +103,24 @@ def load_topology(folder: Path | str) -> TopologicalMap:
     """
     source = Path(folder).expanduser()
     path = source / TOPOLOGY_FILE
+    text = read_text(path, InputError, _WANTED, max_bytes=MAX_BYTES)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path} is larger than {MAX_BYTES} bytes; is it a topology?")
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path}: {error.strerror or error}; write one with 'pgm-places label' or "
-            "'pgm-places topology'"
-        ) from None
+        record = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is no JSON file: {error}") from None
+        raise InputError(f"{path} is not a JSON file: {error}") from None
     if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise InputError(f"{path} is no topology of this package; write it anew")
+        raise InputError(f"{path} is not a topological map of this package; write it again")
     if record.get("schema") != SCHEMA:
         raise InputError(
-            f"{path} has schema {record.get('schema')!r}, {SCHEMA} is read; write it anew"
+            f"{path} has schema {record.get('schema')!r}, but only {SCHEMA} can be read; "
+            "write it again"
         )
     try:
         return _topology(source, record)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path} is damaged ({error!r}); write it anew") from None
+        raise InputError(f"{path} is damaged ({error!r}); write it again") from None
 
 
 def _topology(source: Path, record: dict[str, Any]) -> TopologicalMap:
@@ -143,7 +140,7 @@ def _topology(source: Path, record: dict[str, Any]) -> TopologicalMap:
     if seen != ids:
         raise InputError(
             f"{source / REGION_FILE} and {TOPOLOGY_FILE} hold other regions "
-            f"({sorted(seen ^ ids)[:5]}); they belong to different runs, write them anew"
+            f"({sorted(seen ^ ids)[:5]}); they come from different runs; write them again"
         )
     return TopologicalMap(
         grid,
@@ -172,7 +169,7 @@ def _read_ids(path: Path, shape: tuple[int, int]) -> NDArray[np.int32]:
         with path.open("rb") as file, PngImageFile(file) as picture:
             ids = np.asarray(picture)
     except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{path}: damaged: {error}; write it anew") from None
+        raise InputError(f"{path}: damaged: {error}; write it again") from None
     return ids[::-1].astype(np.int32)
 
 
@@ -182,7 +179,7 @@ def read_own_names(folder: Path | str) -> dict[int, str]:
     Raises
     ------
     LabelError
-        A key is no id, or a name is no text.
+        A key is not an id, or a name is not text.
     """
     path = Path(folder) / NAMES_FILE
     if not path.exists():

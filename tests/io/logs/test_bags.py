@@ -65,7 +65,7 @@ def test_what_a_bag_cannot_hold_is_refused(tmp_path: Path) -> None:
     path = drive(ScanGeometry.half_circle(3))
     with pytest.raises(InputError, match=r"NAME without an ending .* the name is 'a\.rosbag'"):
         write_bag(tmp_path / "a.rosbag", path)
-    with pytest.raises(InputError, match="evenly spaced beams only"):
+    with pytest.raises(InputError, match="only hold evenly spaced beams"):
         write_bag(tmp_path / "a.bag", drive(ScanGeometry(np.array([0.0, 0.1, 0.5]), 5.0)))
     with pytest.raises(InputError, match="has no scans"):
         write_bag(tmp_path / "a.bag", Trajectory(path.times_s, path.poses))
@@ -242,7 +242,7 @@ def test_a_damaged_bag_is_one_message(tmp_path: Path, name: str) -> None:
     file = whole / "drive.db3" if whole.is_dir() else whole
     data = file.read_bytes()
     file.write_bytes(data[: len(data) // 3])
-    with pytest.raises(LogError, match="is it whole"):
+    with pytest.raises(LogError, match="is it complete"):
         read_bag(whole)
 
 

@@ -106,7 +106,7 @@ def test_unknown_lines_are_counted_and_skipped(tmp_path: Path) -> None:
 def test_damaged_lines_are_left_out_and_told(tmp_path: Path, line: bytes) -> None:
     log = read_carmen(write(tmp_path / "a.log", flaser([1.0, 2.0, 3.0]), line))
     assert len(log.trajectory) == 1
-    assert log.warnings == ("1 damaged line could not be read and left out",)
+    assert log.warnings == ("1 damaged line could not be read and were skipped",)
 
 
 WORDS = st.one_of(
@@ -159,7 +159,7 @@ def test_a_cut_gzip_keeps_what_was_read(tmp_path: Path) -> None:
     log = read_carmen(path)
     assert 50 < len(log.trajectory) < 150
     assert log.warnings == (
-        "the compressed data end too early; what came before was read "
+        "the compressed data are truncated; everything before it was read "
         f"({len(log.trajectory)} scans)",
     )
 
@@ -176,9 +176,9 @@ def test_without_scans_odometry_makes_the_trajectory(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "(lines: none); is it a CARMEN log"),
+        (b"", "(lines: none); is it a complete CARMEN log"),
         (b"PARAM a b 0 h 0\nSYNC 1\n", "(lines: 1 PARAM, 1 SYNC)"),
-        (b"\x89PNG\r\n\x1a\n\x00\x00", "holds neither laser scans nor odometry"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "holds no readable laser scans or odometry"),
     ],
 )
 def test_a_file_that_holds_nothing_is_one_message(
@@ -250,7 +250,7 @@ def test_rounding_never_makes_or_hides_a_return(tmp_path: Path) -> None:
 
 def test_what_a_log_cannot_hold_is_refused(tmp_path: Path) -> None:
     uneven = drive(ScanGeometry(np.array([0.0, 0.1, 0.5]), 5.0))
-    with pytest.raises(InputError, match="evenly spaced beams only"):
+    with pytest.raises(InputError, match="only hold evenly spaced beams"):
         write_carmen(tmp_path / "a.log", uneven)
     bare = type(uneven)(uneven.times_s, uneven.poses)
     with pytest.raises(InputError, match="has no scans to write"):

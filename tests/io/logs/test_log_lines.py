@@ -36,7 +36,7 @@ def test_what_came_before_the_cut_is_kept(tmp_path: Path) -> None:
     found = list(lines)
     assert found == LINES[: len(found)]
     assert len(found) > len(LINES) // 4
-    assert lines.damage == "the compressed data end too early"
+    assert lines.damage == "the compressed data are truncated"
 
 
 def test_damage_in_the_middle_keeps_the_beginning(tmp_path: Path) -> None:

@@ -10,15 +10,16 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pgm_places.errors import LogError
 from pgm_places.io.logs.detection_bags import read_detection_bag
-from pgm_places.io.logs.object_counts import read_object_counts, write_object_counts
+from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.vision.object_counts import ObjectCounts
+from tests.io.files import write_counts
 
 
 def test_counts_survive_csv(tmp_path: Path) -> None:
     counts = ObjectCounts(
         np.array([0.1, 1e9 + 1 / 3]), np.array([[0, 2], [1, 0]]), ("coffee machine", 'a "cup", red')
     )
-    again = read_object_counts(write_object_counts(tmp_path / "counts.csv", counts))
+    again = read_object_counts(write_counts(tmp_path / "counts.csv", counts))
     assert again.object_names == counts.object_names
     assert (again.times_s == counts.times_s).all()
     assert (again.counts == counts.counts).all()
@@ -39,14 +40,14 @@ def test_json_names_only_what_was_seen(tmp_path: Path) -> None:
         ("a.csv", "", "the heading must name t_s"),
         ("a.csv", "time,cup\n1,2\n", "the heading must name t_s"),
         ("a.csv", "t_s,cup\n1,2\n1\n", "row 2 after the heading: 2 values were expected, got 1"),
-        ("a.csv", "t_s,cup\n1,-2\n", "cup must be a count from 0, got '-2'"),
+        ("a.csv", "t_s,cup\n1,-2\n", "cup must be a whole number from 0, got '-2'"),
         ("a.csv", "t_s,cup\n1,x\n", "cup must be a finite number, got 'x'"),
         ("a.csv", "t_s,cup\nnan,1\n", "t_s must be a finite number"),
-        ("a.json", "{", "is no JSON"),
+        ("a.json", "{", "is not JSON"),
         ("a.json", "{}", "must hold a list of records"),
         ("a.json", '[{"t_s": 1}]', "record 1"),
         ("a.json", '[{"t_s": 1, "counts": {"cup": true}}]', "cup must be a finite number"),
-        ("a.json", '[{"t_s": 1, "counts": {"cup": 0.5}}]', "cup must be a count from 0"),
+        ("a.json", '[{"t_s": 1, "counts": {"cup": 0.5}}]', "cup must be a whole number from 0"),
     ],
 )
 def test_damage_is_said(name: str, text: str, words: str, tmp_path: Path) -> None:
@@ -56,10 +57,10 @@ def test_damage_is_said(name: str, text: str, words: str, tmp_path: Path) -> Non
 
 
 def test_a_missing_or_binary_file(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot read"):
+    with pytest.raises(LogError, match="no such file; expected counts of objects"):
         read_object_counts(tmp_path / "none.csv")
     (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(LogError, match="is no text"):
+    with pytest.raises(LogError, match="not UTF-8 text; expected counts"):
         read_object_counts(tmp_path / "a.csv")
 
 
@@ -146,7 +147,7 @@ def test_detections_of_several_cameras_are_added_up(tmp_path: Path) -> None:
 
 def test_a_bag_without_such_a_topic(tmp_path: Path) -> None:
     bag = detection_bag(tmp_path / "bag", [("/left", 1.0, [])])
-    with pytest.raises(LogError, match=r"has not the topic /right of type .*: /left"):
+    with pytest.raises(LogError, match=r"lacks the topic /right of type .*: /left"):
         read_detection_bag(bag, topics=["/right"])
     with pytest.raises(LogError, match="together_s must be positive"):
         read_detection_bag(bag, together_s=0.0)

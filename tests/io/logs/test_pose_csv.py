@@ -63,14 +63,14 @@ def test_an_unknown_place_is_refused_where_the_labels_are_given(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is empty; wanted a line of column names"),
+        ("", "is empty; expected a line of column names"),
         ("x,y\n", "has column names but no rows"),
         ("x,t\n1,2\n", "no column for y in metres: wanted y_m or y, the columns are x, t"),
-        ("x,y,x\n1,2,3\n", "the column 'x' comes twice"),
+        ("x,y,x\n1,2,3\n", "the column 'x' appears twice"),
         ("x,y\n1\n", "row 1 after the heading: 1 fields, but there are 2 columns"),
         ("x,y\n1,2\nnan,2\n", "row 2 after the heading: x must be a finite number, got 'nan'"),
         ("x,y\n1,two\n", "y must be a finite number, got 'two'"),
-        ('x,y\n"1,2\n', "no table of comma-separated values"),
+        ('x,y\n"1,2\n', "not a table of comma-separated values"),
     ],
 )
 def test_what_is_no_such_table_is_one_message(tmp_path: Path, text: str, message: str) -> None:
@@ -86,9 +86,9 @@ def test_a_wanted_label_column_must_be_there(tmp_path: Path) -> None:
 
 def test_a_file_that_is_no_text_is_one_message(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"x,y\n\xff\xfe,1\n")
-    with pytest.raises(LogError, match="is no table of comma-separated values"):
+    with pytest.raises(LogError, match="not UTF-8 text; expected a table of poses"):
         read_pose_csv(tmp_path / "a.csv")
-    with pytest.raises(LogError, match="cannot read"):
+    with pytest.raises(LogError, match="no such file; expected a table of poses"):
         read_pose_csv(tmp_path / "none.csv")
 
 

@@ -26,10 +26,10 @@ def test_other_names_cannot_be_written(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_one_message(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="there is no such file; check the path"):
+    with pytest.raises(LogError, match="no such file; check the path"):
         read_trajectory(tmp_path / "none.log")
 
 
 def test_a_folder_that_is_no_bag_is_one_message(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no ROS 2 bag"):
+    with pytest.raises(LogError, match="not a ROS 2 bag"):
         read_trajectory(tmp_path)

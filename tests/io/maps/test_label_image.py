@@ -83,8 +83,8 @@ def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path
     with pytest.raises(LabelError) as caught:
         load_labels(path, NAMES, grid=free_grid(2, 3))
     assert str(caught.value) == (
-        f"{path}: no names for its grey values: neither truth.yaml nor labels.yaml is beside it. "
-        "Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
+        f"{path}: its grey values have no names: neither truth.yaml nor labels.yaml exists "
+        "beside it. Write one, e.g. 'values: {room: 77, corridor: 115}' and 'ignore: 0'"
     )
 
 
@@ -131,7 +131,7 @@ def test_greys_without_a_name_are_listed_with_their_count(tmp_path: Path) -> Non
     assert str(caught.value) == (
         f"{path}: grey values without a name: 78 (2 pixels), 116 (1 pixels). "
         f"{tmp_path / 'labels.yaml'} names corridor = 115, room = 77; ignored: 0; add them under "
-        "'values', or under 'ignore' if they are no labels"
+        "'values', or under 'ignore' if they are not labels"
     )
 
 
@@ -146,9 +146,9 @@ def test_a_smoothed_image_lists_only_some_of_its_greys(tmp_path: Path) -> None:
     [
         (
             np.array([[[77, 77, 77], [9, 8, 7]]], np.uint8),
-            "the label image is in colours, e.g. [9, 8, 7] at row 0 from the top, column 1; save",
+            "the label image is in colour, e.g. [9, 8, 7] at row 0 from the top, column 1; save",
         ),
-        (np.array([[77, 115]], np.uint16), "greys of 16 bits; label values are 0 to 255"),
+        (np.array([[77, 115]], np.uint16), "16-bit grey values; label values are 0 to 255"),
         (np.array([[0, 0]], np.uint8), "no pixel has a label; are all its values under 'ignore'?"),
     ],
 )
@@ -181,7 +181,7 @@ def test_an_image_upside_down_is_refused(tmp_path: Path) -> None:
         load_labels(tmp_path / "down.png", NAMES, grid=grid)
     assert str(caught.value) == (
         f"{tmp_path / 'down.png'}: the label image is upside down: only 18 % of the labelled "
-        "pixels lie on free cells of the map, turned over it is 100 %; flip it vertically"
+        "pixels lie on free cells of the map, flipped it is 100 %; flip it vertically"
     )
 
 
@@ -241,8 +241,8 @@ def test_the_picture_is_indexed_in_distinct_colours_on_the_images_own_raster(
         ([[0, -2]], NAMES, "got values from -2 to 0"),
         ([[0.0, 1.0]], NAMES, "raster must hold integers, got dtype float64"),
         ([0, 1], NAMES, "raster must have shape (H, W), got (2,)"),
-        ([[0]], ["a", "a"], "label_names must be 1 to 255 names, each once, got ['a', 'a']"),
-        ([[0]], [str(k) for k in range(256)], "label_names must be 1 to 255 names"),
+        ([[0]], ["a", "a"], "label_names must be 1 to 255 distinct names, got ['a', 'a']"),
+        ([[0]], [str(k) for k in range(256)], "label_names must be 1 to 255 distinct names"),
     ],
 )
 def test_what_cannot_be_saved_is_refused(

@@ -166,10 +166,10 @@ def test_polygons_that_share_edges_share_no_cell_and_leave_none(
     [
         ({"type": "Feature", "properties": {}, "geometry": None}, "has no geometry; remove it or"),
         ("nonsense", "has no geometry; remove it or draw its polygon"),
-        (feature([box(0, 0, 1, 1)], None), "property 'class' must be a text that names its class"),
-        (feature([box(0, 0, 1, 1)], True), "must be a text that names its class, got True"),
+        (feature([box(0, 0, 1, 1)], None), "property 'class' must be text that names its class"),
+        (feature([box(0, 0, 1, 1)], True), "must be text that names its class, got True"),
         (feature([0, 0], kind="Point"), "is a 'Point'; a region must be a Polygon or a MultiPol"),
-        (feature([]) | {"properties": 3}, "property 'class' must be a text that names its class"),
+        (feature([]) | {"properties": 3}, "property 'class' must be text that names its class"),
         (feature([], kind="MultiPolygon"), "coordinates must be a list of polygons, got []"),
         (feature([]), "coordinates must be a list of rings, got []"),
         (feature(None), "coordinates must be a list of rings, got None"),
@@ -213,7 +213,7 @@ def test_bad_features_are_refused_by_their_index(tmp_path: Path, item: Any, mess
         ('{"type": "Point"}', "not a GeoJSON FeatureCollection (its type is 'Point')"),
         ('{"type": "FeatureCollection"}', "not a GeoJSON FeatureCollection"),
         ('{"type": NaN}', "not a GeoJSON file: expected value at line 1 column 10"),
-        ("\xff", "not a GeoJSON file: expected value at line 1"),
+        ("\xff", "not UTF-8 text; expected regions (GeoJSON)"),
     ],
 )
 def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -226,12 +226,12 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
 def test_missing_and_huge_files_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(LabelError, match=r"absent: no such file; regions \(GeoJSON\) were expect"):
+    with pytest.raises(LabelError, match=r"absent: no such file; expected regions \(GeoJSON\)"):
         read_regions(tmp_path / "absent")
-    with pytest.raises(LabelError, match="cannot be read: Is a directory"):
+    with pytest.raises(LabelError, match="is a folder; expected regions"):
         read_regions(tmp_path)
     monkeypatch.setattr(geojson, "MAX_BYTES", 10)
-    with pytest.raises(LabelError, match="larger than 10 bytes; simplify its polygons"):
+    with pytest.raises(LabelError, match="larger than 10 bytes; expected regions"):
         read_regions(write(tmp_path, feature([box(0, 0, 1, 1)])))
 
 

@@ -77,8 +77,8 @@ EXTENT = "has 5 columns and 4 rows and reaches from 1 to 3.5 m in x and from 0 t
         ({"rows": (4, None)}, "0 <= start < stop <= 4, the height of the map's image"),
         ({"rows": (1, 2, 3)}, "the window rows must be a pair [start, stop], got (1, 2, 3)"),
         ({"rows": "12"}, "the window rows must be a pair [start, stop], got '12'"),
-        ({"x_m": (2.0, 1.0)}, "the window x_m [2, 1] is empty: low < high is wanted"),
-        ({"x_m": (float("nan"), 1.0)}, "is empty: low < high is wanted"),
+        ({"x_m": (2.0, 1.0)}, "the window x_m [2, 1] is empty: low must be below high"),
+        ({"x_m": (float("nan"), 1.0)}, "is empty: low must be below high"),
         ({"x_m": (7.0, None)}, f"the window x_m [7, end] holds no cell of the map, which {EXTENT}"),
         ({"y_m": (0.0, 0.2)}, "the window y_m [0, 0.2] holds no cell of the map"),
         (

@@ -70,8 +70,8 @@ def spoil(folder: Path, **changes: object) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"format": "other"}, "no topology of this package"),
-        ({"schema": 2}, "schema 2, 1 is read"),
+        ({"format": "other"}, "not a topological map of this package"),
+        ({"schema": 2}, "schema 2, but only 1 can be read"),
         ({"regions": [{}]}, "damaged"),
         ({"regions": []}, "hold other regions"),
         ({"map": {"rows": 3}}, "damaged"),
@@ -86,11 +86,11 @@ def test_damage_is_said(changes: dict[str, object], words: str, tmp_path: Path) 
 
 
 def test_missing_and_foreign_files(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="write one with 'pgm-places label'"):
+    with pytest.raises(InputError, match="expected a topological map, as 'pgm-places label'"):
         load_topology(tmp_path)
     save_topology(tmp_path, floor_map())
     (tmp_path / "topology.json").write_text("{")
-    with pytest.raises(InputError, match="no JSON file"):
+    with pytest.raises(InputError, match="not a JSON file"):
         load_topology(tmp_path)
     save_topology(tmp_path, floor_map())
     (tmp_path / "regions.png").write_bytes(b"hello")
