@@ -55,7 +55,7 @@ for name, backend in [("pixel by pixel", "independent"), ("learned AMN", "amn")]
     proof = f"{labeling.status}, gap {labeling.gap:.1g}"
     rows.append((name, time.perf_counter() - start, proof))
 
-sure = np.exp(model.with_unary(test).unary[:, 1]).reshape(truth.shape)
+sure = np.exp(model.scores(test)[:, 1]).reshape(truth.shape)
 start = time.perf_counter()
 walk = segmentation.random_walker(image[:, middle:], 1 * (sure < 0.1) + 2 * (sure > 0.9), tol=1e-5)
 found["random walker"] = walk - 1

@@ -61,7 +61,7 @@ model = StructuredLabeler("amn", classifier).set_params(backend__certify=True)
 model.fit([train], [truth[left]])
 print(f"learned from {left.sum()} points in {time.perf_counter() - start:.1f} s")
 
-unary, edges = model.with_unary(test).unary, test.graph.edges
+unary, edges = model.scores(test), test.graph.edges
 mean = unary.copy()
 np.add.at(mean, edges.ravel(), unary[edges[:, ::-1].ravel()])
 labeling = model.label(test)

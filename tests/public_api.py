@@ -18,7 +18,7 @@ def lines_of(name: str, found: Any) -> list[str]:
     if issubclass(found, Enum):
         return [f"{name}: {', '.join(member.name for member in found)}"]
     lines = [name if issubclass(found, Exception) else f"{name}{_parameters(found)}"]
-    for key, member in sorted(vars(found).items()):
+    for key, member in sorted(_members(found).items()):
         if key.startswith("_") or key in _field_names(found):
             continue
         if isinstance(member, classmethod | staticmethod):
@@ -28,6 +28,12 @@ def lines_of(name: str, found: Any) -> list[str]:
         else:
             lines.append(f"  {name}.{key}")
     return lines
+
+
+def _members(found: Any) -> dict[str, Any]:
+    """What a class offers, with what it has from bases of this package."""
+    own = [base for base in found.__mro__ if base.__module__.startswith("pgm_places")]
+    return {key: member for base in reversed(own) for key, member in vars(base).items()}
 
 
 def _parameters(function: Any) -> str:

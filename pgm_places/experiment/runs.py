@@ -76,6 +76,7 @@ def compare(experiment: Experiment) -> Comparison:
     """
     if not experiment.config.test:
         raise ConfigError("a comparison needs at least one [[test]] map; there is none")
+    make_labeler(experiment.config)  # what it refuses shows before the maps are read
     # Test maps are read before anything is learned: what is wrong with them shows at once.
     tests = load_maps(experiment, "test")
     return compare_fitted(*train(experiment), tests)

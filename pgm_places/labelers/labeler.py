@@ -3,13 +3,19 @@
 The contract is scikit-learn's, so that its ``clone`` and its grid searches take any labeler, but
 scikit-learn is not imported: it takes a second, and labelling does without it.
 
-=====================  ==========================================================================
-``Labeler(options)``   keeps the options as they are; ``fit`` checks them first
-``fit(...)``           learns into attributes with a trailing underscore, and returns the labeler
-``scores(thing)``      what the classifier says of each node by itself
-``infer(thing, scores)``  what the method makes of scores that are already there
-``label(thing)``       both: a :class:`~pgm_places.inference.labeling.Labeling`
-=====================  ==========================================================================
+``Labeler(options)``
+    Keeps the options as they are; ``fit`` checks them before anything is learned.
+``fit(...)``
+    Learns into attributes with a trailing underscore, and returns the labeler.
+``scores(thing)``
+    What the classifier says of each node by itself.
+``infer(thing, scores)``
+    What the method makes of scores that are already there: a
+    :class:`~pgm_places.inference.labeling.Labeling`.
+``label(thing)``
+    Both.
+``save(labeler, folder)``, ``load(folder)``
+    Of :mod:`pgm_places.persistence.stored`, for all labelers and backends alike.
 
 The thing is a map for PlaceLabeler, a trajectory for TrajectoryLabeler and a problem for
 StructuredLabeler. Keywords mean the same wherever they occur:

@@ -2,6 +2,10 @@
 
 scikit-learn itself stores estimators by pickle, which runs code of the file's choosing. Here a
 class is known by name, its parameters are JSON, and what it has learned are arrays and numbers.
+
+skops stores more classes, but what it loads is chosen by type names in the file against a list of
+trusted ones, its archive would stand beside the manifest that says what a model is, and these few
+classes would still have to be read from the models that earlier versions saved.
 """
 
 import importlib

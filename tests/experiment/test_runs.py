@@ -10,6 +10,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare, train
+from pgm_places.experiment.setup import make_labeler
 from pgm_places.models.relaxation import Relaxation
 
 
@@ -69,3 +70,23 @@ def test_a_comparison_without_test_maps_reads_nothing() -> None:
     with pytest.raises(ConfigError, match="at least one"):
         compare(experiment)
     assert not experiment.seconds
+
+
+@pytest.mark.parametrize("run", [train, compare])
+def test_a_method_that_cannot_label_maps_is_refused_before_a_map_is_read(run: Any) -> None:
+    nowhere = [{"map": "nowhere.yaml", "labels": "nowhere.png"}]
+    given = config(train=nowhere, test=nowhere, methods=[{"name": "hmm"}])
+    with pytest.raises(ConfigError, match=r"method 'hmm' \(HiddenMarkovModel\) labels only chains"):
+        run(Experiment(given, Path()))
+
+
+def test_every_method_starts_from_the_same_unary_unless_told_otherwise() -> None:
+    methods = [
+        {"name": "independent"},
+        {"name": "relaxation"},
+        {"name": "independent", "id": "adaboost", "unary": "laser"},
+    ]
+    for widths, auto in (([0.5], "context"), ([], "laser")):
+        labeler = make_labeler(config(context={"half_widths_m": widths}, methods=methods))
+        unaries = [method.unary for method in labeler.resolved_methods().values()]
+        assert unaries == [auto, auto, "laser"]
