@@ -1,5 +1,6 @@
 """A trained decision list of strong classifiers (paper, section 3, eq. 7 and 8), as plain data."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,12 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError, ModelFileError
-from pgm_places.models.strong_classifier import StrongClassifier, VoteTable, distinct_in_order
+from pgm_places.models.boosted_trees import BoostedTrees, TreeTable
+from pgm_places.models.strong_classifier import Split, StrongClassifier, VoteTable
 
 __all__ = ["BoostedList"]
 
 _KIND = "boosted decision list"
-_VERSION = 1
+_VERSION = 1  # of lists of stumps; those of trees came later
+_TREES_VERSION = 2
+_STUMP_ARRAYS = ("feature", "threshold", "polarity", "alpha")
+_TREE_ARRAYS = ("feature", "cut", "value")
 _MAX_FEATURES = 10_000_000
 _DECISIONS = ("list", "argmax")
 
@@ -31,8 +36,8 @@ class BoostedList:
     order : (K,) int64
         Indices into ``classes``: the class that each classifier asks for, and at last the class
         that remains.
-    classifiers : tuple of K - 1 StrongClassifier
-        In the order of the list.
+    classifiers : tuple of K - 1 StrongClassifier or BoostedTrees
+        In the order of the list; all of stumps, or all of trees of one depth.
     calibration : (K - 1, 2) float64
         Slope and offset of each confidence C+ = expit(slope F + offset); (2, 0) is eq. 7.
     n_features : int
@@ -45,7 +50,7 @@ class BoostedList:
 
     classes: NDArray[Any]
     order: NDArray[np.int64]
-    classifiers: tuple[StrongClassifier, ...]
+    classifiers: tuple[StrongClassifier | BoostedTrees, ...]
     calibration: NDArray[np.float64]
     n_features: int
     decision: str = "list"
@@ -65,6 +70,8 @@ class BoostedList:
             raise InputError(
                 f"{n_classes} classes need {n_classes - 1} classifiers, got {len(self.classifiers)}"
             )
+        if len({item.feature.shape[1:] for item in self.classifiers}) > 1:
+            raise InputError("the classifiers must be all of stumps, or all of trees of one depth")
         calibration = finite_array("calibration", self.calibration, (n_classes - 1, 2))
         check_decision(self.decision, self.clip, n_classes)
         for k, item in enumerate(self.classifiers):
@@ -80,8 +87,7 @@ class BoostedList:
     @property
     def used_features(self) -> NDArray[np.int64]:
         """The distinct columns that any classifier looks at, ascending."""
-        parts = [np.zeros(0, np.int64), *(item.feature for item in self.classifiers)]
-        return np.unique(np.concatenate(parts))
+        return np.unique(np.concatenate([item.used_features for item in self.classifiers]))
 
     def scores(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
@@ -90,8 +96,10 @@ class BoostedList:
         return self._votes.scores(X, n_threads=n_threads)
 
     @cached_property
-    def _votes(self) -> VoteTable:
-        return VoteTable.of(self.classifiers)
+    def _votes(self) -> VoteTable | TreeTable:
+        stumps = [item for item in self.classifiers if isinstance(item, StrongClassifier)]
+        trees = [item for item in self.classifiers if isinstance(item, BoostedTrees)]
+        return TreeTable.of(trees) if trees else VoteTable.of(stumps)
 
     def log_histogram(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
@@ -155,9 +163,20 @@ class BoostedList:
 
         F is a sum over stumps: the :meth:`scores` of parts that share no column and together have
         all add up to those of the list, but for rounding.
+
+        Raises
+        ------
+        InputError
+            The list is one of trees, which look at several columns together.
         """
         kept = integer_array("columns", columns, ("n",), low=0, high=self.n_features)
-        own = tuple(item.only(kept) for item in self.classifiers)
+        own = tuple(
+            item.only(kept) for item in self.classifiers if isinstance(item, StrongClassifier)
+        )
+        if len(own) < len(self.classifiers):
+            raise InputError(
+                "a list of trees cannot be parted by columns; boost stumps instead (max_depth=1)"
+            )
         return replace(self, classifiers=own).restricted(kept)
 
     def features_in_order_of_choice(self, limit: int | None = None) -> NDArray[np.int64]:
@@ -165,28 +184,39 @@ class BoostedList:
 
         Every classifier's first round comes before every classifier's second round, and so on.
         """
-        picked = distinct_in_order(self.classifiers, by_threshold=False, limit=limit)
-        return np.array([self.classifiers[k].feature[t] for k, t in picked], np.int64)
+        distinct = {split.column: None for split in self._splits()}
+        return np.array(list(distinct)[:limit], np.int64)
 
     def weak_outputs(self, X: NDArray[np.float32], limit: int | None = None) -> NDArray[np.int8]:
-        """(N, S) outputs +1 or -1 of the stumps with distinct (feature, threshold).
+        """(N, S) outputs +1 or -1 of the stumps, or splits, with distinct (feature, threshold).
 
         In the order of choice, as in :meth:`features_in_order_of_choice`.
         """
-        picked = distinct_in_order(self.classifiers, by_threshold=True, limit=limit)
+        distinct: dict[tuple[int, float], Split] = {}
+        for split in self._splits():
+            distinct.setdefault((split.column, split.threshold), split)
+        picked = list(distinct.values())[:limit]
         out = np.empty((len(X), len(picked)), np.int8)
-        for s, (k, t) in enumerate(picked):
-            item = self.classifiers[k]
-            low = item.polarity[t]
-            out[:, s] = np.where(X[:, item.feature[t]] < item.cut[t], low, -low)
+        for s, split in enumerate(picked):
+            out[:, s] = np.where(X[:, split.column] < split.cut, split.left, -split.left)
         return out
+
+    def _splits(self) -> Iterator[Split]:
+        """All splits: every classifier's first round, then every second one, ..."""
+        longest = max(item.n_rounds for item in self.classifiers)
+        for t in range(longest):
+            for item in self.classifiers:
+                if t < item.n_rounds:
+                    yield from item.splits(t)
 
     def to_arrays(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """What JSON can hold, and the arrays: all that :meth:`from_arrays` needs."""
         sizes = [item.n_rounds for item in self.classifiers]
+        trees = isinstance(self.classifiers[0], BoostedTrees)
+        names = _TREE_ARRAYS if trees else _STUMP_ARRAYS
         meta = {
             "kind": _KIND,
-            "version": _VERSION,
+            "version": _TREES_VERSION if trees else _VERSION,
             "classes": self.classes.tolist(),
             "n_features": self.n_features,
             "decision": self.decision,
@@ -197,7 +227,7 @@ class BoostedList:
             "calibration": self.calibration,
             "first": np.cumsum([0, *sizes]).astype(np.int64),
         }
-        for name in ("feature", "threshold", "polarity", "alpha"):
+        for name in names:
             arrays[name] = np.concatenate([getattr(item, name) for item in self.classifiers])
         return meta, arrays
 
@@ -222,9 +252,10 @@ class BoostedList:
     @classmethod
     def _from_checked(cls, meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Self:
         kind, version = meta["kind"], meta["version"]
-        if kind != _KIND or version != _VERSION:
+        if kind != _KIND or version not in (_VERSION, _TREES_VERSION):
             raise ModelFileError(
-                f"a {_KIND!r} of version {_VERSION} is wanted, got {kind!r} of version {version!r}"
+                f"a {_KIND!r} of version {_VERSION} or {_TREES_VERSION} is wanted, got {kind!r} "
+                f"of version {version!r}"
             )
         n_features = meta["n_features"]
         if type(n_features) is not int or not 1 <= n_features <= _MAX_FEATURES:
@@ -234,15 +265,9 @@ class BoostedList:
         first = integer_array("first", arrays["first"], (len(classes),), low=0, high=total + 1)
         if first[0] != 0 or first[-1] != total or (np.diff(first) < 0).any():
             raise ModelFileError(f"first must ascend from 0 to {total}, got {first.tolist()}")
-        integer_array("feature", arrays["feature"], (total,), low=0, high=n_features)
-        names = ("feature", "threshold", "polarity", "alpha")
-        for name in names:
-            if arrays[name].shape != (total,):
-                raise ModelFileError(f"{name} must have shape ({total},)")
-        parts = tuple(
-            StrongClassifier(*(arrays[name][start:stop] for name in names))
-            for start, stop in pairwise(first.tolist())
-        )
+        spans = [slice(*span) for span in pairwise(first.tolist())]
+        read = _stored_stumps if version == _VERSION else _stored_trees
+        parts = read(arrays, spans, n_features)
         return cls(
             classes,
             arrays["order"],
@@ -269,6 +294,27 @@ def first_positive(scores: NDArray[np.float64], order: NDArray[np.int64]) -> NDA
     for k in range(len(scores) - 1, -1, -1):
         chosen[scores[k] > 0] = order[k]
     return chosen
+
+
+def _stored_stumps(
+    arrays: dict[str, NDArray[Any]], spans: list[slice], n_features: int
+) -> tuple[StrongClassifier, ...]:
+    total = len(arrays["feature"])
+    integer_array("feature", arrays["feature"], (total,), low=0, high=n_features)
+    for name in _STUMP_ARRAYS:
+        if arrays[name].shape != (total,):
+            raise ModelFileError(f"{name} must have shape ({total},)")
+    return tuple(
+        StrongClassifier(*(arrays[name][span] for name in _STUMP_ARRAYS)) for span in spans
+    )
+
+
+def _stored_trees(
+    arrays: dict[str, NDArray[Any]], spans: list[slice], n_features: int
+) -> tuple[BoostedTrees, ...]:
+    whole = BoostedTrees(*(arrays[name] for name in _TREE_ARRAYS))
+    integer_array("feature", whole.feature, whole.feature.shape, low=-1, high=n_features)
+    return tuple(whole[span] for span in spans)
 
 
 def _stored_classes(labels: Any) -> NDArray[Any]:

@@ -13,6 +13,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.models.boosting_options import BoostingOptions
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import StrongClassifier
@@ -93,7 +94,7 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         ValueError
             scikit-learn's own checks of X and y failed.
         """
-        check_rounds(self.n_rounds, self.tolerance)
+        BoostingOptions(self.n_rounds, self.tolerance)
         values, labels, weight = checked_training_data(self, X, y, sample_weight)
         self.classes_, index = np.unique(labels, return_inverse=True)
         if len(self.classes_) > 2:
@@ -173,14 +174,6 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         tags = super().__sklearn_tags__()
         tags.classifier_tags.multi_class = False
         return tags
-
-
-def check_rounds(n_rounds: int, tolerance: float) -> None:
-    """Refuse a number of rounds or a tolerance that boosting cannot use."""
-    if not isinstance(n_rounds, int | np.integer) or n_rounds < 1:
-        raise InputError(f"n_rounds must be a whole number of at least 1, got {n_rounds!r}")
-    if not 0 <= tolerance < 1:
-        raise InputError(f"tolerance must be at least 0 and below 1, got {tolerance!r}")
 
 
 def check_two_classes(classes: NDArray[Any]) -> None:

@@ -11,7 +11,7 @@ from pgm_places.models.sorted_features import SortedFeatures
 from pgm_places.models.strong_classifier import StrongClassifier
 from pgm_places.models.stump_search import StumpSearch
 
-__all__ = ["MAX_EDGE", "alpha_of", "boost"]
+__all__ = ["MAX_EDGE", "alpha_of", "boost", "initial_weights"]
 
 MAX_EDGE = 1.0 - 1e-10  # |r| is clipped here, so that a perfect stump has a finite alpha
 
@@ -23,6 +23,7 @@ def boost(
     *,
     n_rounds: int = 100,
     tolerance: float = 1e-6,
+    shrinkage: float = 1.0,
     sample_weight: NDArray[np.float64] | None = None,
     n_threads: int | None = None,
     on_round: Callable[[int, float], None] | None = None,
@@ -41,6 +42,8 @@ def boost(
         Shared by all problems on the same matrix; not changed but for its cache of sorted bins.
     positive, negative : list of int
         The parts that make up each class; other parts are ignored.
+    shrinkage : float
+        Every alpha is multiplied by this; 1 is the paper's.
     sample_weight : (rows of X,) float64, optional
         Positive numbers that multiply the initial weights.
     on_round : callable, optional
@@ -52,7 +55,7 @@ def boost(
         One of the classes has no example.
     """
     segments = prepared.segments(positive, negative)
-    weights = _initial_weights(prepared, segments, sample_weight)
+    weights = initial_weights(prepared, segments, sample_weight)
     search = StumpSearch(prepared, segments, weights, n_threads)
     chosen: list[tuple[int, float, int, float]] = []
     while len(chosen) < n_rounds:
@@ -63,7 +66,7 @@ def boost(
         edge = abs(stump.score) / search.mass
         if edge < tolerance:
             break
-        alpha = alpha_of(edge)
+        alpha = shrinkage * alpha_of(edge)
         column = int(prepared.columns[stump.plane])
         chosen.append((column, stump.threshold, 1 if stump.score > 0 else -1, alpha))
         if on_round is not None:
@@ -79,7 +82,7 @@ def alpha_of(edge: float) -> float:
     return float(np.arctanh(min(edge, MAX_EDGE)))
 
 
-def _initial_weights(
+def initial_weights(
     prepared: SortedFeatures,
     segments: NDArray[np.int64],
     sample_weight: NDArray[np.float64] | None,

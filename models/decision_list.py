@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList, check_decision
+from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.boosting import (
     check_carried,
     check_two_classes,
@@ -43,7 +44,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     Parameters
     ----------
     n_rounds : int
-        The number of stumps of each strong classifier at most.
+        The number of stumps or trees of each strong classifier at most.
     order : {"heuristic", "exhaustive"} or sequence of class labels
         ``"heuristic"`` sorts the classes by decreasing classification rate (share of right
         answers) of their classifiers against all other classes, as the paper does.
@@ -65,7 +66,14 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     clip : float
         Bins of z are at least this before they are normalised again; 0 for none.
     tolerance : float
-        Boosting stops when the best stump's ``|r|`` is below this.
+        Boosting stops when the best stump's ``|r|``, or the best tree's correlation with the
+        labels, is below this.
+    max_depth : int
+        1 boosts decision stumps by generalized AdaBoost, as the paper does; 2 to 4 boosts
+        regression trees of so many levels by gentle AdaBoost.
+    shrinkage : float
+        The vote of every stump or tree is multiplied by this, above 0 and at most 1; 1 is the
+        paper's. Trees generalise better with about 0.3 and 100 to 200 rounds.
     n_threads : int or None
         None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
 
@@ -75,7 +83,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         The labels, ascending; the columns of ``predict_proba``.
     order_ : (K,) array
         The labels in the order in which the list asks for them; the last needs no classifier.
-    list_ : tuple of K - 1 StrongClassifier
+    list_ : tuple of K - 1 StrongClassifier or BoostedTrees
         In the order of the list.
     used_features_ : (n_used,) int64
         The columns that any stump looks at, ascending; the only ones prediction needs.
@@ -118,6 +126,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         clip: float = 1e-6,
         tolerance: float = 1e-6,
         n_threads: int | None = None,
+        max_depth: int = 1,
+        shrinkage: float = 1.0,
     ) -> None:
         self.n_rounds = n_rounds
         self.order = order
@@ -128,6 +138,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         self.clip = clip
         self.tolerance = tolerance
         self.n_threads = n_threads
+        self.max_depth = max_depth
+        self.shrinkage = shrinkage
 
     def fit(
         self,
@@ -157,7 +169,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         ValueError
             scikit-learn's own checks of X and y failed.
         """
-        ListOptions(**{name: getattr(self, name) for name in option_hints(ListOptions)})
+        options = ListOptions(**{name: getattr(self, name) for name in option_hints(ListOptions)})
         values, given, weight = checked_training_data(self, X, y, sample_weight)
         classes, labels = np.unique(given, return_inverse=True)
         check_two_classes(classes)
@@ -170,8 +182,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
             weight,
             len(classes),
             self._folds(labels, weight, len(classes), groups),
-            self.n_rounds,
-            self.tolerance,
+            options,
             self.n_threads,
         )
         self.rates_: NDArray[np.float64] | None = None
@@ -249,13 +260,13 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return fitted.classes[fitted.order]
 
     @property
-    def list_(self) -> tuple[StrongClassifier, ...]:
+    def list_(self) -> tuple[StrongClassifier | BoostedTrees, ...]:
         """The K - 1 strong classifiers in the order of the list."""
         return self._fitted().classifiers
 
     @property
     def used_features_(self) -> NDArray[np.int64]:
-        """The columns that any stump looks at, ascending."""
+        """The columns that any stump or tree looks at, ascending."""
         return self._fitted().used_features
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
@@ -277,7 +288,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         return fitted.log_histogram(float32_matrix(self, X), n_threads=self.n_threads)
 
     def weak_outputs(self, X: ArrayLike, limit: int | None = None) -> NDArray[np.int8]:
-        """(N, S) outputs +1 or -1 of the stumps with distinct (feature, threshold)."""
+        """(N, S) outputs +1 or -1 of the stumps, or splits, with distinct (feature, threshold)."""
         fitted = self._fitted()
         return fitted.weak_outputs(float32_matrix(self, X), limit)
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Lt
 
-from pgm_places.options import check_options
+from pgm_places.models.boosting_options import BoostingOptions
 
 __all__ = ["ListOptions", "PriorWeight"]
 
@@ -13,13 +13,11 @@ PriorWeight = Annotated[float, Ge(0), Le(2)]
 
 
 @dataclass(frozen=True)
-class ListOptions:
-    """How the classifiers of a decision list are boosted, and what is made of their confidences.
+class ListOptions(BoostingOptions):
+    """How a decision list is boosted, and what is made of its confidences.
 
     Parameters
     ----------
-    n_rounds : int
-        The number of stumps of each strong classifier at most.
     decision : {"list", "argmax"}
         Predict the first class whose classifier says yes (section 3 of the paper), or the largest
         bin of the histogram z (eq. 8).
@@ -32,17 +30,10 @@ class ListOptions:
         them.
     clip : float
         Bins of z are at least this before they are normalised again; 0 for none.
-    tolerance : float
-        Boosting stops when the best stump's ``|r|`` is below this.
     """
 
-    n_rounds: Annotated[int, Ge(1), Le(100_000)] = 100
     decision: Literal["list", "argmax"] = "list"
     criterion: Literal["balanced_accuracy", "accuracy"] = "balanced_accuracy"
     calibration: Literal["none", "platt"] = "none"
     prior_weight: PriorWeight = 0.0
     clip: Annotated[float, Ge(0), Lt(1)] = 1e-6
-    tolerance: Annotated[float, Ge(0), Lt(1)] = 1e-6
-
-    def __post_init__(self) -> None:
-        check_options(self)

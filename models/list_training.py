@@ -12,9 +12,12 @@ from scipy.special import expit, log_expit
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy
 from pgm_places.models.boosted_list import first_positive
+from pgm_places.models.boosted_trees import BoostedTrees
+from pgm_places.models.boosting_options import BoostingOptions
 from pgm_places.models.boosting_rounds import boost
+from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import SortedFeatures, prepare
-from pgm_places.models.strong_classifier import StrongClassifier, score_all
+from pgm_places.models.strong_classifier import StrongClassifier
 
 __all__ = [
     "Folds",
@@ -104,11 +107,10 @@ class ListTraining:
     weights: NDArray[np.float64]
     n_classes: int
     folds: Folds
-    n_rounds: int
-    tolerance: float
+    options: BoostingOptions
     n_threads: int | None
     _prepared: SortedFeatures = field(init=False)
-    _trained: dict[tuple[int, frozenset[int], int], StrongClassifier] = field(
+    _trained: dict[tuple[int, frozenset[int], int], StrongClassifier | BoostedTrees] = field(
         init=False, default_factory=dict
     )
     _scores: dict[tuple[int, frozenset[int], int], NDArray[np.float64]] = field(
@@ -120,23 +122,24 @@ class ListTraining:
         part = np.where(self.weights > 0, self.folds.number * self.n_classes + self.labels, -1)
         self._prepared = prepare(self.X, part, n_threads=self.n_threads)
 
-    def classifier(self, k: int, later: Iterable[int], without: int = -1) -> StrongClassifier:
+    def classifier(
+        self, k: int, later: Iterable[int], without: int = -1
+    ) -> StrongClassifier | BoostedTrees:
         """Class k against the classes ``later`` in the list, without the examples of one fold."""
         key = (k, frozenset(later), without)
         if key not in self._trained:
             used = [f for f in range(int(self.folds.number.max()) + 1) if f != without]
-            self._trained[key] = boost(
+            self._trained[key] = _boosted(
+                self.options,
                 self._prepared,
                 [f * self.n_classes + k for f in used],
                 [f * self.n_classes + other for f in used for other in sorted(key[1])],
-                n_rounds=self.n_rounds,
-                tolerance=self.tolerance,
-                sample_weight=self.weights,
-                n_threads=self.n_threads,
+                self.weights,
+                self.n_threads,
             )
         return self._trained[key]
 
-    def members(self, order: Sequence[int]) -> tuple[StrongClassifier, ...]:
+    def members(self, order: Sequence[int]) -> tuple[StrongClassifier | BoostedTrees, ...]:
         """The K - 1 classifiers of a list in this order, trained on all examples."""
         return tuple(self.classifier(k, order[i + 1 :]) for i, k in enumerate(order[:-1]))
 
@@ -146,7 +149,7 @@ class ListTraining:
         if key not in self._scores:
             rows = self.X[self.folds.number == fold]
             classifier = self.classifier(k, key[1], fold)
-            self._scores[key] = score_all([classifier], rows, n_threads=self.n_threads)[0]
+            self._scores[key] = classifier.scores(rows, n_threads=self.n_threads)
         return self._scores[key]
 
     def rates(self) -> NDArray[np.float64]:
@@ -218,6 +221,27 @@ class ListTraining:
                 np.concatenate(scores), np.concatenate(positive), np.concatenate(weights)
             )
         return found
+
+
+def _boosted(
+    options: BoostingOptions,
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    weights: NDArray[np.float64],
+    n_threads: int | None,
+) -> StrongClassifier | BoostedTrees:
+    """The strong classifier that tells the positive parts from the negative ones."""
+    more: dict[str, Any] = {
+        "n_rounds": options.n_rounds,
+        "tolerance": options.tolerance,
+        "shrinkage": options.shrinkage,
+        "sample_weight": weights,
+        "n_threads": n_threads,
+    }
+    if options.max_depth == 1:
+        return boost(prepared, positive, negative, **more)
+    return boost_trees(prepared, positive, negative, max_depth=options.max_depth, **more)
 
 
 def prior_calibration(

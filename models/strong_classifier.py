@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,29 @@ from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import run_tasks
 
-__all__ = ["StrongClassifier", "VoteTable", "distinct_in_order", "interleaved", "score_all"]
+__all__ = ["Split", "StrongClassifier", "VoteTable", "score_all"]
 
 _SAMPLES_PER_TASK = 8192
+
+
+class Split(NamedTuple):
+    """A question that a weak classifier asks about one column.
+
+    Attributes
+    ----------
+    column : int
+    threshold : float
+        What makes splits of one column different.
+    cut : float32
+        ``x < cut`` means left.
+    left : int
+        +1 or -1, the output on the left; the other one on the right.
+    """
+
+    column: int
+    threshold: float
+    cut: np.float32
+    left: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +109,17 @@ class StrongClassifier:
         for j, cut, vote in zip(self.feature, self.cut, self.vote, strict=True):
             total = total + np.where(X[:, j] < cut, vote, -vote)
             yield total
+
+    def splits(self, t: int) -> list[Split]:
+        """The split of stump t."""
+        return [
+            Split(
+                int(self.feature[t]),
+                float(self.threshold[t]),
+                self.cut[t],
+                int(self.polarity[t]),
+            )
+        ]
 
     def only(self, columns: NDArray[np.int64]) -> "StrongClassifier":
         """The stumps that look at one of these columns."""
@@ -178,31 +209,3 @@ class VoteTable:
 
 def _joined(parts: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:
     return np.concatenate([np.zeros(0, dtype), *parts])
-
-
-def interleaved(classifiers: Sequence[StrongClassifier]) -> list[tuple[int, int]]:
-    """(classifier, round) pairs: every classifier's first round, then every second one, ..."""
-    longest = max((item.n_rounds for item in classifiers), default=0)
-    return [
-        (k, t) for t in range(longest) for k, item in enumerate(classifiers) if t < item.n_rounds
-    ]
-
-
-def distinct_in_order(
-    classifiers: Sequence[StrongClassifier], *, by_threshold: bool, limit: int | None = None
-) -> list[tuple[int, int]]:
-    """The (classifier, round) pairs that bring a new feature, in the order of choice.
-
-    With ``by_threshold`` those that bring a new (feature, threshold).
-    """
-    seen: set[tuple[int, float]] = set()
-    kept: list[tuple[int, int]] = []
-    for k, t in interleaved(classifiers):
-        if limit is not None and len(kept) >= limit:
-            break
-        item = classifiers[k]
-        key = (int(item.feature[t]), float(item.threshold[t]) if by_threshold else 0.0)
-        if key not in seen:
-            seen.add(key)
-            kept.append((k, t))
-    return kept

@@ -67,6 +67,7 @@ def test_each_classifier_learns_on_the_examples_that_reach_it(order: list[int]) 
     wanted = reference.train_list(X, y, weights, order, 10)
     assert len(model.list_) == 3
     for got, stumps in zip(model.list_, wanted, strict=True):
+        assert isinstance(got, StrongClassifier)
         assert got.feature.tolist() == [stump[0] for stump in stumps]
         assert got.threshold.tolist() == [stump[1] for stump in stumps]
         assert got.polarity.tolist() == [stump[2] for stump in stumps]
@@ -350,12 +351,11 @@ def test_features_come_in_the_order_of_choice() -> None:
 def test_weak_outputs_are_the_distinct_stumps() -> None:
     model, X = fitted()
     outputs = model.weak_outputs(X)
-    splits = {
-        split for part in model.list_ for split in zip(part.feature, part.threshold, strict=True)
-    }
+    parts = [part for part in model.list_ if isinstance(part, StrongClassifier)]
+    splits = {split for part in parts for split in zip(part.feature, part.threshold, strict=True)}
     assert outputs.dtype == np.int8 and outputs.shape == (len(X), len(splits))
     assert set(np.unique(outputs)) == {-1, 1}
-    part = model.list_[0]
+    part = parts[0]
     stump = reference.stump_output(
         X[:, part.feature[0]].astype(float), part.threshold[0], int(part.polarity[0])
     )

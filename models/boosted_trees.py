@@ -1,0 +1,167 @@
+"""A strong classifier that is a sum of small decision trees instead of stumps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+from pgm_places.kernels.threads import run_tasks
+from pgm_places.models.strong_classifier import Split
+
+if TYPE_CHECKING:
+    from pgm_places.models._tree_sum_kernels import TreeArrays
+
+__all__ = ["MAX_DEPTH", "BoostedTrees", "TreeTable"]
+
+MAX_DEPTH = 4
+"""The deepest trees, of 16 leaves: all splits of a tree are worked out for every sample."""
+
+_SAMPLES_PER_TASK = 8192
+
+
+@dataclass(frozen=True, eq=False)
+class BoostedTrees:
+    """F(x) = sum_t f_t(x) with complete binary trees f_t of one depth.
+
+    Split s has the children 2 s + 1 on the left and 2 s + 2 on the right; below the S splits lie
+    the S + 1 leaves, from left to right.
+
+    Attributes
+    ----------
+    feature : (T, S) int32
+        The column that each split looks at; -1 where a branch ends early, and all go left.
+    cut : (T, S) float32
+        Left is ``x < cut``; infinite where a branch ends early.
+    value : (T, S + 1) float32
+        What each leaf adds to F, shrinkage included.
+
+    References
+    ----------
+    Friedman, Hastie and Tibshirani, Additive logistic regression, 2000.
+    """
+
+    feature: NDArray[np.int32]
+    cut: NDArray[np.float32]
+    value: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        """Check the arrays against each other and freeze them."""
+        feature = integer_array("feature", self.feature, ("T", "S"), low=-1, high=2**31)
+        n_trees, n_splits = feature.shape
+        if n_splits not in [2**depth - 1 for depth in range(1, MAX_DEPTH + 1)]:
+            raise InputError(
+                f"trees must have 1, 3, 7 or 15 splits (a depth of 1 to "
+                f"{MAX_DEPTH}), got {n_splits}"
+            )
+        cut = np.asarray(self.cut, np.float32)
+        if cut.shape != feature.shape or not np.array_equal(cut == np.inf, feature < 0):
+            raise InputError("cut must be finite where there is a feature, and infinite elsewhere")
+        if not np.isfinite(cut[feature >= 0]).all():
+            raise InputError("cut must be finite where there is a feature")
+        value = finite_array("value", self.value, (n_trees, n_splits + 1), dtype=np.float32)
+        object.__setattr__(self, "feature", frozen(feature.astype(np.int32)))
+        object.__setattr__(self, "cut", frozen(cut))
+        object.__setattr__(self, "value", frozen(value))
+
+    @property
+    def n_rounds(self) -> int:
+        """T, the number of trees."""
+        return len(self.feature)
+
+    @property
+    def used_features(self) -> NDArray[np.int64]:
+        """The distinct columns that the trees look at, ascending."""
+        return np.unique(self.feature[self.feature >= 0]).astype(np.int64)
+
+    def splits(self, t: int) -> list[Split]:
+        """The splits of tree t, from the root down; the left of each says +1."""
+        pairs = zip(self.feature[t].tolist(), self.cut[t], strict=True)
+        return [Split(j, float(cut), cut, 1) for j, cut in pairs if j >= 0]
+
+    def __getitem__(self, span: slice) -> "BoostedTrees":
+        """The classifier of some of the trees."""
+        return BoostedTrees(self.feature[span], self.cut[span], self.value[span])
+
+    def scores(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(N,) F of every row of a float32 matrix."""
+        return TreeTable.of([self]).scores(X, n_threads=n_threads)[0]
+
+    def renumbered(self, place: NDArray[np.int64]) -> "BoostedTrees":
+        """The same classifier where column j is found at ``place[j]``."""
+        moved = np.where(self.feature < 0, -1, place[np.maximum(self.feature, 0)])
+        return BoostedTrees(moved.astype(np.int32), self.cut, self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class TreeTable:
+    """The trees of several classifiers of one depth side by side, made ready for the kernel once.
+
+    Attributes
+    ----------
+    arrays : TreeArrays
+        What the kernel reads.
+    """
+
+    arrays: "TreeArrays"
+
+    @classmethod
+    def of(cls, classifiers: Sequence[BoostedTrees]) -> Self:
+        """The table of these classifiers, of which there is at least one, in this order."""
+        from pgm_places.models._tree_sum_kernels import TreeArrays
+
+        feature = np.concatenate([item.feature for item in classifiers])
+        columns = np.unique(feature[feature >= 0]).astype(np.int64)
+        if not len(columns):
+            columns = np.zeros(1, np.int64)  # trees without splits read a value in vain
+        arrays = TreeArrays(
+            columns,
+            np.searchsorted(columns, np.maximum(feature, columns[0])),
+            np.concatenate([item.cut for item in classifiers]),
+            np.concatenate([item.value for item in classifiers]),
+            np.cumsum([0, *(item.n_rounds for item in classifiers)]),
+        )
+        return cls(arrays)
+
+    def scores(
+        self, X: NDArray[np.float32], *, n_threads: int | None = None
+    ) -> NDArray[np.float64]:
+        """(n, N) F of every classifier for every row, in one pass over the rows.
+
+        The bits depend neither on the number of threads nor on which other classifiers are
+        evaluated with one.
+        """
+        from pgm_places.models._tree_sum_kernels import BLOCK, sum_trees
+
+        arrays = self.arrays
+        if not X.flags.c_contiguous:
+            X = np.ascontiguousarray(X[:, arrays.columns])
+            arrays = arrays._replace(columns=np.arange(len(arrays.columns)))
+        out = np.empty((len(arrays.first) - 1, len(X)))
+        size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
+
+        def work(task: int) -> None:
+            sum_trees(X, task * size, min((task + 1) * size, len(X)), arrays, out)
+
+        run_tasks(work, -(-len(X) // size), n_threads=n_threads)
+        return out
+
+
+def stacked(
+    feature: Sequence[NDArray[np.int32]],
+    cut: Sequence[NDArray[np.float32]],
+    value: Sequence[NDArray[np.float32]],
+    depth: int,
+) -> BoostedTrees:
+    """The classifier of these trees, each given by its splits and leaves; there may be none."""
+    n_splits = 2**depth - 1
+    return BoostedTrees(
+        np.array(feature, np.int32).reshape(-1, n_splits),
+        np.array(cut, np.float32).reshape(-1, n_splits),
+        np.array(value, np.float32).reshape(-1, n_splits + 1),
+    )

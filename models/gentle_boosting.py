@@ -1,0 +1,85 @@
+"""The rounds of gentle AdaBoost with regression trees (Friedman, Hastie and Tibshirani 2000)."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.models.boosted_trees import BoostedTrees, stacked
+from pgm_places.models.boosting_rounds import initial_weights
+from pgm_places.models.sorted_features import SortedFeatures
+from pgm_places.models.tree_search import GrownTree, TreeSearch
+
+__all__ = ["boost_trees"]
+
+# The sum of all weights as a whole number; it and its negative fit into 32 bits.
+_WHOLE_MASS = 2.0**30
+
+
+def boost_trees(
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    *,
+    n_rounds: int = 100,
+    max_depth: int = 3,
+    shrinkage: float = 0.3,
+    least_weight: float = 1e-3,
+    tolerance: float = 1e-6,
+    sample_weight: NDArray[np.float64] | None = None,
+    n_threads: int | None = None,
+    on_round: Callable[[int, float], None] | None = None,
+) -> BoostedTrees:
+    """The sum of trees that tells the positive parts from the negative ones.
+
+    Gentle AdaBoost: both classes start with half of the weight; each round grows the regression
+    tree f of least weighted squared error sum w (y - f)^2, whose leaves say E_w[y] in [-1, 1],
+    adds shrinkage times f to F, and multiplies the weights by exp(-y shrinkage f). Weights are
+    rounded to whole multiples of 2**-30 of their sum before they are added up. It stops early when
+    the weighted correlation of y and f is below ``tolerance``.
+
+    Parameters
+    ----------
+    prepared : SortedFeatures
+        Shared by all problems on the same matrix; not changed.
+    positive, negative : list of int
+        The parts that make up each class; other parts are ignored.
+    max_depth : int
+        Levels of splits, 1 to 4: trees of at most 2 to 16 leaves.
+    shrinkage : float
+        Every tree's vote is multiplied by this.
+    least_weight : float
+        No split leaves a side with less than this part of all weight.
+    sample_weight : (rows of X,) float64, optional
+        Positive numbers that multiply the initial weights.
+    on_round : callable, optional
+        Called after each round with the number of rounds so far and the correlation.
+
+    Raises
+    ------
+    InputError
+        One of the classes has no example.
+    """
+    from pgm_places.models._tree_kernels import gentle_masses, raise_weights
+
+    segments = prepared.segments(positive, negative)
+    weights = initial_weights(prepared, segments, sample_weight)
+    masses = np.zeros(len(weights), np.int64)
+    search = TreeSearch(prepared, segments, max_depth, n_threads)
+    least = max(1, int(least_weight * _WHOLE_MASS))
+    trees: list[GrownTree] = []
+    votes: list[NDArray[np.float32]] = []
+    while len(trees) < n_rounds:
+        gentle_masses(weights, segments, _WHOLE_MASS, masses)
+        tree = search.grow(masses, least)
+        if tree.correlation < tolerance:
+            break
+        vote = (shrinkage * tree.means).astype(np.float32)
+        trees.append(tree)
+        votes.append(vote)
+        if on_round is not None:
+            on_round(len(trees), tree.correlation)
+        factor = np.exp(np.stack([vote, -vote]).astype(np.float64))
+        raise_weights(search.leaf, segments, factor, weights)
+    features, cuts = [tree.feature for tree in trees], [tree.cut for tree in trees]
+    return stacked(features, cuts, votes, max_depth)

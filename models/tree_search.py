@@ -1,0 +1,248 @@
+"""Regression trees grown from histograms: the weak learner of gentle AdaBoost."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.kernels.threads import run_tasks
+from pgm_places.models.sorted_features import SortedFeatures
+
+if TYPE_CHECKING:
+    from pgm_places.models._tree_kernels import Examples
+
+__all__ = ["GrownTree", "TreeSearch"]
+
+_N_BINS = 256
+_PER_TASK = 4  # features whose histograms are filled together
+
+# Scores that differ by less than this part count as equal: far above the rounding of their
+# computation in double precision, far below any difference that carries information.
+_TIE = 2.0**-40
+
+# Fewer additions than this are done before a second thread has started.
+_WORTH_THREADS = 4_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class GrownTree:
+    """One tree of S splits, each level's nodes from left to right.
+
+    Attributes
+    ----------
+    feature : (S,) int32
+        Columns; -1 where a node is not split and all its examples go left.
+    cut : (S,) float32
+        Left is ``x < cut``; infinite where a node is not split.
+    gradient, curvature : (S + 1,) int64
+        The sums G and H of the leaves' masses; zero where nothing can go.
+    """
+
+    feature: NDArray[np.int32]
+    cut: NDArray[np.float32]
+    gradient: NDArray[np.int64]
+    curvature: NDArray[np.int64]
+
+    @property
+    def means(self) -> NDArray[np.float64]:
+        """(S + 1,) G / H of every leaf."""
+        return self.gradient / np.maximum(self.curvature, 1)
+
+    @property
+    def correlation(self) -> float:
+        """sqrt(sum G^2 / H / sum H) over the leaves.
+
+        For weights w and labels y = +-1 it is the correlation of y and G / H, at most 1.
+        """
+        explained = float((self.means * self.gradient).sum())
+        return float(np.sqrt(explained / self.curvature.sum()))
+
+
+@dataclass(frozen=True, slots=True)
+class _Split:
+    """The split of one node: codes up to ``last_left`` go left, where the masses are ``left``."""
+
+    plane: int
+    column: int
+    last_left: int
+    cut: np.float32
+    left: int
+
+
+class TreeSearch:
+    """Trees on one choice of examples, grown level by level.
+
+    Every node is split where ``G_l^2 / H_l + G_r^2 / H_r`` is largest, over all features and all
+    edges between their bins, of which there are at most 256; G and H are the sums of the gradient
+    and curvature masses on both sides. For weights w and labels y = +-1, with G the sum of w y and
+    H that of w, this is the split of least weighted squared error. Scores that agree to 2**-40
+    count as equal: the lowest column wins, then the lowest threshold. A node is left alone where
+    no split gains.
+
+    Parameters
+    ----------
+    prepared : SortedFeatures
+        The quantised matrix.
+    segments : (S, 3) int64
+        Rows (start, stop, is positive) of the positions that take part.
+    max_depth : int
+        Levels of splits.
+    n_threads : int or None
+        The result does not depend on it.
+
+    Attributes
+    ----------
+    leaf : (positions,) uint8
+        The leaf that each example fell into in the tree grown last.
+    """
+
+    def __init__(
+        self,
+        prepared: SortedFeatures,
+        segments: NDArray[np.int64],
+        max_depth: int,
+        n_threads: int | None,
+    ) -> None:
+        from pgm_places.models._tree_kernels import Examples
+
+        n_planes, n = prepared.codes.shape
+        self.prepared = prepared
+        self.segments = segments
+        self.max_depth = max_depth
+        self.n_threads = n_threads
+        self.leaf = np.zeros(n, np.uint8)
+        self.cuts = _cuts(prepared)
+        self._buffers = Examples(
+            np.empty(n, np.uint32), np.empty(n, np.uint32), np.empty(n, np.int64)
+        )
+        self._histograms = [
+            np.empty((n_planes, _N_BINS << level), np.int64) for level in range(max_depth)
+        ]
+
+    def grow(self, masses: NDArray[np.int64], least: int) -> GrownTree:
+        """The tree for these pairs of masses; no split leaves a side with less than ``least``."""
+        n_splits = 2**self.max_depth - 1
+        feature = np.full(n_splits, -1, np.int32)
+        cut = np.full(n_splits, np.inf, np.float32)
+        self.leaf[:] = 0
+        totals = np.array([sum(masses[start:stop].sum() for start, stop, _ in self.segments)])
+        lighter = np.zeros(1, np.int64)
+        for level in range(self.max_depth):
+            scores = self._score(level, masses, totals, lighter, least)
+            own = slice(2**level - 1, 2 ** (level + 1) - 1)
+            found = [self._split(level, p, totals, scores[:, p], least) for p in range(2**level)]
+            feature[own] = [-1 if split is None else split.column for split in found]
+            cut[own] = [np.inf if split is None else split.cut for split in found]
+            totals = _totals_below(totals, found)
+            lighter = self._route(found)
+        return GrownTree(feature, cut, totals >> 32, totals & 0xFFFFFFFF)
+
+    def _score(
+        self,
+        level: int,
+        masses: NDArray[np.int64],
+        totals: NDArray[np.int64],
+        lighter: NDArray[np.int64],
+        least: int,
+    ) -> NDArray[np.float64]:
+        """(D, nodes) the best score of every feature in every node of a level.
+
+        Only the examples of every node's ``lighter`` child are counted, at the root all; the other
+        child's histogram is what is left of the parent's.
+        """
+        from pgm_places.models._tree_kernels import (
+            fill_histograms,
+            score_splits,
+            subtract_siblings,
+        )
+
+        histograms = self._histograms[level]
+        n_planes = len(histograms)
+        examples = self._counted(level, masses, lighter)
+        scores = np.empty((n_planes, len(totals)))
+
+        def work(task: int) -> None:
+            first, last = task * _PER_TASK, min((task + 1) * _PER_TASK, n_planes)
+            histograms[first:last] = 0
+            fill_histograms(self.prepared.codes, first, last, examples, histograms)
+            if level:
+                parents = self._histograms[level - 1][first:last]
+                subtract_siblings(parents, lighter, histograms[first:last])
+            score_splits(histograms[first:last], totals, least, scores[first:last])
+
+        enough = n_planes * len(examples.position) >= _WORTH_THREADS
+        run_tasks(work, -(-n_planes // _PER_TASK), n_threads=self.n_threads if enough else 1)
+        return scores
+
+    def _counted(
+        self, level: int, masses: NDArray[np.int64], lighter: NDArray[np.int64]
+    ) -> "Examples":
+        from pgm_places.models._tree_kernels import Examples, examples_of_nodes
+
+        chosen = np.zeros(2**level, np.bool_)
+        chosen[lighter[lighter >= 0]] = True
+        position, base, mass = self._buffers
+        count = examples_of_nodes(self.segments, self.leaf, chosen, masses, self._buffers)
+        return Examples(position[:count], base[:count], mass[:count])
+
+    def _split(
+        self,
+        level: int,
+        node: int,
+        totals: NDArray[np.int64],
+        scores: NDArray[np.float64],
+        least: int,
+    ) -> _Split | None:
+        """The first split of a node, by column, then threshold, that is as good as the best."""
+        from pgm_places.models._tree_kernels import first_split_reaching
+
+        total = int(totals[node])
+        best = float(scores.max(initial=-1.0))
+        gradient, curvature = total >> 32, total & 0xFFFFFFFF
+        if curvature == 0 or best <= gradient * gradient / curvature * (1.0 + _TIE):
+            return None
+        floor = best * (1.0 - _TIE)
+        plane = int(np.argmax(scores >= floor))
+        own = self._histograms[level][plane, node * _N_BINS : (node + 1) * _N_BINS]
+        last_left, left = first_split_reaching(own, total, least, floor)
+        column = int(self.prepared.columns[plane])
+        return _Split(plane, column, last_left, self.cuts[plane, last_left], left)
+
+    def _route(self, found: list[_Split | None]) -> NDArray[np.int64]:
+        """Send all examples to their children; each node's child with fewer, -1 if not split."""
+        from pgm_places.models._tree_kernels import route
+
+        plane = np.array([0 if split is None else split.plane for split in found])
+        last_left = np.array([_N_BINS if split is None else split.last_left for split in found])
+        counts = np.zeros(2 * len(found), np.int64)
+        route(self.prepared.codes, self.segments, plane, last_left, self.leaf, counts)
+        lighter = 2 * np.arange(len(found)) + (counts[1::2] < counts[::2])
+        lighter[last_left == _N_BINS] = -1
+        return lighter
+
+
+def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
+    """(D, 256) the float32 about halfway between each bin's values and those of later bins.
+
+    Rounded so that ``x < cut`` for every value x in the bin, and for none in later ones.
+    """
+    from pgm_places.models._tree_kernels import bin_extents
+
+    low = np.empty((len(prepared.codes), _N_BINS), np.float32)
+    high = np.empty_like(low)
+    bin_extents(prepared.X, prepared.rows, prepared.columns, prepared.codes, low, high)
+    later = np.full_like(low, np.inf)
+    later[:, :-1] = np.minimum.accumulate(low[:, :0:-1], axis=1)[:, ::-1]
+    with np.errstate(invalid="ignore"):  # empty bins have no middle
+        middle = ((high.astype(np.float64) + later) / 2.0).astype(np.float32)
+    return np.where(middle > high, np.minimum(middle, later), later)
+
+
+def _totals_below(totals: NDArray[np.int64], found: list[_Split | None]) -> NDArray[np.int64]:
+    """The masses of the children; the left one has all where a node is not split."""
+    left = totals.copy()
+    for p, split in enumerate(found):
+        if split is not None:
+            left[p] = split.left
+    return np.stack([left, totals - left], axis=1).ravel()
