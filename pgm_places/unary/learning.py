@@ -108,7 +108,10 @@ def fit_unary(
         means = _context_means(maps, masks, np.exp(held_out), context_m)
         both = np.concatenate([laser_features, means], axis=1)
         with progress.stage("decision list with context"):
-            same_order = clone(classifier).set_params(order=fitted.order_)
+            # Stumps: their votes on scans and on context can be cast apart, those of trees cannot.
+            same_order = clone(classifier).set_params(
+                order=fitted.order_, max_depth=1, shrinkage=1.0
+            )
             second = _fitted(same_order, both, truth, groups, chosen)
         context_scores = (
             aligned_log_proba(second.boosted_list_, both, n_labels, n_threads)

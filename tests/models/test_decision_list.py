@@ -398,8 +398,8 @@ def changed(index: int, value: float) -> Any:
     [
         (lambda meta, arrays: arrays.pop("alpha"), "lacks 'alpha'"),
         (lambda meta, arrays: meta.pop("classes"), "lacks 'classes'"),
-        (damaged("kind", lambda _: "something"), "of version 1 is wanted, got 'something'"),
-        (damaged("version", lambda _: 2), "version 2"),
+        (damaged("kind", lambda _: "something"), "of version 1 or 2 is wanted, got 'something'"),
+        (damaged("version", lambda _: 3), "of version 3"),
         (damaged("feature", changed(0, 6)), "feature must hold integers from 0 to 5, got 6"),
         (damaged("feature", changed(0, -1)), "feature must hold integers from 0 to 5, got -1"),
         (damaged("feature", lambda a: a.astype(float)), "feature must hold integers"),
@@ -447,6 +447,10 @@ def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
         ({"calibration": "isotonic"}, "calibration must be 'none' or 'platt', got 'isotonic'"),
         ({"clip": 0.25}, "clip must be at least 0 and below 1/4, got 0.25"),
         ({"n_rounds": 0}, "n_rounds must be a whole number from 1 to 100000, got 0"),
+        ({"max_depth": 0}, "max_depth must be a whole number from 1 to 4, got 0"),
+        ({"max_depth": 5}, "max_depth must be a whole number from 1 to 4, got 5"),
+        ({"shrinkage": 0.0}, "shrinkage must be a number above 0 and at most 1, got 0.0"),
+        ({"shrinkage": 1.5}, "shrinkage must be a number above 0 and at most 1, got 1.5"),
     ],
 )
 def test_unknown_options_are_refused(options: dict[str, Any], text: str) -> None:

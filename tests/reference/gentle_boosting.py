@@ -55,7 +55,8 @@ def grow(X: Array, y: Array, mass: Array, rows: Array, depth: int, least: int, s
         if min(int(mass[side].sum()) for side in sides) < least:
             scores.append(Fraction(-1))
         else:
-            scores.append(sum(squared_over_mass(y[side], mass[side]) for side in sides))
+            left, right = (squared_over_mass(y[side], mass[side]) for side in sides)
+            scores.append(left + right)
     best = max(scores, default=Fraction(-1))
     if best <= squared_over_mass(y[rows], mass[rows]) * (1 + TIE):
         return node
