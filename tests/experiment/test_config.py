@@ -7,6 +7,7 @@ import pytest
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import load_config, parse_config
+from pgm_places.experiment.setup import make_labeler
 
 
 def minimal() -> dict[str, Any]:
@@ -80,6 +81,10 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             changed(classifier={"prior_weight": -1.0}),
             "classifier.prior_weight must be a number from 0 to 2",
         ),
+        (
+            changed(classifier={"max_depth": 5}),
+            "classifier.max_depth must be a whole number from 1 to 4",
+        ),
         (changed(train=[{"map": "a.yaml"}]), "train[0]: give labels (an image) or regions"),
         (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
         (changed(methods=[{"name": "relaxaton"}]), "did you mean 'relaxation'?"),
@@ -131,3 +136,11 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
         load_config(broken)
     with pytest.raises(ConfigError, match="cannot read"):
         load_config(tmp_path)
+
+
+def test_the_classifier_takes_the_options_of_its_trees() -> None:
+    config = parse_config(changed(classifier={"n_rounds": 7, "max_depth": 3, "shrinkage": 0.3}))
+    classifier = make_labeler(config).classifier
+    assert classifier is not None
+    options = classifier.get_params()
+    assert (options["n_rounds"], options["max_depth"], options["shrinkage"]) == (7, 3, 0.3)

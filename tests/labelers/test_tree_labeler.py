@@ -10,7 +10,7 @@ from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.boosted_trees import BoostedTrees
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.strong_classifier import StrongClassifier
-from pgm_places.persistence.place_labeler import load_labeler, save_labeler
+from pgm_places.persistence.stored import load, save
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -21,16 +21,20 @@ def test_learns_labels_saves_and_loads(tmp_path: Path) -> None:
     classifier = DecisionListClassifier(
         n_rounds=10, order="rarest-first", max_depth=3, shrinkage=0.3
     )
-    methods = {"trees": "independent", "context": PlaceMethod("independent", "context")}
+    methods = {
+        "trees": PlaceMethod("independent", "laser"),
+        "context": PlaceMethod("independent", "context"),
+    }
     labeler = PlaceLabeler(NAMES, methods, classifier=classifier, context_m=(1.0,), n_folds=3)
-    labeler = labeler.fit([known])
-    assert labeler.unary_model is not None and labeler.unary_model.context_classifier is not None
-    first, second = labeler.unary_model.classifier, labeler.unary_model.context_classifier
+    unary = labeler.fit([known]).unary_model_
+    first, second = unary.classifier, unary.context_classifier
+    assert second is not None
     assert {type(part) for part in first.classifiers} == {BoostedTrees}
     assert {type(part) for part in second.classifiers} == {StrongClassifier}
     truth = known.truth(known.graph())
-    save_labeler(tmp_path / "model", labeler)
-    loaded, _ = load_labeler(tmp_path / "model")
+    save(labeler, tmp_path / "model")
+    loaded = load(tmp_path / "model")
+    assert isinstance(loaded, PlaceLabeler)
     for method in methods:
         before, after = (one.label(known.grid, method=method) for one in (labeler, loaded))
         np.testing.assert_array_equal(before.labels, after.labels)
