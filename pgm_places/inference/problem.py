@@ -150,7 +150,7 @@ def labelled_problems(
     if not len(problems) or len(problems) != len(labelings):
         raise InputError(
             "learning takes at least one problem and as many labelings, got "
-            f"{len(problems)} and {len(labelings)}"
+            f"{len(problems)} problems and {len(labelings)} labelings"
         )
     names = problems[0].label_names
     for problem in problems:

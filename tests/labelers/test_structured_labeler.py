@@ -104,7 +104,7 @@ def test_what_does_not_fit_is_refused(
         labeler.fit(chains[0], truths)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="4 problems and 2 labelings"):
         labeler.fit(chains, truths[:2])
-    with pytest.raises(InputError, match=r"y\[0\] must have shape \(60,\), got \(3,\)"):
+    with pytest.raises(InputError, match=r"labelings\[0\] must have shape \(60,\), got \(3,\)"):
         labeler.fit(chains[:1], [np.array([0, 1, 2])])
     with pytest.raises(LabelError, match="no training node is labelled 'run'"):
         labeler.fit(chains, [np.where(TRUTH == 2, -1, TRUTH)] * 4)

@@ -362,7 +362,7 @@ def test_other_features_than_in_training_are_refused() -> None:
 def test_maps_and_labelings_must_belong_together() -> None:
     problem, truth = sample(seed=20)
     network = AssociativeMarkovNetwork()
-    with pytest.raises(InputError, match="got 1 and 0"):
+    with pytest.raises(InputError, match="got 1 problems and 0 labelings"):
         network.fit([problem], [])
     with pytest.raises(InputError, match=r"labelings\[0\] must have shape \(96,\)"):
         network.fit([problem], [truth[:-1]])
