@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError, LabelError
+from pgm_places.errors import InputError, LabelError, nearest_name
 
 __all__ = [
     "ROWS_AT_ONCE",
@@ -141,12 +141,3 @@ def label_raster(
             f"{array.min()} to {array.max()}"
         )
     return array.astype(np.int16, copy=False)
-
-
-def nearest_name(name: str, known: list[str]) -> str:
-    """A sentence that offers the nearest known name and lists them all."""
-    import difflib
-
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}Known: {', '.join(sorted(known))}"

@@ -27,6 +27,7 @@ __all__ = [
     "OutputError",
     "PgmPlacesError",
     "SolverError",
+    "nearest_name",
 ]
 
 
@@ -68,3 +69,12 @@ class OutputError(PgmPlacesError, RuntimeError):
 
 class SolverError(PgmPlacesError, RuntimeError):
     """A numerical solver ended without a usable answer; the message carries its status."""
+
+
+def nearest_name(name: str, known: list[str]) -> str:
+    """A sentence that offers the nearest known name and lists them all."""
+    import difflib
+
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}Known: {', '.join(sorted(known))}"

@@ -8,6 +8,8 @@ in the same words.
 
 import dataclasses
 import functools
+import inspect
+import re
 import types
 import typing
 from collections.abc import Iterator, Mapping
@@ -15,8 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union
 
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 
-from pgm_places._checks import nearest_name
-from pgm_places.errors import ConfigError, InputError
+from pgm_places.errors import ConfigError, InputError, nearest_name
 
 __all__ = [
     "AtLeastZero",
@@ -29,6 +30,7 @@ __all__ = [
     "from_mapping",
     "option_fields",
     "option_hints",
+    "option_lines",
     "option_values",
     "plain_values",
     "wanted",
@@ -41,6 +43,10 @@ Whole = Annotated[int, Ge(1)]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 
 T = TypeVar("T")
+
+
+_PARAMETER = re.compile(r"^(\w[\w, ]*) : [^\n]*\n((?: +[^\n]*\n?)+)", re.MULTILINE)
+"""One entry of a docstring's parameters: names, and what is said of them."""
 
 
 class OptionError(ConfigError):
@@ -81,6 +87,19 @@ def option_hints(cls: Any) -> dict[str, Any]:
 def _hints(cls: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(cls, include_extras=True)
     return {item.name: hints[item.name] for item in option_fields(cls)}
+
+
+def option_lines(cls: type[Any]) -> dict[str, str]:
+    """The first sentence that the docstring of the class, or of a base, says of each option."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        _, _, parameters = inspect.cleandoc(base.__doc__ or "").partition("\n----------\n")
+        for names, text in re.findall(
+            r"^(\w[\w, ]*) : [^\n]*\n((?: +[^\n]*\n?)+)", parameters, re.M
+        ):
+            sentence = " ".join(text.split()).partition(". ")[0].rstrip(".")
+            found |= dict.fromkeys(names.split(", "), sentence + ".")
+    return {name: found.get(name, "") for name in option_hints(cls)}
 
 
 def check_options(item: Any) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated
 import typer
 
 from pgm_places._version import __version__
+from pgm_places.cli.flags import option_flags
+from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["app", "main"]
 
@@ -24,16 +26,17 @@ app = typer.Typer(
 
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if needed.")]
 Threads = Annotated[
-    int | None, typer.Option("--threads", min=1, help="Threads to use; all cores by default.")
+    int | None, typer.Option("--threads", min=1, help="Number of threads; all cores by default.")
 ]
 Model = Annotated[
-    str, typer.Option("--model", "-m", help="A model made by 'train', or a shipped one's name.")
+    str,
+    typer.Option("--model", "-m", help="Folder made by 'train', or the name of a shipped model."),
 ]
 UnknownValue = Annotated[
     int | None,
-    typer.Option(min=0, max=255, help="A grey value to read as unknown, such as 205."),
+    typer.Option(min=0, max=255, help="Grey value to read as unknown, such as 205."),
 ]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Hide progress.")]
 
 
 def _show_version(wanted: bool) -> None:
@@ -55,11 +58,11 @@ def _options(
 @app.command()
 def demo(
     out: Out = Path("demo-report"),
-    seed: Annotated[int, typer.Option(min=0, help="Which generated building.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the generated building.")] = 0,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Learn on one wing of a generated building, label the other; needs no data."""
+    """Learn on one wing of a generated building and label the other; needs no data."""
     from pgm_places.cli.commands import run_demo
 
     run_demo(out, seed=seed, n_threads=threads, quiet=quiet)
@@ -72,7 +75,7 @@ def compare(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Learn, label and evaluate every method of a configuration; table, results and report."""
+    """Train, run and evaluate every method of a configuration; write tables and a report."""
     from pgm_places.cli.commands import run_compare
 
     run_compare(config, out, n_threads=threads, quiet=quiet)
@@ -85,7 +88,7 @@ def train(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Learn a model from labelled maps and store it as a folder."""
+    """Train a model on labelled maps and save it as a folder."""
     from pgm_places.cli.commands import run_train
 
     run_train(config, out, n_threads=threads, quiet=quiet)
@@ -97,7 +100,7 @@ def label(
     out: Out,
     model: Model = "default",
     method: Annotated[
-        str | None, typer.Option(help="A method of the model; its last one by default.")
+        str | None, typer.Option(help="Method of the model; its last one by default.")
     ] = None,
     unknown_value: UnknownValue = None,
     threads: Threads = None,
@@ -118,46 +121,26 @@ def label(
 
 
 @app.command()
+@option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"})
 def topology(
     labels: Annotated[
-        Path, typer.Argument(metavar="LABELS.png", help="Labels, with their names file beside.")
+        Path, typer.Argument(metavar="LABELS.png", help="Label image, with its names file beside.")
     ],
-    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map they belong to.")],
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map it belongs to.")],
     out: Out,
     names: Annotated[
         Path | None, typer.Option(help="Names file; LABELS.yaml or labels.yaml by default.")
     ] = None,
-    min_area: Annotated[
-        float, typer.Option(min=0, help="Least area of a room or a corridor in m².")
-    ] = 1.0,
-    min_doorway_area: Annotated[
-        float, typer.Option(min=0, help="Least area of a doorway in m².")
-    ] = 0.1,
-    min_width: Annotated[
-        float, typer.Option(min=0, help="Passages narrower than this, in m, connect nothing.")
-    ] = 0.0,
-    doorway: Annotated[str, typer.Option(help="Which label is the doorway.")] = "doorway",
-    widest_doorway: Annotated[
-        float, typer.Option(min=0, help="Doorway cells with more room around, in m, are none.")
-    ] = 0.0,
-    close_leaks: Annotated[
-        float, typer.Option(min=0, help="Complete doorways up to so wide, in m, that leak.")
-    ] = 0.0,
-    split_rooms: Annotated[
-        float, typer.Option(min=0, help="Part places by a doorway where at most so narrow, in m.")
-    ] = 0.0,
+    *,
+    rules: TopologyOptions,
     propose_splits: Annotated[
-        float, typer.Option(min=0, help="Only say where --split-rooms would part places.")
+        float, typer.Option(min=0, help="Only list the places that --split-rooms would split.")
     ] = 0.0,
-    correct: Annotated[
-        bool, typer.Option("--correct/--as-it-is", help="Correct regions that are errors.")
-    ] = True,
     unknown_value: UnknownValue = None,
     quiet: Quiet = False,
 ) -> None:
     """Find the places of a labelled map and how they are connected."""
     from pgm_places.cli.places import run_topology
-    from pgm_places.topology.rules import TopologyOptions
 
     run_topology(
         labels,
@@ -165,16 +148,7 @@ def topology(
         out,
         names_path=names,
         unknown_value=unknown_value,
-        rules=TopologyOptions(
-            min_area,
-            min_doorway_area,
-            doorway_label=doorway,
-            widest_doorway_m=widest_doorway,
-            close_leaks_m=close_leaks,
-            split_rooms_m=split_rooms,
-            correct=correct,
-            min_width_m=min_width,
-        ),
+        rules=rules,
         propose_splits_m=propose_splits,
         quiet=quiet,
     )
@@ -182,7 +156,9 @@ def topology(
 
 @app.command()
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Written by label or topology.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder written by label or topology.")
+    ],
     to: Annotated[
         str,
         typer.Option(
@@ -195,7 +171,7 @@ def export(
     ] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A mask's value of a class or place: room=100. Repeatable."),
+        typer.Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
     ] = None,
 ) -> None:
     """Write the places for other tools: Nav2, QGIS, graph editors, Foxglove, RViz."""
@@ -206,11 +182,13 @@ def export(
 
 @app.command(context_settings={"ignore_unknown_options": True})  # a position may be negative
 def where(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Written by label or topology.")],
-    x: Annotated[float, typer.Argument(metavar="X", help="Metres in the map frame.")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="Metres in the map frame.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder written by label or topology.")
+    ],
+    x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
 ) -> None:
-    """Say which place a position lies in; exit code 1 where there is none."""
+    """Show which place a position lies in; exit code 1 if there is none."""
     from pgm_places.cli.places import run_where
 
     run_where(folder, x, y)
@@ -228,37 +206,36 @@ def simulate(
         ),
     ],
     map_yaml: Annotated[
-        Path | None, typer.Argument(metavar="MAP.yaml", help="A map_server map to drive in.")
+        Path | None, typer.Argument(metavar="MAP.yaml", help="The map_server map to drive in.")
     ] = None,
     demo: Annotated[
-        bool, typer.Option("--demo", help="Drive in a generated building, which is written too.")
+        bool, typer.Option("--demo", help="Drive in a generated building, and write that too.")
     ] = False,
     labels: Annotated[
-        Path | None, typer.Option(help="Label image of the map: the true place of every step.")
+        Path | None, typer.Option(help="Label image of the map, for the true place of every step.")
     ] = None,
-    beams: Annotated[int, typer.Option(min=1, max=100_000, help="Beams of the laser.")] = 180,
+    beams: Annotated[int, typer.Option(min=1, max=100_000, help="Number of laser beams.")] = 180,
     view: Annotated[
-        float, typer.Option(min=1, max=360, help="How many degrees the laser sees.")
+        float, typer.Option(min=1, max=360, help="Field of view of the laser (degrees).")
     ] = 180,
-    reach: Annotated[float, typer.Option("--range", min=0.1, help="Its longest range, m.")] = 30.0,
-    noise: Annotated[
-        float, typer.Option(min=0, help="Standard deviation of its readings, m.")
-    ] = 0.02,
+    reach: Annotated[
+        float, typer.Option("--range", min=0.1, help="Maximum range of the laser (m).")
+    ] = 30.0,
+    noise: Annotated[float, typer.Option(help="Standard deviation of the range noise (m).")] = 0.02,
     odometry_noise: Annotated[
-        float, typer.Option(min=0, help="Errors of the wheels: 0 none, 1 usual, 2 twice that.")
+        float, typer.Option(min=0, help="Odometry noise scale (1 = typical).")
     ] = 1.0,
     wheels_only: Annotated[
-        bool, typer.Option("--wheels-only", help="The log knows no poses but the wheels'.")
+        bool, typer.Option("--wheels-only", help="Record odometry only, without the true poses.")
     ] = False,
     length: Annotated[
-        float | None, typer.Option(min=0.5, help="Metres to drive; past all places by default.")
+        float | None,
+        typer.Option(min=0.5, help="Distance to drive (m); past all places by default."),
     ] = None,
-    speed: Annotated[float, typer.Option(min=0.01, help="Metres per second.")] = 0.4,
-    every: Annotated[float, typer.Option(min=0.001, help="Seconds between two scans.")] = 0.2,
-    radius: Annotated[float, typer.Option(min=0.01, help="The robot's radius, m.")] = 0.25,
-    seed: Annotated[
-        int, typer.Option(min=0, max=2**63 - 1, help="Draws the start, the errors, the building.")
-    ] = 0,
+    speed: Annotated[float, typer.Option(help="Driving speed (m/s).")] = 0.4,
+    every: Annotated[float, typer.Option(help="Time between scans (s).")] = 0.2,
+    radius: Annotated[float, typer.Option(help="Radius of the robot (m).")] = 0.25,
+    seed: Annotated[int, typer.Option(help="Seed of the start, the noise and the building.")] = 0,
     unknown_value: UnknownValue = None,
     threads: Threads = None,
     quiet: Quiet = False,
@@ -304,45 +281,47 @@ def track(
     ] = None,
     map_yaml: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.yaml", help="A map in the frame of the log's poses."),
+        typer.Option("--map", metavar="MAP.yaml", help="Map in the frame of the log's poses."),
     ] = None,
     mode: Annotated[
-        str, typer.Option(help="filter (as online), smooth or viterbi (whole logs).")
+        str, typer.Option(help="filter (as online), smooth or viterbi (complete logs).")
     ] = "filter",
     beams: Annotated[
         str | None,
         typer.Option(
-            help="Beams that the laser lacks: known-map (default with --map), local-map, mirror or "
-            "max-range."
+            help="How to complete scans of less than a full circle: known-map (default with "
+            "--map), local-map, mirror or max-range."
         ),
     ] = None,
     every: Annotated[
         float | None,
-        typer.Option(min=0, help="Metres between two updates; the model's if not given."),
+        typer.Option(min=0, help="Distance between updates (m); the model's by default."),
     ] = None,
     max_range: Annotated[
         float | None,
-        typer.Option(min=0, help="Readings from here on, in metres, mean that nothing was met."),
+        typer.Option(min=0, help="Readings of this range or more (m) count as no return."),
     ] = None,
     truth: Annotated[
         Path | None,
-        typer.Option(help="Table of the true places, a row per step, to compare with."),
+        typer.Option(help="Table of the true places, one row per step, to score against."),
     ] = None,
     counts: Annotated[
         Path | None,
-        typer.Option(help="CSV or JSON of the objects seen, for a model that learned with them."),
+        typer.Option(help="CSV or JSON of object counts, for a model trained with them."),
     ] = None,
     counts_within: Annotated[
         float,
-        typer.Option(min=0, help="Seconds between a scan and the objects that belong to it."),
+        typer.Option(min=0, help="Longest time between a scan and its object counts (s)."),
     ] = 5.0,
     follow: Annotated[
         bool,
-        typer.Option("--follow", "-f", help="Read a growing CARMEN log, or -: a line per update."),
+        typer.Option(
+            "--follow", "-f", help="Follow a growing CARMEN log, or -: one line per update."
+        ),
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Label the places along a robot's trajectory, from a log or while it is being written."""
+    """Label the places along a robot's trajectory, from a complete or a growing log."""
     from pgm_places.cli.track import TrackOptions, run_follow, run_track
 
     options = TrackOptions(
@@ -358,16 +337,16 @@ def track(
 def reproduce(
     sections: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SECTION]...", help="Such as 7.1 7.5; all by default."),
+        typer.Argument(metavar="[SECTION]...", help="Sections such as 7.1 7.5; all by default."),
     ] = None,
     out: Out = Path("reproduced"),
     again: Annotated[
-        bool, typer.Option("--again", help="Also run sections that are there already.")
+        bool, typer.Option("--again", help="Rerun sections that are already there.")
     ] = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run the paper's experiments: its figures beside ours, and a page with pictures."""
+    """Reproduce the paper's experiments: its figures beside ours, on a page with pictures."""
     from pgm_places.cli.reproduce import run_reproduce
 
     run_reproduce(tuple(sections or ()), out, again=again, n_threads=threads, quiet=quiet)
@@ -379,7 +358,7 @@ def doctor(
         Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")
     ] = None,
 ) -> None:
-    """Say what is installed, where compiled code is kept, and what a map file holds."""
+    """Show what is installed, where compiled code is cached, and what a map file holds."""
     from pgm_places.cli.doctor import run_doctor
 
     run_doctor(map_yaml)
@@ -395,7 +374,7 @@ def main() -> None:
         print(f"pgm-places: {error}", file=sys.stderr)  # noqa: T201  the command line speaks
         sys.exit(EXIT_BAD_INPUT)
     except KeyboardInterrupt:
-        print("pgm-places: interrupted; nothing was half-written", file=sys.stderr)  # noqa: T201
+        print("pgm-places: interrupted; no file is left half-written", file=sys.stderr)  # noqa: T201
         sys.exit(EXIT_INTERRUPTED)
     except MemoryError:
         print(  # noqa: T201

@@ -84,16 +84,16 @@ def run_topology(
 
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
-    """A line per place that could be two."""
+    """A line per place that could be split."""
     from pgm_places.topology.proposals import propose_splits
 
     found = propose_splits(topology, narrower_than_m)
     lines = [
-        f"could be two: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²), "
-        f"parted at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
+        f"could be split: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²), "
+        f"at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
         for split in found
     ]
-    return lines or [f"no place could be two: none is narrower than {narrower_than_m:g} m within"]
+    return lines or [f"no place could be split: none is narrower than {narrower_than_m:g} m inside"]
 
 
 def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:
@@ -112,7 +112,7 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
     for text in texts:
         name, equals, number = text.rpartition("=")
         if not equals or not name or not number.strip().isdecimal():
-            raise InputError(f"--set wants NAME=NUMBER, such as room=100, got {text!r}")
+            raise InputError(f"--set takes NAME=NUMBER, such as room=100, got {text!r}")
         values[name.strip()] = int(number)
     return values
 

@@ -1,4 +1,4 @@
-"""The command simulate: a robot that is not there drives and writes a log that is."""
+"""``pgm-places simulate``: a simulated robot drives through a map and writes its log."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 
+from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.errors import InputError
 
@@ -14,6 +15,15 @@ if TYPE_CHECKING:
     from pgm_places.sensing.simulated_robot import SimulatedRobot
     from pgm_places.trajectories.scan import ScanGeometry
     from pgm_places.trajectories.trajectory import Trajectory
+
+FLAGS = {
+    "radius_m": "--radius",
+    "speed_m_s": "--speed",
+    "scan_every_s": "--every",
+    "sigma_m": "--noise",
+    "seed": "--seed",
+}
+"""The flags of the robot's options."""
 
 __all__ = ["beams", "robot_of", "run_simulate"]
 
@@ -45,21 +55,15 @@ def robot_of(
     from pgm_places.sensing.sensor import SensorNoise
     from pgm_places.sensing.simulated_robot import SimulatedRobot
 
-    usual, times = OdometryNoise(), odometry_noise
-    return SimulatedRobot(
-        geometry,
-        radius_m=radius_m,
-        speed_m_s=speed_m_s,
-        scan_every_s=scan_every_s,
-        sensor_noise=SensorNoise(sigma_m=range_noise_m, seed=seed),
-        odometry_noise=OdometryNoise(
-            times * usual.turn_by_turn,
-            times * usual.turn_by_way,
-            times * usual.way_by_way,
-            times * usual.way_by_turn,
-            seed=seed,
-        ),
-    )
+    with named_as_flags(FLAGS):
+        return SimulatedRobot(
+            geometry,
+            radius_m=radius_m,
+            speed_m_s=speed_m_s,
+            scan_every_s=scan_every_s,
+            sensor_noise=SensorNoise(sigma_m=range_noise_m, seed=seed),
+            odometry_noise=OdometryNoise(seed=seed).scaled(odometry_noise),
+        )
 
 
 def run_simulate(
@@ -81,7 +85,7 @@ def run_simulate(
     from pgm_places.io.logs.trajectories import check_name, write_trajectory
 
     if (map_yaml is None) is not demo:
-        raise InputError("simulate wants a map, or --demo for a generated building: one of them")
+        raise InputError("simulate needs a map, or --demo for a generated building, but not both")
     check_name(out)  # a name that cannot be written shows before the work, not after
     check_writable_folder(out.parent)
     progress = make_progress(quiet=quiet)
@@ -149,7 +153,7 @@ def _stem(out: Path) -> str:
 
 
 def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
-    """What the robot would know: with the true poses beside its wheels', or with those alone."""
+    """What the robot would know: with the true poses beside its odometry, or odometry alone."""
     from dataclasses import replace
 
     if wheels_only and driven.odometry is not None:
@@ -168,7 +172,7 @@ def _picture(place: "LabelledMap", names: tuple[str, ...], driven: "Trajectory")
         labels,
         names,
         other_m=wheels,
-        other_name="what the wheels tell",
+        other_name="odometry",
         title="A simulated drive",
     )
 
@@ -178,13 +182,11 @@ def _summary(driven: "Trajectory") -> str:
 
     seconds = driven.times_s[-1] - driven.times_s[0]
     n_beams = 0 if driven.geometry is None else driven.geometry.n_beams
-    lines = [
-        f"{len(driven)} scans of {n_beams} beams on {driven.path_length_m:.0f} m of way in "
-        f"{seconds:.0f} s"
-    ]
+    length_m = driven.path_length_m
+    lines = [f"{len(driven)} scans of {n_beams} beams over {length_m:.0f} m in {seconds:.0f} s"]
     if driven.labels is not None and driven.label_names is not None:
         rows = [["place", "steps", "share"]]
-        names = [*driven.label_names, "not known"]
+        names = [*driven.label_names, "unknown"]
         for label, name in zip([*range(len(driven.label_names)), -1], names, strict=True):
             n_steps = int(np.count_nonzero(driven.labels == label))
             rows.append([name, str(n_steps), f"{100 * n_steps / len(driven):.1f} %"])

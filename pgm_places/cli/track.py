@@ -75,8 +75,8 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
     impossible = labeling.info.get("impossible", [])
     if impossible:
         warnings.append(
-            f"the model gives what was seen at {len(impossible)} steps no probability (first at "
-            f"step {impossible[0]}); they were passed over"
+            f"{len(impossible)} observations (first at step {impossible[0]}) have probability 0 in "
+            "this model and were skipped"
         )
     track = Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
     typer.echo(_summary(track))
@@ -107,7 +107,7 @@ def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: boo
             if not quiet:
                 typer.echo(f"stopped after {len(beliefs)} scans", err=True)
     if not beliefs:
-        progress.warn(f"{log}: no scan came")
+        progress.warn(f"{log}: no scans received")
     elif out is not None:
         for path in _write(_followed(log, labeler, scans[: len(beliefs)], beliefs), grid, out):
             typer.echo(f"wrote {path}")
@@ -173,22 +173,22 @@ def _counts(
     if options.counts is None:
         if names:
             raise ConfigError(
-                f"this model also looks at {', '.join(names)}; give a file of counts: --counts FILE"
+                f"this model also uses {', '.join(names)}; give a file of counts: --counts FILE"
             )
         return None
     if not names:
-        raise ConfigError("this model looks at the laser only; leave --counts out")
+        raise ConfigError("this model uses the laser only; leave --counts out")
     from pgm_places.io.logs.object_counts import read_object_counts
 
     counts = read_object_counts(options.counts)
     missing = [name for name in names if name not in counts.object_names]
     if len(missing) == len(names):
         raise ConfigError(
-            f"{options.counts} has none of the objects that the model looks at "
+            f"{options.counts} has none of the objects that the model uses "
             f"({', '.join(names)}); it has {', '.join(counts.object_names)}"
         )
     if missing:
-        progress.warn(f"{options.counts} has no {', '.join(missing)}: taken as never seen")
+        progress.warn(f"{options.counts} has no {', '.join(missing)}: counted as never seen")
     return _Seen(counts, names, options.counts_within_s)
 
 
@@ -309,5 +309,5 @@ def _summary(track: "Track") -> str:
     ]
     lines = [text_table(rows)]
     if track.accuracy is not None:
-        lines.append(f"{100 * track.accuracy:.1f} % of the labels are right")
+        lines.append(f"{100 * track.accuracy:.1f} % of the labels are correct")
     return "\n".join(lines)

@@ -166,8 +166,8 @@ def _candidates(
     number = math.prod(len(values) for values in settings.options.values())
     if number > MOST_CANDIDATES:
         raise ConfigError(
-            f"[select] has {number} combinations of options, at most {MOST_CANDIDATES} are tried; "
-            "leave some out"
+            f"[select] has {number} combinations of options; at most {MOST_CANDIDATES} are "
+            "allowed, so leave some out"
         )
     found = []
     for values in product(*settings.options.values()):

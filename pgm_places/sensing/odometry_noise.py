@@ -49,6 +49,16 @@ class OdometryNoise:
     def __post_init__(self) -> None:
         check_options(self)
 
+    def scaled(self, times: float) -> "OdometryNoise":
+        """The same noise with all its standard deviations multiplied by ``times``."""
+        return OdometryNoise(
+            times * self.turn_by_turn,
+            times * self.turn_by_way,
+            times * self.way_by_way,
+            times * self.way_by_turn,
+            self.seed,
+        )
+
     def odometry(self, poses: ArrayLike) -> NDArray[np.float64]:
         """(T, 3) what the wheels tell along true poses (T, 3); it begins at the first of them."""
         true = finite_array("poses", poses, ("T", 3))

@@ -73,8 +73,8 @@ def test_the_demo_writes_its_building_too(
     ("arguments", "message"),
     [
         (["map.yaml", "--out", "a.txt"], "a trajectory can be written as .log"),
-        (["--out", "a.log"], "wants a map, or --demo"),
-        (["map.yaml", "--demo", "--out", "a.log"], "wants a map, or --demo"),
+        (["--out", "a.log"], "needs a map, or --demo"),
+        (["map.yaml", "--demo", "--out", "a.log"], "needs a map, or --demo"),
         (["none.yaml", "--out", "a.log"], "none.yaml"),
         (["map.yaml", "--radius", "9", "--out", "a.log"], "fits nowhere on this map"),
         (["map.yaml", "--labels", "none.png", "--out", "a.log"], "none.png"),

@@ -112,7 +112,7 @@ def test_labels_are_compared_with_a_table_of_true_places(folder: Path, run: Run)
     code, text, _ = run("track", log, "-m", model, "-o", out, "--truth", truth, "-q")
     assert code == 0
     right = sum(row["label"] == row["true_label"] for row in rows_of(out / "beliefs.csv"))
-    assert f"{100 * right / 60:.1f} % of the labels are right" in text
+    assert f"{100 * right / 60:.1f} % of the labels are correct" in text
     write_trajectory(truth, drive(1)[:59])
     code, _, error = run("track", log, "-m", model, "-o", out, "--truth", truth, "-q")
     assert code == 2
@@ -174,9 +174,9 @@ def test_counts_that_do_not_fit_are_named(seeing: Path, run: Run) -> None:
 
     model, plain, counts = seeing / "seeing", seeing / "model", seeing / "counts.csv"
     code, error = track("-m", model)
-    assert (code, "also looks at monitor, person" in error, "--counts" in error) == (2, True, True)
+    assert (code, "also uses monitor, person" in error, "--counts" in error) == (2, True, True)
     code, error = track("-m", plain, "--counts", counts)
-    assert (code, "looks at the laser only" in error) == (2, True)
+    assert (code, "uses the laser only" in error) == (2, True)
     (seeing / "other.csv").write_text("t_s,lamp\n0.0,1\n")
     code, error = track("-m", model, "--counts", seeing / "other.csv")
     assert (code, "none of the objects" in error, "lamp" in error) == (2, True, True)

@@ -1,0 +1,115 @@
+"""Flags of the command line that are the options of a class: one declaration, one wording."""
+
+import functools
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+
+from pgm_places.options import (
+    OptionError,
+    from_mapping,
+    option_fields,
+    option_hints,
+    option_lines,
+)
+
+__all__ = ["flag_of", "named_as_flags", "option_flags"]
+
+UNITS = ("_m2", "_m_s", "_m", "_s")
+"""Endings of options' names that flags leave out: their help says the unit."""
+
+
+def flag_of(option: str) -> str:
+    """The flag of an option, without the unit.
+
+    Examples
+    --------
+    >>> flag_of("min_doorway_area_m2")
+    '--min-doorway-area'
+    """
+    unit = next((unit for unit in UNITS if option.endswith(unit)), "")
+    return "--" + option.removesuffix(unit).replace("_", "-")
+
+
+def option_flags(
+    parameter: str, cls: type[Any], flags: Mapping[str, str] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A decorator that gives a command a flag for each option of a class.
+
+    Parameters
+    ----------
+    parameter : str
+        The parameter of the command that takes the object of the class.
+    cls : dataclass
+        Names, defaults, ranges and help are those that it declares.
+    flags : mapping of str to str, optional
+        Flags that are not called as :func:`flag_of` would call them.
+    """
+    hints = option_hints(cls)
+    names = {name: flag_of(name) for name in hints} | dict(flags or {})
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def call(**given: Any) -> None:
+            values = {name: _value(given.pop(name), hints[name]) for name in names}
+            with named_as_flags(names):
+                options = from_mapping(cls, values)
+            command(**{parameter: options}, **given)
+
+        signature = inspect.signature(command)
+        parameters: list[inspect.Parameter] = []
+        for item in signature.parameters.values():
+            parameters += _parameters(cls, names) if item.name == parameter else [item]
+        vars(call)["__signature__"] = signature.replace(parameters=parameters)
+        call.__annotations__ = {item.name: item.annotation for item in parameters}
+        return call
+
+    return decorated
+
+
+@contextmanager
+def named_as_flags(flags: Mapping[str, str]) -> Iterator[None]:
+    """Have errors of options name the flags that gave them."""
+    try:
+        yield
+    except OptionError as error:
+        raise OptionError(flags.get(error.option, error.option), error.problem) from None
+
+
+def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parameter]:
+    """A parameter per option: a switch, or text that the class itself reads and checks."""
+    lines, hints = option_lines(cls), option_hints(cls)
+    found = []
+    for item in option_fields(cls):
+        flag, is_switch = flags[item.name], hints[item.name] is bool
+        if is_switch:
+            flag += f"/--no-{flag.removeprefix('--')}"
+        option = typer.Option(flag, help=lines[item.name], metavar=_metavar(item.default))
+        found.append(
+            inspect.Parameter(
+                item.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=item.default if is_switch else str(item.default),
+                annotation=Annotated[bool, option] if is_switch else Annotated[str, option],
+            )
+        )
+    return found
+
+
+def _metavar(default: Any) -> str | None:
+    if isinstance(default, bool):
+        return None
+    return "NUMBER" if isinstance(default, int | float) else "TEXT"
+
+
+def _value(text: str | bool, hint: Any) -> Any:
+    """What a flag's text says: a number where it is one and the option is not text."""
+    for kind in () if hint is str or isinstance(text, bool) else (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
