@@ -17,7 +17,7 @@ from pgm_places.palette import (
     label_colours,
     label_swatches,
 )
-from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
+from pgm_places.report.canvas import Canvas, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.sheet import Panel, sheet_png
 
@@ -81,9 +81,9 @@ def path_map(
     colours = [*label_colours(label_names), _NO_LABEL]  # -1 counts from the end
 
     def draw(axes: Any) -> None:
-        pixels = _in_pixels(grid, view, positions)
+        pixels = view.pixels_at_m(grid, positions)
         if other is not None:
-            _line(axes, _in_pixels(grid, view, other), _OTHER_COLOUR, _OTHER, dashes=(4, 2))
+            _line(axes, view.pixels_at_m(grid, other), _OTHER_COLOUR, _OTHER, dashes=(4, 2))
         _line(axes, pixels, "white", _CASING)
         _pieces(axes, pixels, [colours[place] for place in places])
         _ends(axes, pixels)
@@ -101,17 +101,6 @@ def _without_stripes(canvas: Canvas) -> Canvas:
     """Free space in plain white: on this picture no cell is expected to have a label."""
     colours = tuple(IGNORED if colour == IGNORED_STRIPE else colour for colour in canvas.colours)
     return replace(canvas, colours=colours)
-
-
-def _in_pixels(
-    grid: OccupancyGrid, view: View, positions_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(n, 2) pixels of the canvas, x to the right and y down."""
-    cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-    local = (positions_m - np.asarray(grid.origin_xy_m)) @ np.array([[cos, -sin], [sin, cos]])
-    corner = np.array([view.columns.start, view.rows.start])
-    x, y = ((local / grid.resolution_m - corner) / view.shrink).T
-    return np.stack([x, view.shape[0] - y], axis=1)
 
 
 def _line(

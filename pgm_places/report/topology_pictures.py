@@ -1,14 +1,14 @@
 """The topological map drawn over the map, and as a diagram (paper Figs. 9 and 11)."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_colours, rgb_of, tinted
-from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
+from pgm_places.report.canvas import Canvas, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED, PixelFigure
 from pgm_places.report.sheet import round_length
 from pgm_places.topology.regions import Region
@@ -20,6 +20,7 @@ _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
 _EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
 _PALE = 0.45
+_ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 
 
 def topology_picture(
@@ -47,7 +48,7 @@ def topology_picture(
     b'PNG'
     """
     view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
-    canvas = label_canvas(grid, _labels(topology), topology.label_names, view)
+    canvas = label_canvas(grid, topology.labels, topology.label_names, view)
     height, width = canvas.indices.shape
     scale = max(1, _LONG_SIDE // max(height, width))
     size = (scale * width, scale * height)
@@ -58,7 +59,10 @@ def topology_picture(
     page = PixelFigure(content + 2 * _EDGE, second[1] + _CAPTION + size[1] + _FOOT + _EDGE)
     if title:
         page.text(_EDGE, _EDGE + 10, title, size=20, weight="bold")
-    pixels = _Pixels(grid, view, scale, height)
+
+    def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
+        return scale * view.pixels_at_m(grid, points_m)
+
     page.text(_EDGE, top + 8, "places over the map", size=15, color=MUTED)
     over = _panel(page, (_EDGE, top + _CAPTION), size)
     over.imshow(_paled(canvas), interpolation="nearest", extent=(0, size[0], size[1], 0))
@@ -67,33 +71,6 @@ def topology_picture(
     _draw_diagram(_panel(page, (second[0], second[1] + _CAPTION), size), topology, pixels)
     _scale_bar(page, canvas, scale, second[1] + _CAPTION + size[1] + 20)
     return page.png()
-
-
-class _Pixels:
-    """From the map frame to the pixels of a panel."""
-
-    def __init__(self, grid: OccupancyGrid, view: View, scale: int, height: int) -> None:
-        cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
-        self._turn = np.array([[cos, -sin], [sin, cos]]) / grid.resolution_m
-        self._origin = np.asarray(grid.origin_xy_m)
-        self._corner = np.array([view.columns.start, view.rows.start])
-        self._scale, self._shrink, self._height = scale, view.shrink, height
-
-    def __call__(self, points_m: ArrayLike) -> NDArray[np.float64]:
-        """(n, 2) x to the right and y down."""
-        local = (np.asarray(points_m, np.float64).reshape(-1, 2) - self._origin) @ self._turn
-        x, y = ((local - self._corner) / self._shrink).T
-        return self._scale * np.stack([x, self._height - y], axis=1)
-
-
-def _labels(topology: TopologicalMap) -> NDArray[np.int16]:
-    """(H, W) label of each cell's region, -1 where there is none."""
-    highest = max((region.id for region in topology.regions), default=0)
-    table = np.full(highest + 1, -1, np.int16)
-    for region in topology.regions:
-        table[region.id] = topology.label_names.index(region.label)
-    labels: NDArray[np.int16] = table[topology.region]
-    return labels
 
 
 def _paled(canvas: Canvas) -> NDArray[np.uint8]:
@@ -112,7 +89,7 @@ def _panel(page: PixelFigure, corner: tuple[int, int], size: tuple[int, int]) ->
     return axes
 
 
-def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
+def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
     for item in topology.connections:
         ends = [
             item.point_m
@@ -125,7 +102,7 @@ def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
     _draw_nodes(axes, topology, topology.regions, pixels)
 
 
-def _draw_diagram(axes: Any, topology: TopologicalMap, pixels: _Pixels) -> None:
+def _draw_diagram(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
     colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
     shaped = {region.id for region in topology.regions if _keeps_shape(region, topology)}
     for number in shaped:
@@ -152,7 +129,7 @@ def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
     )
 
 
-def _draw_shape(axes: Any, region: Region, pixels: _Pixels, colours: dict[str, str]) -> None:
+def _draw_shape(axes: Any, region: Region, pixels: _ToPixels, colours: dict[str, str]) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
@@ -164,7 +141,7 @@ def _draw_shape(axes: Any, region: Region, pixels: _Pixels, colours: dict[str, s
 
 
 def _draw_nodes(
-    axes: Any, topology: TopologicalMap, regions: Iterable[Region], pixels: _Pixels
+    axes: Any, topology: TopologicalMap, regions: Iterable[Region], pixels: _ToPixels
 ) -> None:
     colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
     for region in regions:

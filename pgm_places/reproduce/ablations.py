@@ -15,7 +15,7 @@ from pgm_places.experiment.runs import compare, compare_fitted
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.figures import DOORWAY, finding, method_table, percent
+from pgm_places.reproduce.figures import DOORWAY, method_findings, method_table, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
 from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.learning import training_features, with_explicit_order
@@ -85,7 +85,7 @@ def noise(setting: Setting) -> Outcome:
     heading = ("noise", "method", "accuracy", "balanced", "doorway recall", "doorway F1")
     caption = f"Beam noise; mean ± standard deviation over {len(SEEDS)} seeds"
     by_paper = noisy["5 cm, 1 % random, 1 % maximum"]
-    findings = [finding(f"no noise, {method.id}", method) for method in clean.methods]
+    findings = [*method_findings({"no noise": clean})]
     for k, method in enumerate(by_paper[0].methods):
         figures = _means([run.methods[k].evaluation for run in by_paper])
         findings.append(Finding(f"5 cm, 1 % random, 1 % maximum, {method.id}", *figures))
@@ -182,12 +182,7 @@ def _compare_on(setting: Setting, train: LabelledMap) -> Comparison:
 
 
 def _outcome(words: str, caption: str, found: dict[str, Comparison]) -> Outcome:
-    findings = tuple(
-        finding(f"{name}, {method.id}", method)
-        for name, comparison in found.items()
-        for method in comparison.methods
-    )
-    return Outcome(words, findings, (method_table(caption, found),))
+    return Outcome(words, method_findings(found), (method_table(caption, found),))
 
 
 def _figures(scored: Evaluation) -> tuple[str, ...]:

@@ -1,10 +1,20 @@
 """Numbers as the tables of the paper's experiments show them."""
 
+from collections.abc import Mapping
+
 from pgm_places.evaluation.evaluation import Evaluation, Interval, border_tolerant_mask
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.reproduce.section import Finding, Table
 
-__all__ = ["BORDER_M", "DOORWAY", "away_from_borders", "finding", "method_table", "percent"]
+__all__ = [
+    "BORDER_M",
+    "DOORWAY",
+    "away_from_borders",
+    "finding",
+    "method_findings",
+    "method_table",
+    "percent",
+]
 
 DOORWAY = "doorway"
 BORDER_M = 0.3
@@ -19,6 +29,15 @@ def percent(value: float | None) -> str:
 def finding(what: str, method: MethodResult, *, paper: float | None = None) -> Finding:
     """The overview's line of a method."""
     return finding_of(what, method.evaluation, method.intervals.get("accuracy"), paper=paper)
+
+
+def method_findings(comparisons: Mapping[str, Comparison]) -> tuple[Finding, ...]:
+    """A line of the overview per comparison and method."""
+    return tuple(
+        finding(f"{words}, {method.id}", method)
+        for words, comparison in comparisons.items()
+        for method in comparison.methods
+    )
 
 
 def finding_of(

@@ -15,7 +15,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
 from pgm_places.reproduce.building79 import load_building79
 from pgm_places.reproduce.comparison_pictures import label_sheet
-from pgm_places.reproduce.figures import finding, method_table
+from pgm_places.reproduce.figures import method_findings, method_table
 from pgm_places.reproduce.section import Outcome, Picture
 from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.simulated_robot import SimulatedRobot
@@ -37,11 +37,6 @@ FURNISHED = {
 def furniture(setting: Setting) -> Outcome:
     """The real map of building 79 against the one drawn by hand, without furniture."""
     found = {words: compare(setting.experiment(name)) for name, words in FURNISHED.items()}
-    findings = tuple(
-        finding(f"{words}, {method.id}", method)
-        for words, comparison in found.items()
-        for method in comparison.methods
-    )
     pictures, files = [], {}
     for name, words in FURNISHED.items():
         files[f"{name}.png"] = label_sheet(found[words])
@@ -49,7 +44,7 @@ def furniture(setting: Setting) -> Outcome:
     return Outcome(
         setting="Building 79, left half to right half, 5 cm: the real SLAM map and the same floor "
         "drawn by hand with straight walls and empty rooms.",
-        findings=findings,
+        findings=method_findings(found),
         tables=(method_table("Furniture in learning and in testing", found),),
         pictures=tuple(pictures),
         files=files,
@@ -80,11 +75,7 @@ def partial_maps(setting: Setting) -> Outcome:
     return Outcome(
         setting="Learned on the left half of building 79 as mapped completely; tested "
         "on what the first part of a drive saw of the right half.",
-        findings=tuple(
-            finding(f"{words} of the drive, {method.id}", method)
-            for words, comparison in found.items()
-            for method in comparison.methods
-        ),
+        findings=method_findings({f"{words} of the drive": item for words, item in found.items()}),
         tables=(method_table("Share of the drive that the map was made from", found),),
         pictures=tuple(pictures),
         files=files,

@@ -9,7 +9,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.map_pictures import label_map as label_picture
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import confusion_of, error_sheet, label_sheet
-from pgm_places.reproduce.figures import DOORWAY, finding, method_table, percent
+from pgm_places.reproduce.figures import DOORWAY, method_findings, method_table, percent
 from pgm_places.reproduce.section import Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
 from pgm_places.topology.from_labels import topological_map
@@ -64,11 +64,7 @@ def run(setting: Setting) -> Outcome:
     return Outcome(
         setting="Every method learned on whole buildings and tested on another one; the Intel "
         "Research Lab has no ground truth here, so there are pictures only.",
-        findings=tuple(
-            finding(f"{words}, {method.id}", method)
-            for words, comparison in found.items()
-            for method in comparison.methods
-        ),
+        findings=method_findings(found),
         tables=(method_table("Transfer between buildings", found), _by_map(found)),
         pictures=tuple(pictures),
         files=files,

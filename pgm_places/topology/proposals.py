@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.topology.clearance import squared_clearance
@@ -74,9 +73,7 @@ def propose_splits(
     )
     grid = topology.grid
     clearance = squared_clearance(topology.region == 0)
-    splits = find_splits(
-        _labels(topology), clearance, topology.label_names, grid.resolution_m, rules
-    )
+    splits = find_splits(topology.labels, clearance, topology.label_names, grid.resolution_m, rules)
     found = []
     for split in splits:
         row, column = split.cells[len(split.cells) // 2]
@@ -85,13 +82,3 @@ def propose_splits(
         (x0, y0), (x1, y1) = ends
         found.append(ProposedSplit(name, (x0, y0), (x1, y1), split.areas_m2))
     return found
-
-
-def _labels(topology: TopologicalMap) -> NDArray[np.int16]:
-    """(H, W) label of each cell's region, -1 where there is none."""
-    highest = max((region.id for region in topology.regions), default=0)
-    table = np.full(highest + 1, -1, np.int16)
-    for region in topology.regions:
-        table[region.id] = topology.label_names.index(region.label)
-    labels: NDArray[np.int16] = table[topology.region]
-    return labels

@@ -89,6 +89,15 @@ class TopologicalMap:
         )
 
     @cached_property
+    def labels(self) -> NDArray[np.int16]:
+        """(H, W) label of each cell's region, -1 where there is none."""
+        highest = max((region.id for region in self.regions), default=0)
+        table = np.full(highest + 1, -1, np.int16)
+        for region in self.regions:
+            table[region.id] = self.label_names.index(region.label)
+        return frozen(table[self.region])
+
+    @cached_property
     def _by_id(self) -> dict[int, Region]:
         return {region.id: region for region in self.regions}
 
