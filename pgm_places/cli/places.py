@@ -84,16 +84,16 @@ def run_topology(
 
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
-    """A line per place that could be split."""
+    """A line per possible split."""
     from pgm_places.topology.proposals import propose_splits
 
     found = propose_splits(topology, narrower_than_m)
     lines = [
-        f"could be split: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²), "
+        f"possible split: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²) "
         f"at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
         for split in found
     ]
-    return lines or [f"no place could be split: none is narrower than {narrower_than_m:g} m inside"]
+    return lines or [f"no possible split: no constriction is narrower than {narrower_than_m:g} m"]
 
 
 def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:
@@ -124,7 +124,7 @@ def run_where(folder: Path, x_m: float, y_m: float) -> None:
     topology = load_topology(folder)
     region = topology.region_at(x_m, y_m)
     if region is None:
-        typer.echo("nowhere: no place at this position")
+        typer.echo("no place at this position")
         raise typer.Exit(1)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
     sure = "" if region.confidence is None else f", confidence {region.confidence:.2f}"

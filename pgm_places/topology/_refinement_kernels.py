@@ -77,7 +77,7 @@ def mark_narrow(
 
 @inlined
 def _root(parent: NDArray[np.int32], node: int) -> int:
-    """The node that stands for a group; the way there is halved."""
+    """The node that stands for a group; the path there is halved."""
     while parent[node] != node:
         parent[node] = parent[parent[node]]
         node = parent[node]

@@ -1,4 +1,4 @@
-"""Passages: where one region leads to another, and how wide the way is."""
+"""Passages: where one region leads to another, and how wide it is there."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ __all__ = ["Passages", "find_passages"]
 
 @dataclass(frozen=True, eq=False)
 class Passages:
-    """The way between each pair of pieces that touch.
+    """The passage between each pair of pieces that touch.
 
     Parameters
     ----------

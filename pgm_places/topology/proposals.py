@@ -1,4 +1,4 @@
-"""Places that could be two, for a person to decide: rooms joined by a missed doorway (Fig. 9)."""
+"""Proposed splits, for a person to decide: rooms joined by a missed doorway (paper, Fig. 9)."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ __all__ = ["ProposedSplit", "propose_splits"]
 
 @dataclass(frozen=True)
 class ProposedSplit:
-    """Where a place could be parted in two.
+    """Where a place could be split in two.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class ProposedSplit:
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0
 ) -> list[ProposedSplit]:
-    """Where places other than doorways are narrow between two wide parts, the widest part first.
+    """Constrictions of places other than doorways between two wide parts, the widest part first.
 
     ``split_rooms_m`` of ``CorrectionRules`` would put a doorway there.
 
@@ -55,7 +55,8 @@ def propose_splits(
     ----------
     topology : TopologicalMap
     narrower_than_m : float
-        How narrow, from wall to wall; openings between offices measure up to 1.5 m.
+        Widest constriction that is listed, from wall to wall; openings between offices measure
+        up to 1.5 m.
     min_part_m2 : float
         The least area of either part.
 

@@ -30,7 +30,7 @@ EIGHT = np.ones((3, 3), bool)
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Where a region could be parted in two by a doorway.
+    """Where a region could be split in two by a doorway.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def trim_doorways(
     centres = 2 * np.sqrt(clearance) - 1 > widest
     wide = (labels == doorway) & (squared_clearance(centres) <= (widest / 2) ** 2)
     cells = np.argwhere(wide)
-    # A disc in a room bulges into the opening of a thin wall, where the way is narrow all the same.
+    # A disc in a room bulges into the opening of a thin wall, where the passage is still narrow.
     narrow = cells[has_short_chord(labels < 0, cells, widest)]
     wide[narrow[:, 0], narrow[:, 1]] = False
     marked = labels.copy()
@@ -194,8 +194,8 @@ def split_rooms(
 def _doorway(label_names: Sequence[str], rules: CorrectionRules) -> int:
     if rules.doorway_label not in label_names:
         raise InputError(
-            f"corrections of doorways need the label {rules.doorway_label!r}, but the labels are "
-            f"{', '.join(label_names)}; name yours with doorway_label"
+            f"doorways cannot be corrected without the label {rules.doorway_label!r}, got "
+            f"{', '.join(label_names)}; set doorway_label to yours"
         )
     return list(label_names).index(rules.doorway_label)
 
@@ -212,7 +212,7 @@ def _around(
 
 
 class _Parting:
-    """Labels that doorways are drawn into, as long as each parts a region in two."""
+    """Labels that doorways are drawn into, as long as each splits a region in two."""
 
     def __init__(
         self, labels: NDArray[np.int16], doorway: int, resolution_m: float, min_part_m2: float
@@ -225,7 +225,7 @@ class _Parting:
         self.windows = find_objects(self.pieces.piece + 1)
 
     def split(self, chords: Sequence[Chord]) -> Split | None:
-        """Draw a doorway along the first chord that parts a region; None where none does."""
+        """Draw a doorway along the first chord that splits a region; None where none does."""
         for chord in chords:
             split = self._along(chord)
             if split is not None:
@@ -263,7 +263,7 @@ class _Parting:
         return areas
 
     def _gap(self, chord: Chord) -> NDArray[np.int64]:
-        """(n, 2) the labelled cells near a chord that hang together with its middle."""
+        """(n, 2) the labelled cells near a chord that are connected with its middle."""
         from scipy.ndimage import label as components
 
         # Within 0.75 cells on both sides no step, not even a diagonal one, gets across.

@@ -21,7 +21,7 @@ Polygon = tuple[NDArray[np.float64], ...]
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A place: cells of one label that hang together.
+    """A place: connected cells of one label.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Region:
     clearance_m : float
         How much room there is around the anchor: the distance to the nearest cell that is not free.
     polygons : tuple of polygons
-        Its outline in the map frame, one polygon per part that hangs together by sides of cells.
+        Its outline in the map frame, one polygon per part that is connected by sides of cells.
     """
 
     id: int

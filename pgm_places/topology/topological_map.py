@@ -63,7 +63,7 @@ class TopologicalMap:
     corrections : tuple of Correction
         What was relabelled before regions were formed.
     next_id : int
-        The first id that has never been given away.
+        The first id that has never been assigned.
     """
 
     grid: OccupancyGrid
@@ -124,7 +124,7 @@ class TopologicalMap:
         found = self._by_id.get(key) if isinstance(key, int) else self._by_name.get(key)
         if found is None:
             hint = nearest_name(str(key), list(self._by_name))
-            raise InputError(f"no place is called {key!r}; {hint}")
+            raise InputError(f"there is no place {key!r}; {hint}")
         return found
 
     def region_at(self, x_m: float, y_m: float) -> Region | None:
@@ -158,12 +158,12 @@ class TopologicalMap:
         return np.argwhere(inside) + np.array([rows.start, columns.start])
 
     def path(self, start: int | str, end: int | str) -> list[Region]:
-        """The regions to pass from one to another, both included, along the shortest way.
+        """The regions to pass from one to another, both included, along the shortest path.
 
         Raises
         ------
         InputError
-            One of them is unknown, or no way leads from one to the other.
+            One of them is unknown, or no path leads from one to the other.
         """
         import networkx as nx
 
@@ -171,7 +171,7 @@ class TopologicalMap:
         try:
             ids = nx.shortest_path(self.graph, first.id, last.id, weight="length_m")
         except nx.NetworkXNoPath:
-            raise InputError(f"no way leads from {first.name!r} to {last.name!r}") from None
+            raise InputError(f"no path leads from {first.name!r} to {last.name!r}") from None
         return [self._by_id[number] for number in ids]
 
     @cached_property
@@ -180,7 +180,7 @@ class TopologicalMap:
 
         Nodes have ``name``, ``label``, ``area_m2``, ``x_m``, ``y_m`` (the anchor), ``clearance_m``
         and ``confidence`` where it is known; edges ``x_m``, ``y_m``, ``width_m``, ``border_m`` and
-        ``length_m``, the way from anchor to anchor through the passage.
+        ``length_m``, the distance from anchor to anchor through the passage.
         """
         import networkx as nx
 

@@ -51,7 +51,7 @@ def test_where(places: Path, run: Run) -> None:
     assert "next to: " in text
     code, text, _ = run("where", places, -1000, -1000)
     assert code == 1
-    assert "nowhere" in text
+    assert "no place at this position" in text
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
         (["export", "--to", "nav2"], "did you mean 'nav2-route'"),
         (["export", "--to", "keepout"], "needs values"),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
-        (["export", "--to", "keepout", "--set", "rom=3"], "no place is called 'rom'"),
+        (["export", "--to", "keepout", "--set", "rom=3"], "there is no place 'rom'"),
         (["export", "--to", "keepout", "--set", "room=101"], "must be 0 to 100, got 101"),
         (["export", "--to", "dot", "--set", "room=1"], "takes no values"),
     ],
@@ -97,7 +97,7 @@ def test_splits_are_proposed(building: Path, run: Run) -> None:
         *("--out", building / "whole", "--propose-splits", 1.2, "--split-rooms", 1.2),
     )
     assert code == 0
-    assert "no place could be split" in text  # those that could have been split
+    assert "no possible split" in text  # those that could have been split
 
 
 def test_a_folder_without_places(tmp_path: Path, run: Run) -> None:

@@ -125,7 +125,7 @@ def test_rules_that_cannot_be_met_are_refused() -> None:
     labels = two_rooms()
     cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
     rules = CorrectionRules(split_rooms_m=1.0, doorway_label="door")
-    with pytest.raises(InputError, match="need the label 'door'"):
+    with pytest.raises(InputError, match="without the label 'door'"):
         topological_map(OccupancyGrid(cells, CELL_M), labels, NAMES, rules=rules)
 
 

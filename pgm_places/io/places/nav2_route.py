@@ -10,8 +10,8 @@ import numpy as np
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.places.region_features import DIGITS, LOCAL_METRES
+from pgm_places.topology.passage_paths import PassagePath, passage_paths
 from pgm_places.topology.topological_map import TopologicalMap
-from pgm_places.topology.ways import Way, ways
 
 __all__ = ["nav2_route", "write_nav2_route"]
 
@@ -40,15 +40,15 @@ def nav2_route(
     InputError
         There is no connection: the Route Server refuses a graph without edges.
     """
-    found = [way for way in ways(topology) if way.width_m >= 2 * robot_radius_m]
+    found = [path for path in passage_paths(topology) if path.width_m >= 2 * robot_radius_m]
     if not found:
         raise InputError(
             "no two regions are connected by a passage wide enough; Nav2's Route Server needs at "
             "least one edge"
         )
     builder = _Builder(topology, frame)
-    for way in found:
-        builder.add(way)
+    for path in found:
+        builder.add(path)
     return {
         "type": "FeatureCollection",
         "name": "graph",
@@ -94,24 +94,24 @@ class _Builder:
             }
         )
 
-    def add(self, way: Way) -> None:
+    def add(self, path: PassagePath) -> None:
         """The nodes and edges from an anchor to the middle of a passage and back."""
-        last = way.points_m[-1]
+        last = path.points_m[-1]
         if last not in self.passages:
             self.passages[last] = self.next_id()
-            self.node(self.passages[last], last, way.region)
-        middle = [self.next_id() for _ in way.points_m[1:-1]]
-        for number, point in zip(middle, way.points_m[1:-1], strict=True):
-            self.node(number, point, way.region)
-        chain = [way.region, *middle, self.passages[last]]
+            self.node(self.passages[last], last, path.region)
+        middle = [self.next_id() for _ in path.points_m[1:-1]]
+        for number, point in zip(middle, path.points_m[1:-1], strict=True):
+            self.node(number, point, path.region)
+        chain = [path.region, *middle, self.passages[last]]
         for a, b in itertools.pairwise(chain):
-            self.edge(a, b, way)
-            self.edge(b, a, way)
+            self.edge(a, b, path)
+            self.edge(b, a, path)
 
-    def edge(self, start: int, end: int, way: Way) -> None:
+    def edge(self, start: int, end: int, path: PassagePath) -> None:
         ends = (self.position[start], self.position[end])
         length = float(np.hypot(*np.subtract(*ends)))
-        region = self.topology.place(way.region)
+        region = self.topology.place(path.region)
         self.edges.append(
             {
                 "type": "Feature",
@@ -124,7 +124,7 @@ class _Builder:
                     "metadata": {
                         "class": region.label,
                         "name": region.name,
-                        "width_m": round(way.width_m, DIGITS),
+                        "width_m": round(path.width_m, DIGITS),
                     },
                 },
                 "geometry": {

@@ -38,7 +38,7 @@ def write_place_bag(
 
     Topics: ``/place_classes`` (``nav_msgs/OccupancyGrid``, the class of each cell from 1, with the
     map's origin and yaw) and ``/places`` (``visualization_msgs/MarkerArray``: areas, outlines,
-    names, ways). Each has one message at time 0, latched when played. A bag that stands there is
+    names, paths). Each has one message at time 0, latched when played. A bag that stands there is
     replaced. Foxglove opens the MCAP file; ``ros2 bag play`` the folder.
 
     Parameters

@@ -1,4 +1,4 @@
-"""The places as visualization markers: coloured areas, outlines, names, and the ways between."""
+"""The places as visualization markers: coloured areas, outlines, names, and the paths between."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -110,7 +110,7 @@ class ROS:
 
 
 def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
-    """A MarkerArray: ``areas``, ``outlines`` and ``names`` by id of place, and the ``ways``."""
+    """A MarkerArray: ``areas``, ``outlines`` and ``names`` by id of place, and the ``paths``."""
     names = topology.label_names
     colours = {
         name: (rgb_of(colour) / 255).tolist()
@@ -133,7 +133,7 @@ def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
             )
         )
     if topology.connections:
-        markers += _ways(ros, topology)
+        markers += _paths(ros, topology)
     return ros.new("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
@@ -180,7 +180,7 @@ def _outline(ros: ROS, region: Region, colour: Sequence[float]) -> Any:
     )
 
 
-def _ways(ros: ROS, topology: TopologicalMap) -> list[Any]:
+def _paths(ros: ROS, topology: TopologicalMap) -> list[Any]:
     """Lines from anchor to passage to anchor, and a ball in each passage."""
     lines, middles = [], []
     for item in topology.connections:
@@ -191,6 +191,6 @@ def _ways(ros: ROS, topology: TopologicalMap) -> list[Any]:
     ink = ros.colour(_INK)
     size = (_POINT_M, _POINT_M, _POINT_M)
     return [
-        ros.marker("LINE_LIST", "ways", 0, colour=ink, scale=(_LINE_M, 0.0, 0.0), points=lines),
+        ros.marker("LINE_LIST", "paths", 0, colour=ink, scale=(_LINE_M, 0.0, 0.0), points=lines),
         ros.marker("SPHERE_LIST", "passages", 0, colour=ink, scale=size, points=middles),
     ]

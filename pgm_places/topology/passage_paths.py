@@ -1,4 +1,4 @@
-"""Ways from a place's anchor to its passages, as few straight lines as stay inside."""
+"""Paths from a place's anchor to its passages, as few straight lines as stay inside."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
-__all__ = ["Way", "ways"]
+__all__ = ["PassagePath", "passage_paths"]
 
 WALL_COST = 4.0
-"""A cell beside a wall costs so much more than one in the open; the extra falls with distance."""
+"""Extra cost of a cell beside a wall, in cells of open space; it falls with the distance."""
 
 ROOM_M = 0.35
-"""Corners are cut no closer to a wall than this, or than the narrowest point of the way."""
+"""Corners are cut no closer to a wall than this, or than the narrowest point of the path."""
 
 
 @dataclass(frozen=True)
-class Way:
-    """From the anchor of a region to the middle of a passage.
+class PassagePath:
+    """A path from the anchor of a region to the middle of a passage.
 
     Parameters
     ----------
     region : int
-        The region that the way leads through.
+        The region that the path leads through.
     points_m : tuple of (float, float)
         Its corners, from the anchor to the passage's middle; at least two.
     width_m : float
@@ -37,15 +37,15 @@ class Way:
     width_m: float
 
 
-def ways(topology: TopologicalMap) -> list[Way]:
-    """Two ways per connection, one from each side, in the order of the connections.
+def passage_paths(topology: TopologicalMap) -> list[PassagePath]:
+    """Two paths per connection, one from each side, in the order of the connections.
 
-    A way is the cheapest one over the cells of its region, where cells near walls cost more, cut
-    to straight lines that stay on cells of the two regions. Where the region hangs together only
-    by corners, the way may cross them.
+    A path is the cheapest one over the cells of its region, where cells near walls cost more,
+    shortened to straight lines that stay on cells of the two regions. Where cells of the region
+    touch by corners only, the path may cross them.
     """
     clearance = squared_clearance(topology.region == 0)
-    found: dict[tuple[int, int], Way] = {}
+    found: dict[tuple[int, int], PassagePath] = {}
     for region in topology.regions:
         mine = [c for c in topology.connections if region.id in (c.first, c.second)]
         if not mine:
@@ -53,7 +53,7 @@ def ways(topology: TopologicalMap) -> list[Way]:
         walker = _Walker(topology, region.id, clearance)
         for k, connection in enumerate(topology.connections):
             if connection in mine:
-                found[k, region.id] = walker.way(connection)
+                found[k, region.id] = walker.path(connection)
     return [
         found[k, number]
         for k, connection in enumerate(topology.connections)
@@ -62,7 +62,7 @@ def ways(topology: TopologicalMap) -> list[Way]:
 
 
 class _Walker:
-    """Cheapest ways from one region's anchor, within the region's window of the map."""
+    """Cheapest paths from one region's anchor, within the region's window of the map."""
 
     def __init__(self, topology: TopologicalMap, number: int, clearance: NDArray[np.int32]) -> None:
         from scipy.sparse.csgraph import dijkstra
@@ -108,8 +108,8 @@ class _Walker:
         position = _in_cells(self.topology, point_m) - self.corner
         return int(((self.cells - position) ** 2).sum(axis=1).argmin())
 
-    def way(self, connection: Connection) -> Way:
-        """The way to the middle of a passage."""
+    def path(self, connection: Connection) -> PassagePath:
+        """The path to the middle of a passage."""
         node = self.nearest(connection.point_m)
         chain = [node]
         while self.came_from[chain[-1]] >= 0:
@@ -121,13 +121,14 @@ class _Walker:
         points = self.topology.grid.cell_centres_m(kept[1:-1] + self.corner)
         middle = [(float(x), float(y)) for x, y in points]
         anchor = self.topology.place(self.number).anchor_m
-        return Way(self.number, (anchor, *middle, connection.point_m), connection.width_m)
+        corners = (anchor, *middle, connection.point_m)
+        return PassagePath(self.number, corners, connection.width_m)
 
     def _straightened(
         self, passed: NDArray[np.float64], connection: Connection
     ) -> NDArray[np.float64]:
-        """The corners of the way that cannot be cut."""
-        from pgm_places.topology._way_kernels import sees
+        """The corners of the path that cannot be cut."""
+        from pgm_places.topology._sight_kernels import sees
 
         rows, columns = passed[:-1].astype(np.int64).T
         cap = (ROOM_M / self.topology.grid.resolution_m + 0.5) ** 2
