@@ -26,6 +26,7 @@ __all__ = [
     "Probability",
     "Seed",
     "Whole",
+    "check_option",
     "check_options",
     "from_mapping",
     "option_fields",
@@ -174,25 +175,39 @@ def wanted(hint: Any) -> str:
 
 
 def _checked(cls: Any, name: str, value: Any) -> Any:
+    return check_option(name, option_hints(cls)[name], value)
+
+
+def check_option(name: str, hint: Any, value: Any) -> Any:
+    """The value as an option of that name takes it.
+
+    Raises
+    ------
+    OptionError
+        It is not what the annotation says.
+
+    Examples
+    --------
+    >>> check_option("n_folds", Annotated[int, Ge(2)], 3)
+    3
+    """
     from pydantic import ValidationError
 
-    hint = option_hints(cls)[name]
     if dataclasses.is_dataclass(value) and type(value) in _arms(hint):
         return value  # which has checked its own options
     for given in (_sequences(value, tuple), _sequences(value, list)):
         try:
-            return _validator(cls, name).validate_python(given)
+            return _validator(hint).validate_python(given)
         except ValidationError:
             continue
     raise OptionError(name, f"must be {wanted(hint)}, got {value!r}")
 
 
 @functools.cache
-def _validator(cls: Any, name: str) -> Any:
+def _validator(hint: Any) -> Any:
     """The TypeAdapter of what an option takes besides other classes of options."""
     from pydantic import ConfigDict, TypeAdapter  # at use: it takes longer to import than to run
 
-    hint = option_hints(cls)[name]
     others = tuple(arm for arm in _arms(hint) if not dataclasses.is_dataclass(arm))
     if len(others) < len(_arms(hint)):
         hint = Union[others or (typing.Never,)]  # noqa: UP007  of what is found at run time

@@ -37,11 +37,11 @@ import copy
 import dataclasses
 import inspect
 from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, NotFittedError
-from pgm_places.plugins import option_values
+from pgm_places.options import check_option, option_values
 
 __all__ = ["Labeler"]
 
@@ -63,7 +63,18 @@ class Labeler:
     # ------------------------------------------------------------------ options
 
     def check_options(self) -> None:
-        """Refuse options that are not understood; ``fit`` does so before anything is learned."""
+        """Refuse options that are not understood; ``fit`` does so before anything is learned.
+
+        The annotations of the constructor say what an option takes.
+
+        Raises
+        ------
+        ConfigError
+            One line: the option, what it takes, what came.
+        """
+        for name, hint in inspect.get_annotations(type(self).__init__).items():
+            if _is_limited(hint):
+                check_option(name, hint, getattr(self, name))
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The options by name; with ``deep`` also options of options: ``sensor__n_beams``."""
@@ -153,6 +164,11 @@ class Labeler:
         from sklearn.utils import Tags, TargetTags
 
         return Tags(estimator_type=None, target_tags=TargetTags(required=False))
+
+
+def _is_limited(hint: Any) -> bool:
+    """Whether an annotation says more of its values than their type."""
+    return get_origin(hint) in (Annotated, Literal) or any(map(_is_limited, get_args(hint)))
 
 
 def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,13 @@ from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.learning import PRIOR_WEIGHT, RAREST_FIRST, fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
+from pgm_places.unary.options import (
+    LearnOn,
+    NumberOfExamples,
+    NumberOfFolds,
+    NumberOfNodeFeatures,
+    WindowsM,
+)
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -35,7 +42,6 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 __all__ = ["PlaceLabeler", "PlaceMethod"]
 
 UNARIES = ("auto", "laser", "context")
-LEARN_ON = ("out-of-fold", "in-sample")
 SENSOR = Sensor()
 
 
@@ -132,12 +138,12 @@ class PlaceLabeler(Labeler):
         methods: Mapping[str, Any] | Sequence[str] = ("independent",),
         sensor: Sensor = SENSOR,
         classifier: "DecisionListClassifier | None" = None,
-        connectivity: int = 8,
-        context_m: tuple[float, ...] = (),
-        learn_on: str = "out-of-fold",
-        n_folds: int = 5,
-        n_node_features: int = 30,
-        max_examples_per_map: int | None = None,
+        connectivity: Literal[4, 8] = 8,
+        context_m: WindowsM = (),
+        learn_on: LearnOn = "out-of-fold",
+        n_folds: NumberOfFolds = 5,
+        n_node_features: NumberOfNodeFeatures = 30,
+        max_examples_per_map: NumberOfExamples | None = None,
         features: Sequence[Any] = (),
     ) -> None:
         self.label_names = label_names
@@ -160,10 +166,7 @@ class PlaceLabeler(Labeler):
         ConfigError
             An option is not understood, or a method cannot label maps.
         """
-        if self.learn_on not in LEARN_ON:
-            raise ConfigError(
-                f"unknown learn_on {self.learn_on!r}. {nearest_name(self.learn_on, list(LEARN_ON))}"
-            )
+        super().check_options()
         as_features(self.features)
         for name, method in self.resolved_methods().items():
             check_labels_any_graph(f"method {name!r}", method.backend, "a map")

@@ -2,12 +2,12 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from annotated_types import Gt, Lt
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts
@@ -16,11 +16,9 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
+from pgm_places.unary.options import LearnOn, NumberOfFolds
 
 __all__ = ["StructuredLabeler"]
-
-METRICS = ("accuracy", "balanced_accuracy", "macro_f1", "mcc")
-LEARN_ON = ("out-of-fold", "in-sample")
 
 Truth = NDArray[np.int64]
 
@@ -90,10 +88,10 @@ class StructuredLabeler(Labeler):
         backend: Any = "amn",
         classifier: Any = None,
         *,
-        learn_on: str = "out-of-fold",
-        n_folds: int = 5,
-        min_probability: float = 1e-4,
-        metric: str = "accuracy",
+        learn_on: LearnOn = "out-of-fold",
+        n_folds: NumberOfFolds = 5,
+        min_probability: Annotated[float, Gt(0), Lt(1)] = 1e-4,
+        metric: Literal["accuracy", "balanced_accuracy", "macro_f1", "mcc"] = "accuracy",
     ) -> None:
         self.backend = backend
         self.classifier = classifier
@@ -268,14 +266,7 @@ class StructuredLabeler(Labeler):
         ConfigError
             The nearest name is offered.
         """
-        for name, known in (("metric", METRICS), ("learn_on", LEARN_ON)):
-            value = getattr(self, name)
-            if value not in known:
-                raise ConfigError(f"unknown {name} {value!r}. {nearest_name(value, list(known))}")
-        if self.n_folds < 2:
-            raise ConfigError(f"n_folds must be at least 2, got {self.n_folds}")
-        if not 0 < self.min_probability < 1:
-            raise ConfigError(f"min_probability must be in (0, 1), got {self.min_probability}")
+        super().check_options()
         if self.classifier is not None and not hasattr(self.classifier, "predict_proba"):
             raise ConfigError(
                 f"classifier must have predict_proba, {type(self.classifier).__name__} has none; "

@@ -25,11 +25,13 @@ from pgm_places.labelers.trajectory_learning import (
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.options import AtLeastZero, Seed, Whole
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.options import NumberOfFolds
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, circles_along
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -116,13 +118,13 @@ class TrajectoryLabeler(Labeler):
         self,
         label_names: Sequence[str],
         method: Any = METHOD,
-        every_m: float = EVERY_M,
+        every_m: AtLeastZero = EVERY_M,
         beams: BeamOptions = BEAMS,
         sensor: Sensor = SENSOR,
         classifier: "DecisionListClassifier | None" = None,
-        n_folds: int = 5,
-        n_runs: int = 1000,
-        seed: int = 0,
+        n_folds: NumberOfFolds = 5,
+        n_runs: Whole = 1000,
+        seed: Seed = 0,
         features: Sequence[Any] = (),
         extra_names: Sequence[str] = (),
     ) -> None:
@@ -211,8 +213,7 @@ class TrajectoryLabeler(Labeler):
         InputError
             An option is not understood.
         """
-        if not self.every_m >= 0:
-            raise InputError(f"every_m must be at least 0 metres, got {self.every_m}")
+        super().check_options()
         as_backend(self.method)
         check_scan_features(as_features(self.features))
 

@@ -63,17 +63,19 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
     methods = {item["name"]: _load_method(arrays, item) for item in manifest["methods"]}
     record = manifest.get("movement")  # absent from models saved by earlier versions
     names = tuple(str(name) for name in manifest["label_names"])
-    return PlaceLabeler(
+    labeler = PlaceLabeler(
         names,
         {
             name: dataclasses.replace(method, backend=unfitted(method.backend))
             for name, method in methods.items()
         },
         unary.sensor,
-        connectivity=int(manifest["connectivity"]),
+        connectivity=manifest["connectivity"],
         context_m=unary.context_m,
         features=unary.features,
-    ).set_learned(
+    )
+    labeler.check_options()
+    return labeler.set_learned(
         unary_model_=unary,
         methods_=methods,
         learn_seconds_={},

@@ -12,7 +12,21 @@ from pgm_places.options import Positive, check_options, option_hints
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
 
-__all__ = ["ClassifierOptions", "ContextOptions"]
+__all__ = [
+    "ClassifierOptions",
+    "ContextOptions",
+    "LearnOn",
+    "NumberOfExamples",
+    "NumberOfFolds",
+    "NumberOfNodeFeatures",
+    "WindowsM",
+]
+
+LearnOn = Literal["out-of-fold", "in-sample"]
+NumberOfFolds = Annotated[int, Ge(2), Le(50)]
+NumberOfExamples = Annotated[int, Ge(100)]
+NumberOfNodeFeatures = Annotated[int, Ge(1), Le(321)]
+WindowsM = tuple[Positive, ...]
 
 
 @dataclass(frozen=True)
@@ -38,10 +52,10 @@ class ClassifierOptions(ListOptions):
 
     prior_weight: PriorWeight = 0.5
     order: Literal["rarest-first", "heuristic", "exhaustive"] | tuple[str, ...] = "rarest-first"
-    max_examples_per_map: Annotated[int, Ge(100)] | None = None
-    learn_on: Literal["out-of-fold", "in-sample"] = "out-of-fold"
-    n_folds: Annotated[int, Ge(2), Le(50)] = 5
-    n_node_features: Annotated[int, Ge(1), Le(321)] = 30
+    max_examples_per_map: NumberOfExamples | None = None
+    learn_on: LearnOn = "out-of-fold"
+    n_folds: NumberOfFolds = 5
+    n_node_features: NumberOfNodeFeatures = 30
 
     def classifier(self, label_names: Sequence[str]) -> "DecisionListClassifier":
         """The unfitted list; an order of names becomes one of label numbers."""
@@ -66,7 +80,7 @@ class ContextOptions:
         list. It serves the methods with ``unary = "context"``.
     """
 
-    half_widths_m: tuple[Positive, ...] = (0.3, 0.75, 1.5, 3.0)
+    half_widths_m: WindowsM = (0.3, 0.75, 1.5, 3.0)
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -328,6 +328,42 @@ def test_a_method_for_chains_is_refused_before_anything_is_learned(
         TrajectoryLabeler(NAMES, "relaxation").fit([known(0)])
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "wanted"),
+    [
+        ("places", {"n_folds": 1}, "n_folds must be a whole number from 2 to 50, got 1"),
+        ("places", {"learn_on": "all"}, "learn_on must be 'out-of-fold' or 'in-sample', got 'all'"),
+        ("places", {"connectivity": 6}, "connectivity must be 4 or 8, got 6"),
+        ("places", {"context_m": (0.5, -1.0)}, "context_m must be a list of numbers above 0, got"),
+        ("trajectories", {"every_m": -1.0}, "every_m must be a number of at least 0, got -1.0"),
+        ("trajectories", {"n_runs": 0}, "n_runs must be a whole number of at least 1, got 0"),
+        ("trajectories", {"n_folds": 2.5}, "n_folds must be a whole number from 2 to 50, got 2.5"),
+        ("structured", {"n_folds": 1}, "n_folds must be a whole number from 2 to 50, got 1"),
+        (
+            "structured",
+            {"metric": "f1"},
+            "metric must be 'accuracy', 'balanced_accuracy', 'mac",
+        ),
+        (
+            "structured",
+            {"min_probability": 0},
+            "min_probability must be a number above 0 and be",
+        ),
+    ],
+)
+def test_an_option_out_of_its_limits_is_refused_before_anything_is_learned(
+    name: str, value: dict[str, Any], wanted: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    labeler = CASES[name].labeler().set_params(**value)
+    monkeypatch.setattr(DecisionListClassifier, "fit", None)
+    monkeypatch.setattr(LogisticRegression, "fit", None)
+    with pytest.raises(ConfigError) as caught:
+        CASES[name].fit(labeler, 0)
+    assert str(caught.value).startswith(wanted)
+    with pytest.raises(ConfigError):
+        labeler.with_options()
+
+
 @pytest.mark.parametrize("method", [3, PottsField, "amnn"])
 def test_what_is_no_method_is_refused_by_all(method: object) -> None:
     labelers: list[tuple[Any, tuple[Any, ...]]] = [

@@ -110,8 +110,8 @@ def test_what_does_not_fit_is_refused(
         labeler.fit(chains, [np.where(TRUTH == 2, -1, TRUTH)] * 4)
     with pytest.raises(ConfigError, match="Perceptron has none; wrap it"):
         StructuredLabeler("potts", Perceptron()).fit(chains, truths)
-    with pytest.raises(ConfigError, match="did you mean 'accuracy'"):
-        StructuredLabeler("potts", metric="acuracy").fit(chains, truths)
+    with pytest.raises(ConfigError, match=r"metric must be 'accuracy', .* got 'acuracy'"):
+        StructuredLabeler("potts", metric="acuracy").fit(chains, truths)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=r"no option 'wait'\. did you mean 'weight'"):
         labeler.set_params(backend__wait=1.0)
     bare = LabelingProblem(chains[0].graph, NAMES, unary=np.zeros((60, 3)))
