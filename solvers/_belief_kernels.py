@@ -1,13 +1,16 @@
 """Kernels of belief propagation: sweeps on any graph, two exact passes on a forest."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, njit
 from pgm_places.solvers._adjacency_kernels import REVERSE, Arcs
-from pgm_places.solvers._pairwise_kernels import Terms, pass_max, pass_sum
+from pgm_places.solvers._pairwise_kernels import Terms, add_edge, pass_max, pass_sum
 
 __all__ = [
+    "Rule",
     "agreement_sweep",
     "decode_forest",
     "forest_order",
@@ -21,25 +24,38 @@ NO_ARC = np.uint32(2**32 - 1)
 """The parent arc of a root."""
 
 
-@njit
+class Rule(NamedTuple):
+    """How messages are renewed."""
+
+    maximise: bool
+    """Whether labels of the sender are maximised over, or summed."""
+    damping: float
+    """Share of the old log-message that is kept."""
+
+
+@fused
 def gather_beliefs(
-    terms: Terms, arcs: Arcs, message: NDArray[np.float64], i: int, out: NDArray[np.float64]
+    unary: NDArray[np.float64],
+    arcs: Arcs,
+    message: NDArray[np.float64],
+    i: np.uint32,
+    out: NDArray[np.float64],
 ) -> None:
     """``out`` (K,) becomes the node's unary plus what all its neighbours say."""
     for k in range(out.shape[0]):
-        out[k] = terms.unary[i, k]
-    for slot in range(arcs.start[i], arcs.start[i + 1]):
+        out[k] = unary[i, k]
+    for slot in range(arcs.start[i], arcs.start[i + _ONE]):
         incoming = arcs.arc[slot] ^ REVERSE
         for k in range(out.shape[0]):
             out[k] += message[incoming, k]
 
 
-@njit
+@fused
 def send(
     maximise: bool,
     along: np.uint32,
     belief: NDArray[np.float64],
-    terms: Terms,
+    pairwise: NDArray[np.float64],
     message: NDArray[np.float64],
     sent: NDArray[np.float64],
     out: NDArray[np.float64],
@@ -48,22 +64,15 @@ def send(
     for k in range(sent.shape[0]):
         # A label that is impossible stays so whatever came back for it.
         sent[k] = belief[k] - message[along ^ REVERSE, k] if belief[k] > -np.inf else -np.inf
-    edge = np.int64(along >> _ONE)
-    backwards = along & _ONE == 1
     if maximise:
-        pass_max(sent, edge, backwards, terms, out)
+        pass_max(sent, along, pairwise, out)
         return 0.0
-    return pass_sum(sent, edge, backwards, terms, out)
+    return pass_sum(sent, along, pairwise, out)
 
 
 @njit
 def message_sweep(
-    upwards: bool,
-    maximise: bool,
-    damping: float,
-    terms: Terms,
-    arcs: Arcs,
-    message: NDArray[np.float64],
+    upwards: bool, rule: Rule, terms: Terms, arcs: Arcs, message: NDArray[np.float64]
 ) -> float:
     """Renew all messages, node by node in index order or back; the largest change of one.
 
@@ -73,17 +82,17 @@ def message_sweep(
     belief, sent, fresh = np.empty(n_labels), np.empty(n_labels), np.empty(n_labels)
     largest = 0.0
     for step in range(n_nodes):
-        i = step if upwards else n_nodes - 1 - step
-        gather_beliefs(terms, arcs, message, i, belief)
-        for slot in range(arcs.start[i], arcs.start[i + 1]):
+        i = np.uint32(step if upwards else n_nodes - 1 - step)
+        gather_beliefs(terms.unary, arcs, message, i, belief)
+        for slot in range(arcs.start[i], arcs.start[i + _ONE]):
             along = arcs.arc[slot]
-            send(maximise, along, belief, terms, message, sent, fresh)
+            send(rule.maximise, along, belief, terms.pairwise, message, sent, fresh)
             for k in range(n_labels):
                 before = message[along, k]
                 if fresh[k] == before:
                     continue
                 if fresh[k] > -np.inf and before > -np.inf:
-                    fresh[k] = (1.0 - damping) * fresh[k] + damping * before
+                    fresh[k] = (1.0 - rule.damping) * fresh[k] + rule.damping * before
                 change = abs(fresh[k] - before)
                 if change > largest:
                     largest = change
@@ -94,19 +103,20 @@ def message_sweep(
 @njit
 def agreement_sweep(
     upwards: bool,
-    maximise: bool,
-    damping: float,
-    unary: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    rule: Rule,
+    terms: Terms,
     gain: NDArray[np.float64],
     arcs: Arcs,
     message: NDArray[np.float64],
 ) -> float:
-    """:func:`message_sweep` for rewards of agreement, many times as fast.
+    """:func:`message_sweep` for rewards of agreement, one to three times as fast.
 
     For sums ``gain`` (E, K) is ``exp(agreement) - 1``, finite and at least 0: then all terms are
-    positive and nothing cancels. For maxima it is not used.
+    positive and nothing cancels. For maxima it is not used. As a branch of :func:`message_sweep`
+    the same code takes 1.1 (sums) to 1.6 (maxima) times as long.
     """
+    unary, agreement = terms
+    maximise, damping = rule
     start, arc = arcs.start, arcs.arc
     n_nodes, n_labels = unary.shape
     belief, sent = np.empty(n_labels), np.empty(n_labels)
@@ -210,9 +220,11 @@ def pass_forest(
     total = 0.0
     for step in range(n_nodes):
         i = order[n_nodes - 1 - step]
-        gather_beliefs(terms, arcs, message, i, belief)
+        gather_beliefs(terms.unary, arcs, message, i, belief)
         if parent[i] != NO_ARC:
-            total += send(maximise, parent[i], belief, terms, message, sent, message[parent[i]])
+            total += send(
+                maximise, parent[i], belief, terms.pairwise, message, sent, message[parent[i]]
+            )
         elif not maximise:
             top = belief.max()
             if top == -np.inf:
@@ -221,11 +233,11 @@ def pass_forest(
     if not maximise:
         for step in range(n_nodes):
             i = order[step]
-            gather_beliefs(terms, arcs, message, i, belief)
+            gather_beliefs(terms.unary, arcs, message, i, belief)
             for slot in range(arcs.start[i], arcs.start[i + _ONE]):
                 along = arcs.arc[slot]
                 if along != parent[i]:
-                    send(False, along, belief, terms, message, sent, message[along])
+                    send(False, along, belief, terms.pairwise, message, sent, message[along])
     return total
 
 
@@ -243,15 +255,9 @@ def decode_forest(
     belief = np.empty(n_labels)
     for step in range(order.shape[0]):
         i = order[step]
-        gather_beliefs(terms, arcs, message, i, belief)
+        gather_beliefs(terms.unary, arcs, message, i, belief)
         up = parent[i]
         if up != NO_ARC:
             above = labels[arcs.ends[up ^ REVERSE]]
-            edge = up >> _ONE
-            if terms.associative:
-                belief[above] += terms.agreement[edge, above]
-            else:
-                table = terms.tables[np.int64(edge) * terms.table_step]
-                for k in range(n_labels):
-                    belief[k] += table[above, k] if up & _ONE else table[k, above]
+            add_edge(terms.pairwise, up, above, belief)
         labels[i] = belief.argmax()

@@ -5,34 +5,46 @@ that every edge can favour ``l`` over ``c`` is negative (Goldstein's dead-end el
 labelling then holds it, and what the neighbours can do shrinks in turn.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 from pgm_places.solvers._adjacency_kernels import Arcs
+from pgm_places.solvers._pairwise_kernels import Terms
 
-__all__ = ["eliminate_labels"]
+__all__ = ["Alive", "eliminate_labels"]
 
 _ONE = np.uint32(1)
 _ROUNDING = 1e-12
 """A label is ruled out only by more than this share of the terms that are compared."""
 
 
+class Alive(NamedTuple):
+    """The labels that are not ruled out yet."""
+
+    labels: NDArray[np.bool_]
+    """(N, K)."""
+    n_labels: NDArray[np.int32]
+    """(N,) how many each node has."""
+
+
 @njit
 def eliminate_labels(
-    unary: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    terms: Terms,
     arcs: Arcs,
-    alive: NDArray[np.bool_],
-    n_alive: NDArray[np.int32],
+    left: Alive,
     ring: NDArray[np.uint32],
     waiting: NDArray[np.bool_],
 ) -> None:
-    """Clear ``alive`` (N, K) of dead labels until none is left; ``n_alive`` (N,) counts the rest.
+    """Leave the labels that are not dead, until no more are found; for rewards of agreement.
 
     ``ring`` and ``waiting`` (N,) are working arrays.
     """
     start, head = arcs.start, arcs.head
+    alive, n_alive = left
+    unary = terms.unary
     n_nodes, n_labels = unary.shape
     sure = np.empty(n_labels)
     for i in range(n_nodes):
@@ -51,12 +63,12 @@ def eliminate_labels(
         waiting[i] = False
         if n_alive[i] <= 1:
             continue
-        best = _surest_label(i, unary, agreement, arcs, alive, n_alive, sure)
+        best = _surest_label(i, terms, arcs, left, sure)
         found = False
         for label in range(n_labels):
             if label == best or not alive[i, label]:
                 continue
-            if _is_beaten(i, label, best, unary, agreement, arcs, alive, n_alive):
+            if _is_beaten(i, label, best, terms, arcs, left):
                 alive[i, label] = False
                 n_alive[i] -= 1
                 found = True
@@ -73,14 +85,14 @@ def eliminate_labels(
 @njit
 def _surest_label(
     i: np.uint32,
-    unary: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    terms: Terms,
     arcs: Arcs,
-    alive: NDArray[np.bool_],
-    n_alive: NDArray[np.int32],
+    left: Alive,
     sure: NDArray[np.float64],
 ) -> int:
     """The label with the largest score that no neighbour can take away."""
+    unary, agreement = terms
+    alive, n_alive = left
     n_labels = unary.shape[1]
     for k in range(n_labels):
         sure[k] = unary[i, k]
@@ -102,12 +114,12 @@ def _is_beaten(
     i: np.uint32,
     label: int,
     best: int,
-    unary: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    terms: Terms,
     arcs: Arcs,
-    alive: NDArray[np.bool_],
-    n_alive: NDArray[np.int32],
+    left: Alive,
 ) -> bool:
+    unary, agreement = terms
+    alive, n_alive = left
     lead = unary[i, label] - unary[i, best]
     size = abs(unary[i, label]) + abs(unary[i, best])
     for slot in range(arcs.start[i], arcs.start[i + _ONE]):

@@ -7,25 +7,49 @@ A node with ``high <= 0`` keeps and one with ``low > 0`` switches whatever the o
 rest is left to the minimum cut.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, njit
 from pgm_places.solvers._adjacency_kernels import Arcs
+from pgm_places.solvers._pairwise_kernels import Terms, edge_score
 
-__all__ = [
-    "agreement_gain",
-    "agreement_move",
-    "agreement_reach",
-    "extract_cut",
-    "peel_move",
-    "table_gain",
-    "table_move",
-]
+__all__ = ["Cut", "Move", "agreement_reach", "begin_move", "extract_cut", "gain_of", "peel_move"]
 
 _ONE = np.uint32(1)
 _ROUNDING = 1e-12
 """A gain below this share of the terms it is summed from is rounding."""
+
+
+class Move(NamedTuple):
+    """Who may still switch in a move, and what that earns."""
+
+    members: NDArray[np.uint32]
+    """(N,) the nodes for which switching may pay, as many as there are."""
+    undecided: NDArray[np.bool_]
+    """(N,) marks them."""
+    low: NDArray[np.float64]
+    """(N,) what switching earns a member at least,"""
+    high: NDArray[np.float64]
+    """(N,) and at most."""
+    weight: NDArray[np.float64]
+    """(E,) ``w`` of the edges between two members."""
+
+
+class Cut(NamedTuple):
+    """The graph of a minimum cut; its arrays may be longer than needed."""
+
+    number: NDArray[np.uint32]
+    """(N,) place of each of the whole graph's nodes in it,"""
+    edge_number: NDArray[np.uint32]
+    """(E,) and of each edge."""
+    arcs: Arcs
+    excess: NDArray[np.float64]
+    """(N,) capacity from the source less that to the sink."""
+    capacity: NDArray[np.float64]
+    """(2 E,) capacity of each arc."""
 
 
 @njit
@@ -40,25 +64,40 @@ def agreement_reach(
             reach[j, k] += agreement[e, k]
 
 
+@fused
+def _when_switching(
+    pairwise: NDArray[np.float64], arc: np.uint32, mine: int, theirs: int, label: int
+) -> tuple[float, float, float]:
+    """What an edge earns a node that switches: if its head stays, if it switches too; ``w``."""
+    if pairwise.ndim == 2:
+        # No branches: which case a neighbour is cannot be foreseen by the processor.
+        edge = arc >> _ONE
+        earned = pairwise[edge, label]
+        kept = pairwise[edge, mine] if theirs == mine else 0.0
+        return earned if theirs == label else -kept, earned, kept + earned
+    both_keep = edge_score(pairwise, arc, mine, theirs)
+    only_owner = edge_score(pairwise, arc, label, theirs)
+    only_head = edge_score(pairwise, arc, mine, label)
+    both = edge_score(pairwise, arc, label, label)
+    weight = max((both_keep + both) - (only_owner + only_head), 0.0)
+    return only_owner - both_keep, only_owner - both_keep + weight, weight
+
+
 @njit
-def agreement_move(
+def begin_move(
     label: int,
     labels: NDArray[np.int32],
-    unary: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    terms: Terms,
     reach: NDArray[np.float64],
     arcs: Arcs,
-    members: NDArray[np.uint32],
-    undecided: NDArray[np.bool_],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    weight: NDArray[np.float64],
+    move: Move,
 ) -> int:
-    """Set up the move; how many ``members`` there are, the nodes for which switching may pay.
+    """Set up the move; how many members there are.
 
-    ``undecided`` (N,) marks them, ``low`` and ``high`` (N,) are what switching earns them at least
-    and at most, ``weight`` (E,) is ``w`` of the edges between two of them.
+    ``reach`` (N, K) bounds what a node earns from its edges by each label.
     """
+    unary, pairwise = terms
+    members, undecided, low, high, weight = move
     start, head, arc = arcs.start, arcs.head, arcs.arc
     n_members = 0
     for i in range(labels.shape[0]):
@@ -68,73 +107,15 @@ def agreement_move(
         n_members += undecided[i]
     for m in range(n_members):
         i = members[m]
-        mine = labels[i]
-        least = unary[i, label] - unary[i, mine]
+        least = unary[i, label] - unary[i, labels[i]]
         most = least
         for slot in range(start[i], start[i + _ONE]):
-            # No branches: which case a neighbour is cannot be foreseen by the processor.
             j = head[slot]
-            edge = arc[slot] >> _ONE
-            theirs = labels[j]
-            earned = agreement[edge, label]
-            kept = agreement[edge, mine] if theirs == mine else 0.0
-            settled = earned if theirs == label else -kept
+            settled, joint, weight[arc[slot] >> _ONE] = _when_switching(
+                pairwise, arc[slot], labels[i], labels[j], label
+            )
             least += settled
-            most += earned if undecided[j] else settled
-            weight[edge] = kept + earned
-        low[i] = least
-        high[i] = most
-    return n_members
-
-
-@njit
-def table_move(
-    label: int,
-    labels: NDArray[np.int32],
-    unary: NDArray[np.float64],
-    tables: NDArray[np.float64],
-    table_step: int,
-    arcs: Arcs,
-    members: NDArray[np.uint32],
-    undecided: NDArray[np.bool_],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    weight: NDArray[np.float64],
-) -> int:
-    """The same for pairwise tables (1 or E, K, K)."""
-    start, head, arc = arcs.start, arcs.head, arcs.arc
-    n_members = 0
-    for i in range(labels.shape[0]):
-        undecided[i] = labels[i] != label and unary[i, label] > -np.inf
-        members[n_members] = i
-        n_members += undecided[i]
-    for m in range(n_members):
-        i = members[m]
-        mine = labels[i]
-        least = unary[i, label] - unary[i, mine]
-        most = least
-        for slot in range(start[i], start[i + _ONE]):
-            edge = arc[slot] >> _ONE
-            table = tables[np.int64(edge) * table_step]
-            theirs = labels[head[slot]]
-            if arc[slot] & _ONE == 0:
-                both_keep, only_i, only_j = (
-                    table[mine, theirs],
-                    table[label, theirs],
-                    table[mine, label],
-                )
-            else:
-                both_keep, only_i, only_j = (
-                    table[theirs, mine],
-                    table[theirs, label],
-                    table[label, mine],
-                )
-            least += only_i - both_keep
-            most += only_i - both_keep
-            if undecided[head[slot]]:
-                gain = max((both_keep + table[label, label]) - (only_i + only_j), 0.0)
-                most += gain
-                weight[edge] = gain
+            most += joint if undecided[j] else settled
         low[i] = least
         high[i] = most
     return n_members
@@ -142,12 +123,9 @@ def table_move(
 
 @njit
 def peel_move(
-    members: NDArray[np.uint32],
+    n_members: int,
     arcs: Arcs,
-    weight: NDArray[np.float64],
-    undecided: NDArray[np.bool_],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    move: Move,
     stack: NDArray[np.uint32],
     switched: NDArray[np.uint32],
 ) -> int:
@@ -156,9 +134,10 @@ def peel_move(
     Those that switch are written to ``switched``; how many they are is returned.
     """
     start, head, arc = arcs.start, arcs.head, arcs.arc
+    members, undecided, low, high, weight = move
     n_stack = 0
     n_switched = 0
-    for m in range(members.shape[0]):
+    for m in range(n_members):
         i = members[m]
         if high[i] <= 0.0 or low[i] > 0.0:
             undecided[i] = False
@@ -187,28 +166,17 @@ def peel_move(
 
 
 @njit
-def extract_cut(
-    members: NDArray[np.uint32],
-    arcs: Arcs,
-    weight: NDArray[np.float64],
-    undecided: NDArray[np.bool_],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    number: NDArray[np.uint32],
-    edge_number: NDArray[np.uint32],
-    cut_arcs: Arcs,
-    excess: NDArray[np.float64],
-    capacity: NDArray[np.float64],
-) -> int:
+def extract_cut(n_members: int, arcs: Arcs, move: Move, cut: Cut) -> int:
     """Lay out the cut's graph of the members still undecided; how many they are.
 
-    They are moved to the front of ``members``. ``number`` (N,) and ``edge_number`` (E,) hold the
-    place of a node and of an edge in that graph.
+    They are moved to the front of ``move.members``.
     """
     start, head, arc = arcs.start, arcs.head, arcs.arc
-    cut_start, cut_head, cut_arc, cut_ends = cut_arcs
+    members, undecided, low, high, weight = move
+    number, edge_number, excess, capacity = cut.number, cut.edge_number, cut.excess, cut.capacity
+    cut_start, cut_head, cut_arc, cut_ends = cut.arcs
     n_left = 0
-    for m in range(members.shape[0]):
+    for m in range(n_members):
         i = members[m]
         members[n_left] = i
         number[i] = n_left
@@ -240,16 +208,16 @@ def extract_cut(
 
 
 @njit
-def agreement_gain(
+def gain_of(
     label: int,
     switched: NDArray[np.uint32],
     labels: NDArray[np.int32],
-    unary: NDArray[np.float64],
-    agreement: NDArray[np.float64],
+    terms: Terms,
     arcs: Arcs,
     fresh: NDArray[np.int32],
 ) -> float:
     """What switching earns, 0.0 where it is only rounding; ``fresh`` (N,) becomes the labels."""
+    unary, pairwise = terms
     start, head, arc = arcs.start, arcs.head, arcs.arc
     for m in range(switched.shape[0]):
         fresh[switched[m]] = label
@@ -263,46 +231,10 @@ def agreement_gain(
             j = head[slot]
             if fresh[j] != labels[j] and j < i:
                 continue  # the edge is counted at its other end
-            edge = arc[slot] >> _ONE
-            if fresh[j] == label:
-                gain += agreement[edge, label]
-                size += agreement[edge, label]
-            if labels[j] == labels[i]:
-                gain -= agreement[edge, labels[i]]
-                size += agreement[edge, labels[i]]
-    return gain if gain > _ROUNDING * size else 0.0
-
-
-@njit
-def table_gain(
-    label: int,
-    switched: NDArray[np.uint32],
-    labels: NDArray[np.int32],
-    unary: NDArray[np.float64],
-    tables: NDArray[np.float64],
-    table_step: int,
-    arcs: Arcs,
-    fresh: NDArray[np.int32],
-) -> float:
-    """The same for pairwise tables (1 or E, K, K)."""
-    start, head, arc = arcs.start, arcs.head, arcs.arc
-    for m in range(switched.shape[0]):
-        fresh[switched[m]] = label
-    gain = 0.0
-    size = 0.0
-    for m in range(switched.shape[0]):
-        i = switched[m]
-        gain += unary[i, label] - unary[i, labels[i]]
-        size += abs(unary[i, label]) + abs(unary[i, labels[i]])
-        for slot in range(start[i], start[i + _ONE]):
-            j = head[slot]
-            if fresh[j] != labels[j] and j < i:
-                continue
-            table = tables[np.int64(arc[slot] >> _ONE) * table_step]
-            if arc[slot] & _ONE == 0:
-                before, after = table[labels[i], labels[j]], table[label, fresh[j]]
-            else:
-                before, after = table[labels[j], labels[i]], table[fresh[j], label]
-            gain += after - before
-            size += abs(after) + abs(before)
+            after = edge_score(pairwise, arc[slot], label, fresh[j])
+            before = edge_score(pairwise, arc[slot], labels[i], labels[j])
+            gain += after
+            size += abs(after)
+            gain -= before
+            size += abs(before)
     return gain if gain > _ROUNDING * size else 0.0

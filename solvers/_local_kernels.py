@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, njit
 from pgm_places.solvers._adjacency_kernels import Arcs
-from pgm_places.solvers._pairwise_kernels import Terms
+from pgm_places.solvers._pairwise_kernels import Terms, add_edge, table_at
 
 __all__ = ["mean_field_pass", "modes_pass"]
 
@@ -26,15 +26,7 @@ def modes_pass(terms: Terms, arcs: Arcs, labels: NDArray[np.int32]) -> int:
         for k in range(n_labels):
             value[k] = terms.unary[i, k]
         for slot in range(start[i], start[i + 1]):
-            theirs = labels[head[slot]]
-            edge = arc[slot] >> _ONE
-            if terms.associative:
-                value[theirs] += terms.agreement[edge, theirs]
-                size += abs(terms.agreement[edge, theirs])
-            else:
-                table = terms.tables[np.int64(edge) * terms.table_step]
-                for k in range(n_labels):
-                    value[k] += table[theirs, k] if arc[slot] & _ONE else table[k, theirs]
+            size += add_edge(terms.pairwise, arc[slot], labels[head[slot]], value)
         best = labels[i]
         for k in range(n_labels):
             if value[k] > value[best]:
@@ -45,6 +37,27 @@ def modes_pass(terms: Terms, arcs: Arcs, labels: NDArray[np.int32]) -> int:
             labels[i] = best
             n_changed += 1
     return n_changed
+
+
+@fused
+def _add_expected(
+    pairwise: NDArray[np.float64],
+    arc: np.uint32,
+    theirs: NDArray[np.float64],
+    value: NDArray[np.float64],
+) -> None:
+    """Add to ``value`` (K,) what the edge is expected to give each label of the arc's owner."""
+    n_labels = value.shape[0]
+    if pairwise.ndim == 2:
+        for k in range(n_labels):
+            value[k] += pairwise[arc >> _ONE, k] * theirs[k]
+    else:
+        at = table_at(pairwise, arc)
+        for other in range(n_labels):
+            if theirs[other] > 0.0:  # 0 times -inf counts nothing
+                for k in range(n_labels):
+                    pair = pairwise[at, other, k] if arc & _ONE else pairwise[at, k, other]
+                    value[k] += pair * theirs[other]
 
 
 @njit
@@ -63,18 +76,7 @@ def mean_field_pass(
         for k in range(n_labels):
             value[k] = terms.unary[i, k]
         for slot in range(start[i], start[i + 1]):
-            theirs = beliefs[head[slot]]
-            edge = arc[slot] >> _ONE
-            if terms.associative:
-                for k in range(n_labels):
-                    value[k] += terms.agreement[edge, k] * theirs[k]
-            else:
-                table = terms.tables[np.int64(edge) * terms.table_step]
-                for other in range(n_labels):
-                    if theirs[other] > 0.0:  # 0 times -inf counts nothing
-                        for k in range(n_labels):
-                            pair = table[other, k] if arc[slot] & _ONE else table[k, other]
-                            value[k] += pair * theirs[other]
+            _add_expected(terms.pairwise, arc[slot], beliefs[head[slot]], value)
         top = value[0]
         for k in range(1, n_labels):
             if value[k] > top:

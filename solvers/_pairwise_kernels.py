@@ -5,24 +5,65 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, njit
 
-__all__ = ["Terms", "pass_max", "pass_sum", "score_labels"]
+__all__ = [
+    "Terms",
+    "add_edge",
+    "edge_score",
+    "pass_max",
+    "pass_sum",
+    "score_labels",
+    "subtract_top",
+    "table_at",
+]
+
+_ONE = np.uint32(1)
 
 
 class Terms(NamedTuple):
-    """Log-potentials of a pairwise model in either form."""
+    """Log-potentials of a pairwise model.
+
+    Pairwise ones are either the reward of an edge for agreeing on each label, or tables. Kernels
+    are compiled for each of the two and tell them apart by ``pairwise.ndim``, a constant there.
+    """
 
     unary: NDArray[np.float64]
     """(N, K)."""
-    agreement: NDArray[np.float64]
-    """(E, K) where ``associative``, else empty."""
-    tables: NDArray[np.float64]
-    """(1 or E, K, K) where not ``associative``, else empty."""
-    table_step: int
-    """0 where one table serves all edges."""
-    associative: bool
-    """Whether edges only reward agreement."""
+    pairwise: NDArray[np.float64]
+    """(E, K) rewards of agreement, or tables (E, K, K), or one table (1, K, K) for all edges."""
+
+
+@fused
+def table_at(tables: NDArray[np.float64], arc: np.uint32) -> np.uint64:
+    """Which of the tables is that of an arc's edge."""
+    return np.uint64(arc >> _ONE) if tables.shape[0] > 1 else np.uint64(0)
+
+
+@fused
+def edge_score(pairwise: NDArray[np.float64], arc: np.uint32, mine: int, theirs: int) -> float:
+    """The potential of the arc's edge, its owner labelled ``mine`` and its head ``theirs``."""
+    if pairwise.ndim == 2:
+        return pairwise[arc >> _ONE, mine] if mine == theirs else 0.0
+    at = table_at(pairwise, arc)
+    return pairwise[at, theirs, mine] if arc & _ONE else pairwise[at, mine, theirs]
+
+
+@fused
+def add_edge(
+    pairwise: NDArray[np.float64], arc: np.uint32, theirs: int, value: NDArray[np.float64]
+) -> float:
+    """Add to ``value`` (K,) the potential of each label of the arc's owner beside ``theirs``.
+
+    Returns the size of a reward that was added, 0 for tables.
+    """
+    if pairwise.ndim == 2:
+        reward = pairwise[arc >> _ONE, theirs]
+        value[theirs] += reward
+        return abs(reward)
+    for k in range(value.shape[0]):
+        value[k] += edge_score(pairwise, arc, k, theirs)
+    return 0.0
 
 
 @njit
@@ -32,58 +73,50 @@ def score_labels(terms: Terms, ends: NDArray[np.uint32], labels: NDArray[np.int3
     for i in range(labels.shape[0]):
         total += terms.unary[i, labels[i]]
     for edge in range(ends.shape[0] // 2):
-        a = labels[ends[2 * edge]]
-        b = labels[ends[2 * edge + 1]]
-        if not terms.associative:
-            total += terms.tables[edge * terms.table_step, a, b]
-        elif a == b:
-            total += terms.agreement[edge, a]
+        arc = np.uint32(2 * edge)
+        total += edge_score(terms.pairwise, arc, labels[ends[arc]], labels[ends[arc + _ONE]])
     return total
 
 
-@njit
+@fused
 def pass_max(
     sent: NDArray[np.float64],
-    edge: np.int64,
-    backwards: bool,
-    terms: Terms,
+    arc: np.uint32,
+    pairwise: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
     """``out[b] = max_a sent[a] + edge potential(a, b)``, less its largest; all -inf if none is.
 
-    ``backwards`` tells that the message goes from the edge's second node to its first.
+    The message goes along ``arc``, from its owner to its head.
     """
     n_labels = sent.shape[0]
-    if terms.associative:
+    if pairwise.ndim == 2:
         first = -np.inf
         second = -np.inf
         for a in range(n_labels):
-            if sent[a] > first:
-                second = first
-                first = sent[a]
-            elif sent[a] > second:
-                second = sent[a]
+            low = sent[a] if sent[a] < first else first
+            first = sent[a] if sent[a] > first else first
+            second = low if low > second else second
         for b in range(n_labels):
             other = first if sent[b] < first else second
-            agreed = sent[b] + terms.agreement[edge, b]
+            agreed = sent[b] + pairwise[arc >> _ONE, b]
             out[b] = agreed if agreed > other else other
     else:
-        table = terms.tables[edge * terms.table_step]
+        at, backwards = table_at(pairwise, arc), arc & _ONE
         for b in range(n_labels):
             out[b] = -np.inf
             for a in range(n_labels):
-                value = sent[a] + (table[b, a] if backwards else table[a, b])
+                value = sent[a] + (pairwise[at, b, a] if backwards else pairwise[at, a, b])
                 if value > out[b]:
                     out[b] = value
-    _subtract_top(out)
+    subtract_top(out)
 
 
 @njit
 def pass_sum(
     sent: NDArray[np.float64],
-    edge: np.int64,
-    backwards: bool,
-    terms: Terms,
+    arc: np.uint32,
+    pairwise: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> float:
     """``out[b] = log sum_a exp(sent[a] + edge potential(a, b))``, less its largest.
@@ -91,22 +124,24 @@ def pass_sum(
     That largest is returned; all are -inf if no label is possible.
     """
     n_labels = sent.shape[0]
-    if terms.associative:
-        _sum_agreement(sent, terms.agreement[edge], out)
+    if pairwise.ndim == 2:
+        _sum_agreement(sent, pairwise[arc >> _ONE], out)
     else:
-        table = terms.tables[edge * terms.table_step]
+        at, backwards = table_at(pairwise, arc), arc & _ONE
         for b in range(n_labels):
             top = -np.inf
             for a in range(n_labels):
-                value = sent[a] + (table[b, a] if backwards else table[a, b])
+                value = sent[a] + (pairwise[at, b, a] if backwards else pairwise[at, a, b])
                 if value > top:
                     top = value
             total = 0.0
             if top > -np.inf:
                 for a in range(n_labels):
-                    total += np.exp(sent[a] + (table[b, a] if backwards else table[a, b]) - top)
+                    total += np.exp(
+                        sent[a] + (pairwise[at, b, a] if backwards else pairwise[at, a, b]) - top
+                    )
             out[b] = top + np.log(total) if total > 0.0 else -np.inf
-    return _subtract_top(out)
+    return subtract_top(out)
 
 
 @njit
@@ -152,8 +187,9 @@ def _sum_agreement(
         out[b] = high + np.log1p(np.exp(low - high))
 
 
-@njit
-def _subtract_top(out: NDArray[np.float64]) -> float:
+@fused
+def subtract_top(out: NDArray[np.float64]) -> float:
+    """Take the largest entry out of all, unless all are -inf; that entry."""
     top = out[0]
     for b in range(1, out.shape[0]):
         if out[b] > top:

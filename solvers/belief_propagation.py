@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import agreement_sweep, message_sweep
+from pgm_places.solvers._belief_kernels import Rule, agreement_sweep, message_sweep
 from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -104,7 +104,7 @@ def belief_propagation(
     check_schedule(damping, tolerance, max_iterations)
     model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    sweep = _sweeper(model, kind == "max-product", damping, message)
+    sweep = _sweeper(model, Rule(kind == "max-product", float(damping)), message)
     history: list[float] = []
     while len(history) < max_iterations:
         change = sweep(len(history) % 2 == 0)
@@ -126,19 +126,18 @@ def belief_propagation(
 
 
 def _sweeper(
-    model: PairwiseModel, maximise: bool, damping: float, message: NDArray[np.float64]
+    model: PairwiseModel, rule: Rule, message: NDArray[np.float64]
 ) -> Callable[[bool], float]:
     """What renews all messages, upwards or back, and returns the largest change."""
-    arcs, unary, agreement = model.around.arcs, model.unary, model.agreement
-    if agreement is not None and (
-        maximise or (agreement.min(initial=0.0) >= 0 and agreement.max(initial=0.0) <= _SAFE_EXP)
-    ):
-        gain = np.zeros((0, model.n_labels)) if maximise else np.expm1(agreement)
-        return lambda upwards: agreement_sweep(
-            upwards, maximise, damping, unary, agreement, gain, arcs, message
-        )
-    terms = model.terms
-    return lambda upwards: message_sweep(upwards, maximise, damping, terms, arcs, message)
+    terms, arcs, agreement = model.terms, model.around.arcs, model.agreement
+    if agreement is None or not (rule.maximise or _is_safe(agreement)):
+        return lambda upwards: message_sweep(upwards, rule, terms, arcs, message)
+    gain = np.zeros((0, model.n_labels)) if rule.maximise else np.expm1(agreement)
+    return lambda upwards: agreement_sweep(upwards, rule, terms, gain, arcs, message)
+
+
+def _is_safe(agreement: NDArray[np.float64]) -> bool:
+    return bool(agreement.min(initial=0.0) >= 0 and agreement.max(initial=0.0) <= _SAFE_EXP)
 
 
 def beliefs_from_messages(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.solvers._elimination_kernels import eliminate_labels
+from pgm_places.solvers._elimination_kernels import Alive, eliminate_labels
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
 
@@ -63,7 +63,7 @@ def reduce_model(model: PairwiseModel) -> Reduction:
     alive = np.empty(model.unary.shape, np.bool_)
     n_alive = np.empty(model.n_nodes, np.int32)
     ring, waiting = np.empty(model.n_nodes, np.uint32), np.empty(model.n_nodes, np.bool_)
-    eliminate_labels(model.unary, model.agreement, model.around.arcs, alive, n_alive, ring, waiting)
+    eliminate_labels(model.terms, model.around.arcs, Alive(alive, n_alive), ring, waiting)
     open_nodes = n_alive > 1
     labels = alive.argmax(axis=1).astype(np.int32)
     unary = np.where(alive, model.unary, -np.inf)

@@ -11,13 +11,13 @@ from pgm_places.errors import InputError
 from pgm_places.solvers._adjacency_kernels import Arcs
 from pgm_places.solvers._cut_kernels import SINK, minimum_cut_kernel
 from pgm_places.solvers._expansion_kernels import (
-    agreement_gain,
-    agreement_move,
+    Cut,
+    Move,
     agreement_reach,
+    begin_move,
     extract_cut,
+    gain_of,
     peel_move,
-    table_gain,
-    table_move,
 )
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.max_flow import cut_space
@@ -164,26 +164,30 @@ def alpha_expansion(
 
 
 class _MoveSpace:
-    """Working arrays of the moves on one graph; the kernels' arguments say what they hold."""
+    """Working arrays of the moves on one graph; the kernels say what they hold."""
 
     def __init__(self, n_nodes: int, n_edges: int) -> None:
-        self.members = np.empty(n_nodes, np.uint32)
-        self.undecided = np.empty(n_nodes, np.bool_)
-        self.switched = np.empty(n_nodes, np.uint32)
-        self.low = np.empty(n_nodes)
-        self.high = np.empty(n_nodes)
-        self.weight = np.empty(n_edges)
-        self.number = np.empty(n_nodes, np.uint32)
-        self.edge_number = np.empty(n_edges, np.uint32)
-        self.excess = np.empty(n_nodes)
-        self.capacity = np.empty(2 * n_edges)
-        self.cut = cut_space(n_nodes)
-        self.arcs = Arcs(
-            start=np.empty(n_nodes + 1, np.uint32),
-            head=np.empty(2 * n_edges, np.uint32),
-            arc=np.empty(2 * n_edges, np.uint32),
-            ends=np.empty(2 * n_edges, np.uint32),
+        self.move = Move(
+            members=np.empty(n_nodes, np.uint32),
+            undecided=np.empty(n_nodes, np.bool_),
+            low=np.empty(n_nodes),
+            high=np.empty(n_nodes),
+            weight=np.empty(n_edges),
         )
+        self.switched = np.empty(n_nodes, np.uint32)
+        self.cut = Cut(
+            number=np.empty(n_nodes, np.uint32),
+            edge_number=np.empty(n_edges, np.uint32),
+            arcs=Arcs(
+                start=np.empty(n_nodes + 1, np.uint32),
+                head=np.empty(2 * n_edges, np.uint32),
+                arc=np.empty(2 * n_edges, np.uint32),
+                ends=np.empty(2 * n_edges, np.uint32),
+            ),
+            excess=np.empty(n_nodes),
+            capacity=np.empty(2 * n_edges),
+        )
+        self.trees = cut_space(n_nodes)
 
 
 class _Moves:
@@ -193,7 +197,7 @@ class _Moves:
         self.model, self.labels, self.space = model, labels, space
         self.fresh = labels.copy()
         self.n_moves = 0
-        self.reach = np.zeros((0, model.n_labels))
+        self.reach = np.broadcast_to(np.inf, model.unary.shape)
         if model.agreement is not None:
             self.reach = np.zeros((model.n_nodes, model.n_labels))
             agreement_reach(model.around.arcs.ends, model.agreement, self.reach)
@@ -230,34 +234,11 @@ class _Moves:
 
     def expand(self, label: int) -> float:
         """Make the best move on ``label`` and say what it earned."""
-        model, labels, arcs = self.model, self.labels, self.model.around.arcs
-        space = self.space
-        members = (space.members, space.undecided, space.low, space.high, space.weight)
+        labels, terms, arcs = self.labels, self.model.terms, self.model.around.arcs
         self.n_moves += 1
-        if model.agreement is not None:
-            n_members = agreement_move(
-                label, labels, model.unary, model.agreement, self.reach, arcs, *members
-            )
-        else:
-            n_members = table_move(
-                label, labels, model.unary, model.tables, model.table_step, arcs, *members
-            )
+        n_members = begin_move(label, labels, terms, self.reach, arcs, self.space.move)
         switched = self._settle(n_members)
-        if model.agreement is not None:
-            gain = agreement_gain(
-                label, switched, labels, model.unary, model.agreement, arcs, self.fresh
-            )
-        else:
-            gain = table_gain(
-                label,
-                switched,
-                labels,
-                model.unary,
-                model.tables,
-                model.table_step,
-                arcs,
-                self.fresh,
-            )
+        gain = gain_of(label, switched, labels, terms, arcs, self.fresh)
         if gain > 0.0:
             labels[switched] = label
         else:
@@ -267,21 +248,11 @@ class _Moves:
     def _settle(self, n_members: int) -> NDArray[np.uint32]:
         """The nodes that switch in the best move, a part of ``space.switched``."""
         space, arcs = self.space, self.model.around.arcs
-        members = space.members[:n_members]
-        state = (space.weight, space.undecided, space.low, space.high)
-        n_peeled = peel_move(members, arcs, *state, space.cut.active, space.switched)
-        n_left = extract_cut(
-            members,
-            arcs,
-            *state,
-            space.number,
-            space.edge_number,
-            space.arcs,
-            space.excess,
-            space.capacity,
-        )
-        minimum_cut_kernel(n_left, space.arcs, space.excess, space.capacity, space.cut)
-        cut_off = members[:n_left][space.cut.side[:n_left] == SINK]
+        n_peeled = peel_move(n_members, arcs, space.move, space.trees.active, space.switched)
+        cut = space.cut
+        n_left = extract_cut(n_members, arcs, space.move, cut)
+        minimum_cut_kernel(n_left, cut.arcs, cut.excess, cut.capacity, space.trees)
+        cut_off = space.move.members[:n_left][space.trees.side[:n_left] == SINK]
         n_switched = n_peeled + len(cut_off)
         space.switched[n_peeled:n_switched] = cut_off
         return space.switched[:n_switched]

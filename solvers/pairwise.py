@@ -51,17 +51,7 @@ class PairwiseModel:
     @property
     def terms(self) -> Terms:
         """The potentials as kernels take them."""
-        agreement = _read_only(np.zeros((0, self.n_labels)))
-        if self.agreement is not None:
-            agreement = self.agreement
-        return Terms(
-            self.unary, agreement, self.tables, self.table_step, self.agreement is not None
-        )
-
-    @property
-    def table_step(self) -> int:
-        """How far apart the tables of two neighbouring edges lie: 0 where one serves all."""
-        return 1 if len(self.tables) > 1 else 0
+        return Terms(self.unary, self.tables if self.agreement is None else self.agreement)
 
 
 def pairwise_model(

@@ -8,13 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._trws_kernels import (
-    agreement_pass,
-    decode_agreement,
-    decode_tables,
-    share_of_nodes,
-    table_pass,
-)
+from pgm_places.solvers._trws_kernels import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
@@ -181,23 +175,12 @@ class _Passing:
         return before - self.bound <= 0.1 * tolerance * max(1.0, abs(self.bound))
 
     def _pass(self, *, upwards: bool) -> float:
-        model, arcs = self.model, self.model.around.arcs
-        if model.agreement is not None:
-            return agreement_pass(
-                upwards, model.unary, model.agreement, arcs, self.share, self.message
-            )
-        return table_pass(
-            upwards, model.unary, model.tables, model.table_step, arcs, self.share, self.message
-        )
+        model = self.model
+        return pass_over_nodes(upwards, model.terms, model.around.arcs, self.share, self.message)
 
     def _decode(self) -> None:
-        model, arcs = self.model, self.model.around.arcs
-        if model.agreement is not None:
-            score = decode_agreement(model.unary, model.agreement, arcs, self.message, self.trial)
-        else:
-            score = decode_tables(
-                model.unary, model.tables, model.table_step, arcs, self.message, self.trial
-            )
+        model = self.model
+        score = decode_nodes(model.terms, model.around.arcs, self.message, self.trial)
         if score + model.offset > self.score:
             self.score = score + model.offset
             self.labels[:] = self.trial

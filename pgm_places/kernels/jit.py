@@ -13,7 +13,7 @@ import numba.extending
 
 from pgm_places.kernels.cache import cache_folder
 
-__all__ = ["inlined", "njit", "prefetch"]
+__all__ = ["fused", "inlined", "njit", "prefetch"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -62,6 +62,16 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """A small helper of kernels, pasted into its callers at compile time; never called alone."""
     pasted: Callable[P, R] = numba.njit(inline="always", error_model="numpy")(function)
     return pasted
+
+
+def fused(function: Callable[P, R]) -> Callable[P, R]:
+    """A helper of kernels, compiled for the types of its arguments and merged into its callers.
+
+    Unlike :func:`inlined` it may do something else for arrays of another ``ndim``: where a kernel
+    calls it, only the branch for its own arguments is left.
+    """
+    merged: Callable[P, R] = numba.njit(forceinline=True, error_model="numpy")(function)
+    return merged
 
 
 def _prefetch_in_plain_python(array: Any, index: Any) -> None:

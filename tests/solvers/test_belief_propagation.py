@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import agreement_sweep, message_sweep
+from pgm_places.solvers._belief_kernels import Rule, agreement_sweep, message_sweep
 from pgm_places.solvers._pairwise_kernels import pass_max, pass_sum
 from pgm_places.solvers.belief_propagation import belief_propagation
 from pgm_places.solvers.pairwise import pairwise_model
@@ -45,13 +45,12 @@ def test_agreement_and_tables_pass_the_same_messages(
 ) -> None:
     sent, agreement = values[0].copy(), values[1:]
     sent[barred] = -np.inf
-    nodes = np.zeros((2, 3))
-    compact = pairwise_model(nodes, [(0, 1)], agreement).terms
-    full = compact._replace(tables=np.diag(agreement[0])[None], associative=False)
+    along = np.uint32(1 if backwards else 0)
+    compact, full = agreement[:1], np.diag(agreement[0])[None]
     for send in (pass_max, pass_sum):
         first, second = np.empty(3), np.empty(3)
-        send(sent, np.int64(0), backwards, compact, first)
-        send(sent, np.int64(0), backwards, full, second)
+        send(sent, along, compact, first)
+        send(sent, along, full, second)
         np.testing.assert_allclose(first, second, rtol=0, atol=1e-12)
 
 
@@ -60,16 +59,13 @@ def test_the_fast_sweep_passes_the_messages_of_the_general_one(
     model: Model, maximise: bool, damping: float
 ) -> None:
     checked = pairwise_model(*model.arrays)
-    agreement = np.asarray(checked.agreement)
-    gain = np.expm1(agreement)
-    arcs = checked.around.arcs
+    gain = np.expm1(np.asarray(checked.agreement))
+    terms, arcs, rule = checked.terms, checked.around.arcs, Rule(maximise, damping)
     general = np.zeros((2 * len(model.edges), checked.n_labels))
     fast = general.copy()
     for upwards in (True, False, True):
-        change = message_sweep(upwards, maximise, damping, checked.terms, arcs, general)
-        also = agreement_sweep(
-            upwards, maximise, damping, checked.unary, agreement, gain, arcs, fast
-        )
+        change = message_sweep(upwards, rule, terms, arcs, general)
+        also = agreement_sweep(upwards, rule, terms, gain, arcs, fast)
         np.testing.assert_allclose(also, change, rtol=0, atol=1e-12)
         np.testing.assert_allclose(fast, general, rtol=0, atol=1e-12)
 

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.solvers._trws_kernels import agreement_pass, share_of_nodes, table_pass
+from pgm_places.solvers._pairwise_kernels import Terms
+from pgm_places.solvers._trws_kernels import pass_over_nodes, share_of_nodes
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.marginal_lp import solve_marginal_lp
 from pgm_places.solvers.trws import trws
@@ -84,8 +85,8 @@ def test_agreement_and_tables_pass_the_same_messages(seed: int) -> None:
     share_of_nodes(arcs, share)
     compact, full = np.zeros(agreement.shape), np.zeros(agreement.shape)
     for upwards in (True, False, True, False):
-        taken = agreement_pass(upwards, model.unary, agreement, arcs, share, compact)
-        also = table_pass(upwards, model.unary, tables, 1, arcs, share, full)
+        taken = pass_over_nodes(upwards, Terms(model.unary, agreement), arcs, share, compact)
+        also = pass_over_nodes(upwards, Terms(model.unary, tables), arcs, share, full)
         np.testing.assert_allclose(also, taken, rtol=1e-12)
         np.testing.assert_allclose(full, compact, rtol=0, atol=1e-12)
 
