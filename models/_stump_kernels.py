@@ -4,10 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
+from pgm_places.models._gathering_kernels import BLOCK, gather
 
 __all__ = ["BLOCK", "sum_votes"]
-
-BLOCK = 128  # samples whose used columns stay in the first-level cache together
 
 
 @njit
@@ -31,9 +30,7 @@ def sum_votes(
     total = np.empty(BLOCK, np.float64)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)
-        for i in range(size):
-            for c in range(len(columns)):
-                values[c, i] = X[block + i, columns[c]]
+        gather(X, block, size, columns, values)
         for k in range(len(first) - 1):
             total[:] = 0.0
             for t in range(first[k], first[k + 1]):

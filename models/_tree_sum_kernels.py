@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
+from pgm_places.models._gathering_kernels import BLOCK, gather
 
 __all__ = ["BLOCK", "TreeArrays", "sum_trees"]
-
-BLOCK = 128  # samples worked on together
-COLUMNS = 16  # columns transposed together: a cache line of X, and as many of the block's
 
 
 class TreeArrays(NamedTuple):
@@ -38,29 +36,20 @@ class TreeArrays(NamedTuple):
 
 
 @njit
-def join_leaves(
-    x: NDArray[np.float32],
-    cut: np.float32,
-    left: np.float32,
-    right: np.float32,
-    out: NDArray[np.float32],
+def say_of_four(
+    values: NDArray[np.float32], trees: TreeArrays, t: int, s: int, out: NDArray[np.float32]
 ) -> None:
-    """Write what a split into two leaves says of every sample."""
+    """Write what the subtree of split s, of three splits and four leaves, says of every sample."""
+    n_splits = trees.plane.shape[1]
+    leaf = 4 * s + 3 - n_splits
+    p0, p1, p2 = trees.plane[t, s], trees.plane[t, 2 * s + 1], trees.plane[t, 2 * s + 2]
+    c0, c1, c2 = trees.cut[t, s], trees.cut[t, 2 * s + 1], trees.cut[t, 2 * s + 2]
+    v0, v1 = trees.value[t, leaf], trees.value[t, leaf + 1]
+    v2, v3 = trees.value[t, leaf + 2], trees.value[t, leaf + 3]
     for i in range(BLOCK):
-        out[i] = left if x[i] < cut else right
-
-
-@njit
-def join_branches(
-    x: NDArray[np.float32],
-    cut: np.float32,
-    left: NDArray[np.float32],
-    right: NDArray[np.float32],
-    out: NDArray[np.float32],
-) -> None:
-    """Write what a split into two branches, each worked out for all samples, says of them."""
-    for i in range(BLOCK):
-        out[i] = left[i] if x[i] < cut else right[i]
+        left = v0 if values[p1, i] < c1 else v1
+        right = v2 if values[p2, i] < c2 else v3
+        out[i] = left if values[p0, i] < c0 else right
 
 
 @njit
@@ -73,30 +62,27 @@ def sum_trees(
     and choices of whole vectors, no branches. Trees are added in their order, so one group's bits
     depend on nothing else.
     """
-    columns, plane, cut, value, first = trees
+    columns, plane, cut, _, first = trees
     n_splits = plane.shape[1]
-    n_lowest = (n_splits + 1) // 2  # splits whose children are leaves
+    n_quads = (n_splits + 1) // 4  # subtrees of three splits and four leaves
     values = np.zeros((len(columns), BLOCK), np.float32)
-    said = np.empty((n_splits, BLOCK), np.float32)
+    said = np.empty((n_splits // 2, BLOCK), np.float32)
     total = np.empty(BLOCK, np.float64)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)
-        for c in range(0, len(columns), COLUMNS):
-            few = columns[c : c + COLUMNS]
-            for i in range(size):
-                for a in range(len(few)):
-                    values[c + a, i] = X[block + i, few[a]]
+        gather(X, block, size, columns, values)
         for k in range(len(first) - 1):
             total[:] = 0.0
             for t in range(first[k], first[k + 1]):
-                for a in range(n_lowest):
-                    s = n_lowest - 1 + a
-                    leaf = value[t, 2 * a]
-                    another = value[t, 2 * a + 1]
-                    join_leaves(values[plane[t, s]], cut[t, s], leaf, another, said[s])
-                for s in range(n_lowest - 2, -1, -1):
-                    left, right = said[2 * s + 1], said[2 * s + 2]
-                    join_branches(values[plane[t, s]], cut[t, s], left, right, said[s])
+                for s in range(n_quads - 1, 2 * n_quads - 1):
+                    say_of_four(values, trees, t, s, said[s])
+                for s in range(n_quads - 2, -1, -1):
+                    p = plane[t, s]
+                    edge = cut[t, s]
+                    for i in range(BLOCK):
+                        left = said[2 * s + 1, i]
+                        right = said[2 * s + 2, i]
+                        said[s, i] = left if values[p, i] < edge else right
                 for i in range(BLOCK):
                     total[i] += said[0, i]
             for i in range(size):

@@ -52,10 +52,9 @@ class BoostedTrees:
         """Check the arrays against each other and freeze them."""
         feature = integer_array("feature", self.feature, ("T", "S"), low=-1, high=2**31)
         n_trees, n_splits = feature.shape
-        if n_splits not in [2**depth - 1 for depth in range(1, MAX_DEPTH + 1)]:
+        if n_splits not in [2**depth - 1 for depth in range(2, MAX_DEPTH + 1)]:
             raise InputError(
-                f"trees must have 1, 3, 7 or 15 splits (a depth of 1 to "
-                f"{MAX_DEPTH}), got {n_splits}"
+                f"trees must have 3, 7 or 15 splits (a depth of 2 to {MAX_DEPTH}), got {n_splits}"
             )
         cut = np.asarray(self.cut, np.float32)
         if cut.shape != feature.shape or not np.array_equal(cut == np.inf, feature < 0):

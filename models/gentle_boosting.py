@@ -45,7 +45,7 @@ def boost_trees(
     positive, negative : list of int
         The parts that make up each class; other parts are ignored.
     max_depth : int
-        Levels of splits, 1 to 4: trees of at most 2 to 16 leaves.
+        Levels of splits, 2 to 4: trees of at most 4 to 16 leaves.
     shrinkage : float
         Every tree's vote is multiplied by this.
     least_weight : float
