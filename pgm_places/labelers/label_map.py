@@ -11,8 +11,9 @@ from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor, refine
+from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.refinement import refine
 from pgm_places.progress import Progress, Silent
 
 __all__ = ["LabelledPlaces", "label_map"]

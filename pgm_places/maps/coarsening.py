@@ -1,10 +1,8 @@
-"""Maps with larger or smaller cells, and how values of one go to the raster of the other."""
+"""A map with larger cells: which blocks are free, and how values go to and fro."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import count
 from math import ceil
 from typing import Any, Self
 
@@ -15,12 +13,17 @@ from pgm_places._checks import label_raster
 from pgm_places.errors import LabelError, MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
+from pgm_places.maps._blocks import (
+    SAME,
+    block_areas,
+    block_rows,
+    coarse_shape,
+    holders,
+    simplest_factor,
+)
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-__all__ = ["Coarsening", "coarsen", "coarsen_labels", "coarsening_factor", "refine"]
-
-# 0.2 / 0.05 is 4 to the last bits; map files round resolutions to three or four digits
-_SAME = 1e-3
+__all__ = ["Coarsening", "coarsen", "coarsen_labels", "coarsening_factor"]
 
 
 def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
@@ -34,17 +37,12 @@ def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
         Where that is less than 1, or no number.
     """
     ratio = resolution_m / grid.resolution_m if np.isfinite(resolution_m) else 0.0
-    if ratio < 1 - _SAME:
+    if ratio < 1 - SAME:
         raise MapError(
-            f"a map with cells of {grid.resolution_m:g} m cannot be brought to {resolution_m:g} m: "
-            f"cells are joined, never split; take at least {grid.resolution_m:g} m"
+            f"a map with cells of {grid.resolution_m:g} m cannot be coarsened to {resolution_m:g} "
+            f"m; give at least {grid.resolution_m:g} m"
         )
-    return _simplest(ratio)
-
-
-def _simplest(ratio: float) -> Fraction:
-    fractions = (Fraction(round(ratio * parts), parts) for parts in count(1))
-    return next(f for f in fractions if abs(ratio - f) <= _SAME * ratio)
+    return simplest_factor(ratio)
 
 
 def coarsen(
@@ -98,12 +96,12 @@ def coarsen(
         return grid
     size = factor.numerator**2  # of a block, in pieces of 1/denominator of a cell's side
     least_occupied, least_free = _least(share, size), _least(free_share, size)
-    shape = _coarse_shape(grid, factor)
+    shape = coarse_shape(grid.shape, factor)
     cells = np.full(shape, UNKNOWN, np.int8)
-    for rows, part in _block_rows(grid.cells, factor):
+    for rows, part in block_rows(grid.cells, factor):
         out = cells[rows]
-        out[_areas(part == FREE, factor, out.shape) >= least_free] = FREE
-        out[_areas(part == OCCUPIED, factor, out.shape) >= least_occupied] = OCCUPIED
+        out[block_areas(part == FREE, factor, out.shape) >= least_free] = FREE
+        out[block_areas(part == OCCUPIED, factor, out.shape) >= least_occupied] = OCCUPIED
     cells.setflags(write=False)
     return OccupancyGrid(cells, float(factor) * grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
 
@@ -138,7 +136,7 @@ def coarsen_labels(
     [[1, -1]]
     """
     factor = coarsening_factor(grid, coarse.resolution_m)
-    if coarse.shape != _coarse_shape(grid, factor):
+    if coarse.shape != coarse_shape(grid.shape, factor):
         raise LabelError(
             f"a map of {grid.shape} cells coarsened by {factor} does not have {coarse.shape} cells"
         )
@@ -148,55 +146,13 @@ def coarsen_labels(
     n_labels = int(fine.max()) + 1
     result = np.full(coarse.shape, -1, np.int16)
     masked = np.where(grid.free, fine, n_labels).astype(np.int16)  # n_labels: not free
-    for rows, part in _block_rows(masked, factor):
+    for rows, part in block_rows(masked, factor):
         shape = result[rows].shape
-        areas = [_areas(part == k, factor, shape) for k in (*range(n_labels), -1)]
+        areas = [block_areas(part == k, factor, shape) for k in (*range(n_labels), -1)]
         best = np.argmax(np.stack(areas), axis=0)  # the first of the largest
         result[rows] = np.where(best == n_labels, -1, best)
     result[~coarse.free] = -1
     return result
-
-
-def refine(grid: OccupancyGrid, resolution_m: float) -> OccupancyGrid:
-    """The map with cells split: each new cell is as the cell of ``grid`` that holds its centre.
-
-    Walls and doorways get no sharper. Origin and yaw are kept; the new map ends at the last centre
-    inside the old one.
-
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        The coarse map.
-    resolution_m : float
-        Side of the new cells, at most the map's own.
-
-    Raises
-    ------
-    MapError
-        Where the cells would be larger, or too many to be numbered by 32 bits.
-
-    Examples
-    --------
-    >>> refine(OccupancyGrid([[0, 100]], resolution_m=0.1), 0.05).cells.tolist()
-    [[0, 0, 100, 100], [0, 0, 100, 100]]
-    """
-    ratio = grid.resolution_m / resolution_m if resolution_m > 0 else 0.0
-    if not 1 - _SAME <= ratio < np.inf:
-        raise MapError(
-            f"a map with cells of {grid.resolution_m:g} m cannot be refined to {resolution_m:g} m: "
-            f"take more than 0 m and at most {grid.resolution_m:g} m"
-        )
-    factor = _simplest(ratio)
-    if factor == 1:
-        return grid
-    height, width = (ceil(size * factor - Fraction(1, 2)) for size in grid.shape)
-    if height * width >= 2**31:
-        raise MapError(
-            f"a map of {grid.shape} cells of {grid.resolution_m:g} m would have {height * width:,} "
-            f"of {resolution_m:g} m; crop it, or take a model for larger cells"
-        )
-    cells = grid.cells[np.ix_(_holders(height, factor), _holders(width, factor))]
-    return OccupancyGrid(cells, grid.resolution_m / float(factor), grid.origin_xy_m, grid.yaw_rad)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +165,8 @@ class Coarsening:
     Parameters
     ----------
     fine, coarse : OccupancyGrid
-        A map and what :func:`coarsen` made of it, or what :func:`refine` made of a map and the map.
+        A map and what :func:`coarsen` made of it; or what
+        :func:`~pgm_places.maps.refinement.refine` made of a map, and that map.
 
     Raises
     ------
@@ -229,7 +186,7 @@ class Coarsening:
 
     def __post_init__(self) -> None:
         for size, n_fine in zip(self.coarse.shape, self.fine.shape, strict=True):
-            refined = int(_holders(n_fine, self.factor)[-1]) + 1
+            refined = int(holders(np.array(n_fine - 1), self.factor)) + 1
             if size not in (refined, ceil(n_fine / self.factor)):
                 raise MapError(
                     f"a map of {self.coarse.shape} cells is not one of {self.fine.shape} cells "
@@ -268,7 +225,7 @@ class Coarsening:
 
     def holders(self, cells_rc: NDArray[np.integer]) -> NDArray[np.int64]:
         """(N, 2) the coarse cells that hold the centres of fine cells, all row and column."""
-        return _holder(np.asarray(cells_rc, np.int64), self.factor)
+        return holders(cells_rc, self.factor)
 
     def paint(self, values: ArrayLike, fill: Any, *, rows: slice | None = None) -> NDArray[Any]:
         """Values of the coarse raster (h, w, ...) on the fine one, ``fill`` on cells not free.
@@ -309,8 +266,8 @@ class Coarsening:
         source_cells(
             free,
             range(height)[rows].start,
-            _holders(height, self.factor)[rows],
-            _holders(width, self.factor),
+            holders(np.arange(height)[rows], self.factor),
+            holders(np.arange(width), self.factor),
             self.coarse.free,
             self.factor.numerator,
             self.factor.denominator,
@@ -319,49 +276,6 @@ class Coarsening:
         return out
 
 
-def _holders(n_cells: int, factor: Fraction) -> NDArray[np.int64]:
-    """(n_cells,) the run of ``factor`` cells that holds the centre of each cell."""
-    return _holder(np.arange(n_cells, dtype=np.int64), factor)
-
-
-def _holder(cell: NDArray[np.int64], factor: Fraction) -> NDArray[np.int64]:
-    return (2 * cell + 1) * factor.denominator // (2 * factor.numerator)
-
-
-def _coarse_shape(grid: OccupancyGrid, factor: Fraction) -> tuple[int, int]:
-    height, width = grid.shape
-    return ceil(height / factor), ceil(width / factor)
-
-
 def _least(share: float, size: int) -> int:
     """The smallest whole part of ``size`` that is at least this share, rounding errors aside."""
     return max(1, int(np.ceil(share * size - 1e-9 * size)))
-
-
-def _block_rows(
-    cells: NDArray[np.integer], factor: Fraction
-) -> Iterator[tuple[slice, NDArray[np.integer]]]:
-    """Rows of blocks and their cells, a few million cells at a time; no cell is in two parts."""
-    blocks, tall = factor.denominator, factor.numerator  # so many blocks hold so many whole cells
-    for rows in bands_of_rows((cells.shape[0], cells.shape[1]), multiple=tall):
-        first = rows.start // tall * blocks
-        yield slice(first, first + ceil((rows.stop - rows.start) / factor)), cells[rows]
-
-
-def _areas(mask: NDArray[np.bool_], factor: Fraction, shape: tuple[int, ...]) -> NDArray[np.int64]:
-    """(h, w) area of the true cells in each block; a cell is ``denominator**2``."""
-    tall = _run_sums(mask.T, factor, shape[0]).T
-    return _run_sums(tall, factor, shape[1])
-
-
-def _run_sums(values: NDArray[Any], factor: Fraction, n_runs: int) -> NDArray[np.int64]:
-    """(n, n_runs) sum of each row over runs of ``factor`` entries, a cut entry by its parts."""
-    length = values.shape[1]
-    total = np.zeros((len(values), length + 1), np.int64)
-    np.cumsum(values, axis=1, out=total[:, 1:])
-    ends = np.minimum(np.arange(n_runs + 1) * factor.numerator, length * factor.denominator)
-    entry, rest = np.divmod(ends, factor.denominator)
-    before = total[:, entry] * factor.denominator
-    cut = np.flatnonzero(rest)
-    before[:, cut] += values[:, entry[cut]] * rest[cut]
-    return np.diff(before, axis=1)

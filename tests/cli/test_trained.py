@@ -11,7 +11,8 @@ from pgm_places.errors import ModelFileError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
-from pgm_places.maps.coarsening import coarsen, refine
+from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.refinement import refine
 from pgm_places.persistence.stored import save
 from pgm_places.trained import NAMES, model_folder, trained_labeler
 from tests.cli.conftest import Run

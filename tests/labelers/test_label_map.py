@@ -16,7 +16,8 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.label_map import LabelledPlaces, _brought_back, label_map
-from pgm_places.maps.coarsening import coarsen, refine
+from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.refinement import refine
 from pgm_places.report.label_files import write_labels
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.trained import trained_labeler

@@ -15,8 +15,8 @@ from pgm_places.maps.coarsening import (
     coarsen,
     coarsen_labels,
     coarsening_factor,
-    refine,
 )
+from pgm_places.maps.refinement import refine
 from tests.reference.coarse_blocks import coarse_cells, coarse_labels, passable_doors, source_cell
 
 shapes = st.tuples(st.integers(1, 13), st.integers(1, 13))
@@ -125,8 +125,8 @@ def test_labels_need_a_majority_and_ties_go_to_labels_then_to_the_first() -> Non
 def test_smaller_cells_are_refused(resolution_m: float) -> None:
     with pytest.raises(MapError) as caught:
         coarsen(random_grid((4, 4), 0), resolution_m)
-    assert f"cells of 0.05 m cannot be brought to {resolution_m:g} m" in str(caught.value)
-    assert "take at least 0.05 m" in str(caught.value)
+    assert f"cells of 0.05 m cannot be coarsened to {resolution_m:g} m" in str(caught.value)
+    assert "give at least 0.05 m" in str(caught.value)
 
 
 def test_the_simplest_fraction_near_the_ratio_is_taken() -> None:

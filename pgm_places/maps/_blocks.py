@@ -1,0 +1,65 @@
+"""Blocks of f x f cells: where they lie and how much of them a mask covers; f is a fraction."""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import count
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.graph.bands import bands_of_rows
+
+__all__ = ["SAME", "block_areas", "block_rows", "coarse_shape", "holders", "simplest_factor"]
+
+SAME = 1e-3
+"""0.2 / 0.05 is 4 to the last bits, and map files round resolutions to three or four digits."""
+
+
+def simplest_factor(ratio: float) -> Fraction:
+    """The fraction with the least denominator within a thousandth of a ratio."""
+    fractions = (Fraction(round(ratio * parts), parts) for parts in count(1))
+    return next(f for f in fractions if abs(ratio - f) <= SAME * ratio)
+
+
+def holders(cells: NDArray[np.integer], factor: Fraction) -> NDArray[np.int64]:
+    """The block of ``factor`` cells that holds the centre of each cell, along one axis."""
+    return (2 * cells.astype(np.int64) + 1) * factor.denominator // (2 * factor.numerator)
+
+
+def coarse_shape(shape: tuple[int, int], factor: Fraction) -> tuple[int, int]:
+    """Rows and columns of the blocks that cover a raster."""
+    height, width = shape
+    return ceil(height / factor), ceil(width / factor)
+
+
+def block_rows(
+    cells: NDArray[np.integer], factor: Fraction
+) -> Iterator[tuple[slice, NDArray[np.integer]]]:
+    """Rows of blocks and their cells, a few million cells at a time; no cell is in two parts."""
+    blocks, tall = factor.denominator, factor.numerator  # so many blocks hold so many whole cells
+    for rows in bands_of_rows((cells.shape[0], cells.shape[1]), multiple=tall):
+        first = rows.start // tall * blocks
+        yield slice(first, first + ceil((rows.stop - rows.start) / factor)), cells[rows]
+
+
+def block_areas(
+    mask: NDArray[np.bool_], factor: Fraction, shape: tuple[int, ...]
+) -> NDArray[np.int64]:
+    """(h, w) area of the true cells in each block; a cell is ``denominator**2``."""
+    tall = _run_sums(mask.T, factor, shape[0]).T
+    return _run_sums(tall, factor, shape[1])
+
+
+def _run_sums(values: NDArray[Any], factor: Fraction, n_runs: int) -> NDArray[np.int64]:
+    """(n, n_runs) sum of each row over runs of ``factor`` entries, a cut entry by its parts."""
+    length = values.shape[1]
+    total = np.zeros((len(values), length + 1), np.int64)
+    np.cumsum(values, axis=1, out=total[:, 1:])
+    ends = np.minimum(np.arange(n_runs + 1) * factor.numerator, length * factor.denominator)
+    entry, rest = np.divmod(ends, factor.denominator)
+    before = total[:, entry] * factor.denominator
+    cut = np.flatnonzero(rest)
+    before[:, cut] += values[:, entry[cut]] * rest[cut]
+    return np.diff(before, axis=1)
