@@ -1,5 +1,6 @@
 import csv
 import io
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -73,3 +74,15 @@ def test_a_single_step_can_be_reported() -> None:
     path = Trajectory(np.zeros(1), np.array([[1.0, 1.0, 0.0]]))
     track = Track(path, Labeling(np.array([0]), Status.EXACT), ("corridor",))
     assert "corridor" in track_page(track, building()[0].grid)
+
+
+def test_visits_start_when_the_log_does() -> None:
+    path = Trajectory(
+        np.array([100.0, 100.5, 102.0]),
+        np.array([[1.0, 1.0, 0.0], [1.5, 1.0, 0.0], [2.0, 1.0, 0.0]]),
+    )
+    labeling = Labeling(np.array([0, 1, 1]), Status.EXACT)
+    page = track_page(Track(path, labeling, ("corridor", "room")), building()[0].grid)
+    visits = page.split("All 2 visits")[1]
+    rows = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in visits.split("<tr>")[2:]]
+    assert rows == [["0.0", "1", "0.5"], ["0.5", "2", "0.5"]]

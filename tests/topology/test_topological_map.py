@@ -26,6 +26,10 @@ def test_the_floor_has_seven_places_and_six_connections() -> None:
     assert found.connections[0].point_m == pytest.approx((2.25, 2.5))
 
 
+def test_labels_of_its_cells_are_those_of_its_places() -> None:
+    np.testing.assert_array_equal(floor_map().labels, floor_labels())
+
+
 def test_questions() -> None:
     found = floor_map(yaw_rad=0.4, origin_xy_m=(5.0, -3.0))
     way = found.path("room 1", "room 3")
