@@ -17,8 +17,8 @@ from .io.maps.map_server import save_map as save_map
 from .io.places.topology_files import load_topology as load_topology
 from .io.places.topology_files import save_topology as save_topology
 from .labelers.label_map import label_map as label_map
+from .labelers.method import PlaceMethod as PlaceMethod
 from .labelers.place_labeler import PlaceLabeler as PlaceLabeler
-from .labelers.place_labeler import PlaceMethod as PlaceMethod
 from .labelers.structured_labeler import StructuredLabeler as StructuredLabeler
 from .labelers.trajectory_labeler import TrajectoryLabeler as TrajectoryLabeler
 from .maps.labelled_map import LabelledMap as LabelledMap

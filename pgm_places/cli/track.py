@@ -70,8 +70,7 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
         warnings += counts.complaints(trajectory.times_s)
     for message in warnings[len(read.warnings) :]:
         progress.warn(message)
-    with progress.stage("labelling"):
-        labeling = labeler.label(trajectory, known_map=grid, extra=extra)
+    labeling = labeler.label(trajectory, known_map=grid, extra=extra, progress=progress)
     impossible = labeling.info.get("impossible", [])
     if impossible:
         warnings.append(

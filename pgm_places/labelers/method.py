@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -12,13 +13,15 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 
 __all__ = [
+    "PlaceMethod",
     "as_backend",
     "check_labels_any_graph",
-    "follows_truth",
     "infer",
     "labels_chains_only",
     "unfitted",
 ]
+
+UNARIES = ("auto", "laser", "context")
 
 
 def as_backend(method: Any) -> Backend:
@@ -33,6 +36,29 @@ def as_backend(method: Any) -> Backend:
     if isinstance(found, type) or not isinstance(found, Backend):
         raise ConfigError(f"a method must be a backend or a method's name, got {method!r}")
     return found
+
+
+@dataclass(frozen=True)
+class PlaceMethod:
+    """A backend and which unary it is given.
+
+    Parameters
+    ----------
+    backend : Backend or str
+        Any method of :mod:`pgm_places.inference.backends`, or its name.
+    unary : {"auto", "laser", "context"}
+        The list on laser features alone (the paper's), or the one that also sees its neighbourhood.
+        ``auto`` is context where the labeler has windows for it (``context_m``), else laser: the
+        same for every method, so that exchanging the method changes one thing.
+    """
+
+    backend: Any
+    unary: str = "auto"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "backend", as_backend(self.backend))
+        if self.unary not in UNARIES:
+            raise ConfigError(f"unary must be 'auto', 'laser' or 'context', got {self.unary!r}")
 
 
 def unfitted(backend: Any) -> Any:
@@ -62,13 +88,9 @@ def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
         )
 
 
-def follows_truth(backend: Any) -> bool:
-    """Whether a backend can tell its accuracy after each iteration."""
-    return "truth" in inspect.signature(backend.infer).parameters
-
-
 def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
     """What a backend makes of a problem; with ``truth`` it follows its accuracy where it can."""
-    options = {"truth": truth} if truth is not None and follows_truth(backend) else {}
+    follows = truth is not None and "truth" in inspect.signature(backend.infer).parameters
+    options = {"truth": truth} if follows else {}
     found: Labeling = backend.infer(problem, **options)
     return found

@@ -1,31 +1,34 @@
 """Label the places of a map: the object that most users need."""
 
-import inspect
-import math
-import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pgm_places._checks import nearest_name, sealed
-from pgm_places.errors import ConfigError, InputError
+from pgm_places._checks import nearest_name
+from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import Learnable, uses_node_features
+from pgm_places.inference.backends import uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import as_backend, check_labels_any_graph, follows_truth, infer
-from pgm_places.labelers.movement import learn_movement
+from pgm_places.labelers.method import PlaceMethod, check_labels_any_graph, infer
+from pgm_places.labelers.place_learning import (
+    LabelledNodes,
+    common_resolution,
+    default_classifier,
+    learn_methods,
+    map_problem,
+)
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress, Silent, Stage
+from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.learning import PRIOR_WEIGHT, RAREST_FIRST, fit_unary
+from pgm_places.unary.learning import fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
     LearnOn,
@@ -41,31 +44,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 
 __all__ = ["PlaceLabeler", "PlaceMethod"]
 
-UNARIES = ("auto", "laser", "context")
 SENSOR = Sensor()
-
-
-@dataclass(frozen=True)
-class PlaceMethod:
-    """A backend and which unary it is given.
-
-    Parameters
-    ----------
-    backend : Backend or str
-        Any method of :mod:`pgm_places.inference.backends`, or its name.
-    unary : {"auto", "laser", "context"}
-        The list on laser features alone (the paper's), or the one that also sees its neighbourhood.
-        ``auto`` is context where the labeler has windows for it (``context_m``), else laser: the
-        same for every method, so that exchanging the method changes one thing.
-    """
-
-    backend: Any
-    unary: str = "auto"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "backend", as_backend(self.backend))
-        if self.unary not in UNARIES:
-            raise ConfigError(f"unary must be 'auto', 'laser' or 'context', got {self.unary!r}")
 
 
 class PlaceLabeler(Labeler):
@@ -193,14 +172,14 @@ class PlaceLabeler(Labeler):
         maps, names = list(maps), tuple(self.label_names)
         self.check_options()
         require_examples(maps, names)
-        resolution_m = _common_resolution(maps)
+        resolution_m = common_resolution(maps)
         methods = self.resolved_methods()
         wants_context = any(method.unary == "context" for method in methods.values())
         unary_model, scores = fit_unary(
             maps,
             len(names),
             sensor=self.sensor,
-            classifier=self.classifier or _default_classifier(),
+            classifier=self.classifier or default_classifier(),
             n_node_features=self.n_node_features,
             max_examples_per_map=self.max_examples_per_map,
             context_m=tuple(self.context_m) if wants_context else (),
@@ -210,28 +189,14 @@ class PlaceLabeler(Labeler):
             n_threads=n_threads,
             progress=progress,
         )
-        graphs = [item.graph(connectivity=self.connectivity, labelled_only=True) for item in maps]
-        truths = [item.truth(graph) for item, graph in zip(maps, graphs, strict=True)]
-        fitted: dict[str, PlaceMethod] = {}
-        seconds: dict[str, float] = {}
-        for name, method in methods.items():
-            if isinstance(method.backend, Learnable):
-                problems = [
-                    _problem(graph, names, part, method.unary)
-                    for graph, part in zip(graphs, scores, strict=True)
-                ]
-                with progress.stage(f"learning {name}") as stage:
-                    start = time.perf_counter()
-                    backend = _fitted(method.backend, problems, truths, stage)
-                    seconds[name] = time.perf_counter() - start
-                method = replace(method, backend=backend)
-            fitted[name] = method
+        problems = LabelledNodes.of_maps(maps, self.connectivity, names, scores)
+        fitted, seconds = learn_methods(methods, problems, progress)
         return self.set_learned(
             unary_model_=unary_model,
             methods_=fitted,
             learn_seconds_=seconds,
             resolution_m_=resolution_m,
-            movement_=_movement(maps, truths, scores, len(names), progress),
+            movement_=problems.movement(maps, progress),
             label_names_=names,
         )
 
@@ -279,7 +244,7 @@ class PlaceLabeler(Labeler):
             n_threads=n_threads,
             progress=progress,
         )
-        return _problem(graph, self.label_names_, scores, chosen.unary)
+        return map_problem(graph, self.label_names_, scores, chosen.unary)
 
     def label(
         self,
@@ -311,7 +276,7 @@ class PlaceLabeler(Labeler):
         history; the labels are the same.
         """
         chosen = self.method(method)
-        problem = _problem(graph, self.label_names_, scores, chosen.unary)
+        problem = map_problem(graph, self.label_names_, scores, chosen.unary)
         return infer(chosen.backend, problem, truth)
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
@@ -324,10 +289,6 @@ class PlaceLabeler(Labeler):
             found.append(self.infer(graph, scores, method=method).labels)
             truths.append(item.truth(graph))
         return evaluate(np.concatenate(truths), np.concatenate(found), self.label_names_).accuracy
-
-    def follows_truth(self, method: str | None = None) -> bool:
-        """Whether a method can tell its accuracy after each iteration."""
-        return follows_truth(self.method(method).backend)
 
     def method(self, name: str | None = None) -> PlaceMethod:
         """The fitted method of that name, the default one for None.
@@ -372,71 +333,3 @@ class PlaceLabeler(Labeler):
 
     def _part(self, name: str) -> Any:
         return self.resolved_methods() if name == "methods" else super()._part(name)
-
-
-def _problem(
-    graph: LabelGraph, label_names: tuple[str, ...], scores: CellScores, unary: str
-) -> LabelingProblem:
-    values = scores.laser if unary == "laser" else scores.context
-    if values is None:
-        raise InputError("the scores hold no context; compute them with with_context=True")
-    return LabelingProblem(
-        graph,
-        label_names,
-        unary=values,
-        node_features=(
-            None
-            if scores.node_features is None
-            else sealed(np.asarray(scores.node_features, np.float64))
-        ),
-    )
-
-
-def _movement(
-    maps: Sequence[LabelledMap],
-    truths: Sequence[NDArray[np.int64]],
-    scores: Sequence[CellScores],
-    n_labels: int,
-    progress: Progress,
-) -> "HiddenMarkovModel | None":
-    try:
-        return learn_movement(maps, truths, [part.laser for part in scores], n_labels)
-    except InputError as error:  # labels too sparse to drive from one to the next
-        progress.warn(f"this model will label maps, but no trajectories: {error}")
-        return None
-
-
-def _default_classifier() -> "DecisionListClassifier":
-    from pgm_places.models.decision_list import DecisionListClassifier
-
-    return DecisionListClassifier(order=RAREST_FIRST, prior_weight=PRIOR_WEIGHT)
-
-
-def _fitted(
-    backend: Any,
-    problems: Sequence[LabelingProblem],
-    truths: Sequence[NDArray[np.int64]],
-    stage: Stage,
-) -> Any:
-    """The fitted backend; one that reports its iterations is shown to do so."""
-    if "on_iteration" not in inspect.signature(backend.fit).parameters:
-        return backend.fit(problems, truths)
-
-    def show(step: Any) -> None:
-        gap = max(float(step.gap), 1e-6)
-        # Learners close the gap about geometrically: show its logarithm, down to 0.1 %.
-        fraction = min(max(-math.log10(gap) / 3, 0.0), 1.0)
-        stage.update(fraction, f"gap {100 * gap:.2g} %, {step.n_cuts} cuts")
-
-    return backend.fit(problems, truths, on_iteration=show)
-
-
-def _common_resolution(maps: Sequence[LabelledMap]) -> float:
-    sizes: NDArray[np.float64] = np.array([item.grid.resolution_m for item in maps])
-    if not np.allclose(sizes, sizes[0], rtol=1e-3, atol=0.0):
-        listed = ", ".join(f"{item.name} {item.grid.resolution_m:g} m" for item in maps)
-        raise InputError(
-            f"training maps must have one resolution, got {listed}; "
-            "set resolution_m to coarsen them"
-        )
-    return float(sizes[0])

@@ -315,14 +315,16 @@ class TrajectoryLabeler(Labeler):
         known_map: OccupancyGrid | None = None,
         extra: ArrayLike | None = None,
         n_threads: int | None = None,
+        progress: Progress | None = None,
     ) -> NDArray[np.float64]:
         """(T, K) log z of each step by itself: what the list says of its scan."""
         self.check_fitted()
         model = self.scan_model_
-        circles = circles_along(
-            trajectory, model.sensor, self.beams, known_map=known_map, n_threads=n_threads
-        )
-        return model.log_proba(circles, extra, n_threads=n_threads)
+        with (progress or Silent()).stage("scans, features and list"):
+            circles = circles_along(
+                trajectory, model.sensor, self.beams, known_map=known_map, n_threads=n_threads
+            )
+            return model.log_proba(circles, extra, n_threads=n_threads)
 
     def label(
         self,
@@ -332,6 +334,7 @@ class TrajectoryLabeler(Labeler):
         extra: ArrayLike | None = None,
         truth: ArrayLike | None = None,
         n_threads: int | None = None,
+        progress: Progress | None = None,
     ) -> Labeling:
         """A label for each step.
 
@@ -346,10 +349,12 @@ class TrajectoryLabeler(Labeler):
             A map in the frame of the poses.
         extra : (T, D) float, optional
             The columns beside the laser's that the model learned with.
-        truth, n_threads
+        truth, n_threads, progress
             As for every labeler: see :mod:`pgm_places.labelers.labeler`.
         """
-        scores = self.scores(trajectory, known_map=known_map, extra=extra, n_threads=n_threads)
+        scores = self.scores(
+            trajectory, known_map=known_map, extra=extra, n_threads=n_threads, progress=progress
+        )
         return self.infer(trajectory, scores, truth=truth)
 
     def infer(

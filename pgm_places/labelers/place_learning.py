@@ -1,0 +1,165 @@
+"""How a PlaceLabeler learns its methods: on the labelled cells of maps, from scores held out."""
+
+import inspect
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import sealed
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.backends import Learnable
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelers.movement import learn_movement
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.progress import Progress, Stage
+from pgm_places.unary.learning import PRIOR_WEIGHT, RAREST_FIRST
+from pgm_places.unary.map_model import CellScores
+
+if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
+    from pgm_places.models.decision_list import DecisionListClassifier
+    from pgm_places.models.hmm import HiddenMarkovModel
+
+__all__ = [
+    "LabelledNodes",
+    "common_resolution",
+    "default_classifier",
+    "learn_methods",
+    "map_problem",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledNodes:
+    """The labelled cells of maps as nodes of graphs, with what lists say that have not seen them.
+
+    Parameters
+    ----------
+    label_names : tuple of K str
+    graphs : tuple of LabelGraph
+        One per map.
+    truths : tuple of (N,) int
+        Label index of each node.
+    scores : tuple of CellScores
+    """
+
+    label_names: tuple[str, ...]
+    graphs: tuple[LabelGraph, ...]
+    truths: tuple[NDArray[np.int64], ...]
+    scores: tuple[CellScores, ...]
+
+    @classmethod
+    def of_maps(
+        cls,
+        maps: Sequence[LabelledMap],
+        connectivity: int,
+        label_names: tuple[str, ...],
+        scores: Sequence[CellScores],
+    ) -> Self:
+        """Those of maps, whose scores are in the order of their nodes."""
+        graphs = tuple(item.graph(connectivity=connectivity, labelled_only=True) for item in maps)
+        truths = tuple(item.truth(graph) for item, graph in zip(maps, graphs, strict=True))
+        return cls(label_names, graphs, truths, tuple(scores))
+
+    def problems(self, unary: str) -> list[LabelingProblem]:
+        """One per map, with that unary."""
+        return [
+            map_problem(graph, self.label_names, part, unary)
+            for graph, part in zip(self.graphs, self.scores, strict=True)
+        ]
+
+    def movement(
+        self, maps: Sequence[LabelledMap], progress: Progress
+    ) -> "HiddenMarkovModel | None":
+        """How a robot moves between the places, None where it cannot get from one to the next."""
+        laser = [part.laser for part in self.scores]
+        try:
+            return learn_movement(maps, self.truths, laser, len(self.label_names))
+        except InputError as error:
+            progress.warn(f"this model will label maps, but no trajectories: {error}")
+            return None
+
+
+def learn_methods(
+    methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, progress: Progress
+) -> tuple[dict[str, PlaceMethod], dict[str, float]]:
+    """The methods fitted, those that learn nothing as they are; and how long each took, in s."""
+    fitted, seconds = dict(methods), {}
+    for name, method in methods.items():
+        if isinstance(method.backend, Learnable):
+            problems = nodes.problems(method.unary)
+            with progress.stage(f"learning {name}") as stage:
+                start = time.perf_counter()
+                backend = _fitted(method.backend, problems, nodes.truths, stage)
+                seconds[name] = time.perf_counter() - start
+            fitted[name] = replace(method, backend=backend)
+    return fitted, seconds
+
+
+def map_problem(
+    graph: LabelGraph, label_names: tuple[str, ...], scores: CellScores, unary: str
+) -> LabelingProblem:
+    """The problem that a method is given: ``unary`` is ``laser`` or ``context``."""
+    values = scores.laser if unary == "laser" else scores.context
+    if values is None:
+        raise InputError("the scores hold no context; compute them with with_context=True")
+    return LabelingProblem(
+        graph,
+        label_names,
+        unary=values,
+        node_features=(
+            None
+            if scores.node_features is None
+            else sealed(np.asarray(scores.node_features, np.float64))
+        ),
+    )
+
+
+def common_resolution(maps: Sequence[LabelledMap]) -> float:
+    """Side of all maps' cells in metres.
+
+    Raises
+    ------
+    InputError
+        They differ by more than a thousandth.
+    """
+    sizes: NDArray[np.float64] = np.array([item.grid.resolution_m for item in maps])
+    if not np.allclose(sizes, sizes[0], rtol=1e-3, atol=0.0):
+        listed = ", ".join(f"{item.name} {item.grid.resolution_m:g} m" for item in maps)
+        raise InputError(
+            f"training maps must have one resolution, got {listed}; "
+            "set resolution_m to coarsen them"
+        )
+    return float(sizes[0])
+
+
+def default_classifier() -> "DecisionListClassifier":
+    """The unfitted list of labelers that are given none."""
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+    return DecisionListClassifier(order=RAREST_FIRST, prior_weight=PRIOR_WEIGHT)
+
+
+def _fitted(
+    backend: Any,
+    problems: Sequence[LabelingProblem],
+    truths: Sequence[NDArray[np.int64]],
+    stage: Stage,
+) -> Any:
+    """The fitted backend; one that reports its iterations is shown to do so."""
+    if "on_iteration" not in inspect.signature(backend.fit).parameters:
+        return backend.fit(problems, truths)
+
+    def show(step: Any) -> None:
+        gap = max(float(step.gap), 1e-6)
+        # Learners close the gap about geometrically: show its logarithm, down to 0.1 %.
+        fraction = min(max(-math.log10(gap) / 3, 0.0), 1.0)
+        stage.update(fraction, f"gap {100 * gap:.2g} %, {step.n_cuts} cuts")
+
+    return backend.fit(problems, truths, on_iteration=show)
