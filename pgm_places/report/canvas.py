@@ -41,7 +41,7 @@ _UNKNOWN, _WALL, _IGNORED, _STRIPE, _FIRST = range(5)
 _GROUND = (UNKNOWN, WALL, IGNORED, IGNORED_STRIPE)
 
 N_LEVELS = 24
-"""Steps of probability and entropy: finer ones are not seen and make files larger."""
+"""Steps of probability and entropy: finer ones are invisible and make files larger."""
 
 _GROUND_WEIGHTS = (1, 3, 1)
 _LABEL_WEIGHT, _STRONG_WEIGHT = 2, 4

@@ -41,7 +41,7 @@ class PixelFigure:
         return self.figure.add_axes(box)
 
     def text(self, x: float, y: float, content: str, *, size: int = 14, **options: Any) -> None:
-        """A line of text, its size in pixels; no dollar sign is taken for mathematics."""
+        """A line of text, its size in pixels; dollar signs are not taken for mathematics."""
         options = {"color": INK, "va": "center", "ha": "left", **options}
         self.figure.text(
             x / self.width,

@@ -113,7 +113,7 @@ def sheet_png(
 
 
 def round_length(metres: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is no longer than so many metres."""
+    """The largest of 1, 2, 5 times a power of ten that is at most the given length."""
     power = 10.0 ** np.floor(np.log10(metres))
     return float(power * max(step for step in (1, 2, 5) if step * power <= metres * (1 + 1e-9)))
 

@@ -15,7 +15,7 @@ from pgm_places.report.track_pictures import belief_plot, path_picture
 __all__ = ["track_page", "write_track_page"]
 
 MOST_VISITS = 300
-"""Visits listed; a longer list helps nobody, and the table of steps has them all."""
+"""Visits listed; a longer list is of no use, and ``beliefs.csv`` has every step."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ BRUSH_M = 0.12
 """Half the width of the path as drawn."""
 
 LONGEST_STROKE_M = 1.5
-"""Steps farther apart are drawn as dots: nobody knows where the robot went between them."""
+"""Steps farther apart are drawn as dots: where the robot went in between is unknown."""
 
 PLOT_COLUMNS = 1400
 """Most columns of the belief plot; longer logs show means."""

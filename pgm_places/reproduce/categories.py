@@ -31,7 +31,7 @@ __all__ = ["run"]
 
 PAPER = {ALONE: 0.754, "filter": 0.912}
 SHOWN = "laser, fair detector"
-"""The detector whose figures stand beside the paper's, which has one of its own."""
+"""The detector whose figures are compared with the paper's, which used its own."""
 
 SMOOTHED = MODES["smooth"]
 FURNISHING_79: Mapping[str, Mapping[str, tuple[int, int]]] = {

@@ -58,7 +58,7 @@ def scored_modes(
     drives : sequence of Trajectory
         With true labels, -1 where not known.
     scores : sequence of (T, K) float
-        What the list says of each step.
+        The decision list's scores of each step.
     """
     names = labeler.label_names_
     alone = [Labeling(item.argmax(axis=1), Status.CONVERGED) for item in scores]

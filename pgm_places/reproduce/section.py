@@ -22,7 +22,7 @@ class Finding:
     interval : pair of float or None
         95 % confidence interval of the accuracy.
     counts : str
-        What we found where it is no accuracy.
+        Our result where it is not an accuracy.
     """
 
     what: str

@@ -23,7 +23,7 @@ class PoseTrack:
     poses : (P, 3) float
         x, y, and the heading of the frame's x axis.
     mirrored : bool
-        Whether the frame hangs upside down, so that its y axis points to the right of its x axis.
+        Whether the frame is upside down, so that its y axis points to the right of its x axis.
     is_static : bool
         Whether it holds at all times.
     """
@@ -50,7 +50,7 @@ class PoseTrack:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(T, 3) poses at the times, and (T,) whether there is one close enough.
 
-        Interpolation wants an entry on both sides, not farther apart than the gap; headings turn
+        Interpolation needs an entry on both sides, not farther apart than the gap; headings turn
         the shorter way. The nearest entry may be as far away as the gap.
         """
         if self.is_static:
@@ -75,7 +75,7 @@ class PoseTrack:
 
 
 class FrameTree:
-    """Which frame hangs on which, from ``/tf`` and ``/tf_static``.
+    """Which frame is the child of which, from ``/tf`` and ``/tf_static``.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class FrameTree:
         return sorted({name for edge in self.tracks for name in edge})
 
     def chain(self, ancestor: str, frame: str) -> list[PoseTrack] | None:
-        """The tracks on the way from a frame's ancestor down to it, or None where there is none."""
+        """The tracks from a frame's ancestor down to it, or None where there is none."""
         way: list[PoseTrack] = []
         seen = {frame}
         while frame != ancestor:

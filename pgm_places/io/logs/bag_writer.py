@@ -38,7 +38,7 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
     Per step there is a ``LaserScan`` on ``/scan``, an ``Odometry`` on ``/odom`` and transforms on
     ``/tf``: ``odom`` to ``base_link`` is the odometry (the poses, where there is none), ``map`` to
     ``odom`` what corrects it, so that ``base_link`` lies in ``map`` where the poses say, and
-    ``base_link`` to ``laser`` is nothing. A beam that met nothing reads infinity, as ROS wants it
+    ``base_link`` to ``laser`` is nothing. A beam without return reads infinity, as ROS requires
     (REP 117). Bags hold no labels.
 
     Raises

@@ -71,10 +71,10 @@ def read_bag(
     lookup : {"interpolated", "nearest"}
         How a pose is found for the time of a scan.
     max_gap_s : float
-        Interpolate only between poses at most so far apart; the nearest may be so far away. A scan
-        without a pose is dropped, and counted in a warning.
+        Interpolate only between poses at most this far apart; the nearest may be this far away. A
+        scan without a pose is dropped, and counted in a warning.
     range_max_m : float, optional
-        Readings of at least this mean that a beam met nothing; what the messages say by default.
+        Readings of at least this mean no return; what the messages say by default.
 
     Where neither topic nor frame is named, poses come from the tree if that connects ``map`` with
     the laser, else from the only odometry topic, else from the tree with ``odom``. Odometry
@@ -176,7 +176,7 @@ class _Bag:
 
 
 def _read_scans(bag: _Bag, topic: str, range_max_m: float | None) -> tuple[list[Scan], str]:
-    """The scans, their poses yet unknown, and the frame of the laser."""
+    """The scans, without poses yet, and the frame of the laser."""
     geometries: dict[tuple[float, ...], ScanGeometry] = {}
     scans = []
     frame = ""
@@ -200,7 +200,7 @@ def _geometry(
     low, high = _shortest(message.range_min), _shortest(message.range_max)
     reach = high if range_max_m is None else range_max_m
     start, spacing = float(message.angle_min), float(message.angle_increment)
-    # Drivers compute the angles anew for each message; a thousandth of a radian is no other beam.
+    # Drivers compute the angles for each message; a thousandth of a radian is the same beam.
     key = (n_beams, round(start, 3), round(spacing * n_beams, 3), low, reach)
     if key not in known:
         angles = start + spacing * np.arange(n_beams, dtype=np.float64)
@@ -267,7 +267,7 @@ def _choose_poses(
 
 
 def _topic_poses(bag: _Bag, tree: FrameTree, frame: str, topic: str) -> _Poses:
-    """The poses of a topic, with the way from the robot to its laser where the tree knows it."""
+    """The poses of a topic, moved from the robot to its laser where the tree says how."""
     entries = []
     robot = "base_link"
     for _, recorded_ns, message in bag.messages(topic):

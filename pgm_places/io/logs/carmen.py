@@ -4,11 +4,11 @@ Lines that carry poses or scans (the last three fields of each are two time stam
 computer's name between them)::
 
     FLASER  n r_1 ... r_n  x y heading  odom_x odom_y odom_heading  time host logged
-    RLASER  the same, of a laser that looks back
+    RLASER  the same, of a laser that faces back
     ROBOTLASER1 type start fov step max_range accuracy remission n r_1 ... r_n k s_1 ... s_k
                 laser_x laser_y laser_heading robot_x robot_y robot_heading
                 tv rv forward_safety side_safety turn_axis  time host logged
-    ROBOTLASER2 the same, of a laser that looks back
+    ROBOTLASER2 the same, of a laser that faces back
     ODOM    x y heading tv rv accel  time host logged
     PARAM   name value  time host logged
 
@@ -52,14 +52,14 @@ _LONGEST_M = 81.83
 
 @dataclass
 class CarmenReader:
-    """Understands a log line by line; what it could not use is counted.
+    """Parses a log line by line and counts what it cannot use.
 
     Parameters
     ----------
     laser : {"front", "rear"}
         Which of the robot's lasers is wanted.
     range_max_m : float or None
-        Readings of at least this mean that a beam met nothing. None takes it from the message
+        Readings of at least this mean no return. None takes it from the message
         (``ROBOTLASER1``), else from the log's parameter ``robot_front_laser_max`` (or ``rear``),
         else 81.83 m.
 
@@ -179,7 +179,7 @@ def iter_carmen_scans(
         A file opened in binary mode, :class:`~pgm_places.io.logs.log_lines.LogLines`, or the lines
         of a growing file (:func:`~pgm_places.io.logs.log_lines.follow_lines`).
     reader : CarmenReader, optional
-        Which laser, which limit; it also counts the lines that are no scans.
+        Which laser, which limit; it also counts the lines that are not scans.
 
     Scans may differ in their number of beams: each carries its own geometry.
     """
@@ -196,7 +196,7 @@ def read_carmen(
     laser: Laser = "front",
     range_max_m: float | None = None,
 ) -> LoadedLog:
-    """The trajectory in a CARMEN log, plain or gzip, with what there is to say about the file.
+    """The trajectory in a CARMEN log, plain or gzip, with warnings about the file.
 
     Parameters
     ----------
@@ -205,12 +205,12 @@ def read_carmen(
     laser : {"front", "rear"}
         Which of the robot's lasers.
     range_max_m : float, optional
-        Readings of at least this mean that a beam met nothing; see :class:`CarmenReader`.
+        Readings of at least this mean no return; see :class:`CarmenReader`.
 
     Poses are the laser's. The odometry of the same lines is kept where it differs from them.
     What could be read is kept, with a warning each: the part before the place where compressed
     data are cut off or damaged; the scans of the most frequent kind where the number of beams
-    changes; the ``ODOM`` lines as a trajectory without scans where there is no scan.
+    changes; the ``ODOM`` lines as a trajectory without scans where there are none.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What reading a robot's log gives: the trajectory, and what there is to say about the file."""
+"""What reading a robot's log gives: the trajectory, and warnings about the file."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ _CODE_READINGS = 20
 
 @dataclass(frozen=True)
 class LoadedLog:
-    """A trajectory and the story of its file.
+    """A trajectory and what happened while its file was read.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class LoadedLog:
 
 
 def order_warnings(trajectory: Trajectory) -> list[str]:
-    """What there is to say about the time stamps."""
+    """Warnings about the time stamps."""
     backward = trajectory.n_backward_times
     if not backward:
         return []
@@ -63,7 +63,7 @@ def most_frequent_kind(scans: Sequence[Scan]) -> list[Scan]:
 
 
 def kind_warnings(scans: Sequence[Scan], kept: Sequence[Scan]) -> list[str]:
-    """What there is to say about scans whose number of beams changes."""
+    """Warnings about scans whose number of beams changes."""
     if len(kept) == len(scans):
         return []
     return [

@@ -73,14 +73,14 @@ def read_pose_csv(
     Parameters
     ----------
     path : path
-        UTF-8 text. Columns may come in any order, others are left alone:
+        UTF-8 text. Columns may come in any order, other columns are ignored:
 
         - time in seconds: ``t_s``, ``time_s``, ``timestamp``, ``time`` or ``t``; where there is
           none, steps are numbered;
         - position in metres: ``x_m`` or ``x``, ``y_m`` or ``y``;
         - heading: ``heading_rad``, ``yaw_rad``, ``theta_rad``, or these without ``_rad``, in
           radians, or with ``_deg`` in degrees; where there is none, the direction of travel;
-        - place: ``label`` or ``place``; an empty field is a place that is not known.
+        - place: ``label`` or ``place``; an empty field is an unknown place.
     label_column : str, optional
         Another column to take the places from.
     label_names : sequence of str, optional

@@ -23,7 +23,7 @@ def read_trajectory(
     pose_topic: str | None = None,
     fixed_frame: str | None = None,
 ) -> LoadedLog:
-    """The trajectory in a file, with what there is to say about the file.
+    """The trajectory in a file, with warnings about the file.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def read_trajectory(
     laser
         For CARMEN logs; see there.
     range_max_m
-        For logs and bags: readings of at least this mean that a beam met nothing.
+        For logs and bags: readings of at least this mean no return.
     scan_topic, pose_topic, fixed_frame
         For bags; see there.
     label_column, label_names
@@ -101,12 +101,12 @@ def write_trajectory(path: Path | str, trajectory: Trajectory) -> Path:
 
 
 def check_name(path: Path | str) -> None:
-    """Refuse a name whose ending is of no format that trajectories are written in.
+    """Refuse a name whose ending is not a format of trajectories.
 
     Raises
     ------
     InputError
-        The ending is another one.
+        The ending is not one of these.
     """
     path = Path(path)
     if not _is_carmen(path) and path.suffix.lower() not in ("", ".csv", ".bag", ".mcap"):
