@@ -101,9 +101,9 @@ def measure(stage: str) -> dict[str, Any]:
     if stage == "casting":
         cast_a_room()
     else:
-        from pgm_places.cli.ahead import REHEARSALS
+        from pgm_places.cli.warm_up import STAGES
 
-        REHEARSALS[stage]()
+        STAGES[stage]()
     return {
         "stage": stage,
         "kernels": len(outermost),

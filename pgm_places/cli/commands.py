@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pgm_places.cli.ahead import compiled_ahead
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
+from pgm_places.cli.warm_up import WarmUp
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,7 +29,7 @@ def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "It
 
     config = load_config(config_path)
     stages = ["features", "boosting", *(item.name for item in config.methods)]
-    with compiled_ahead(stages, n_threads=n_threads):
+    with WarmUp(stages, n_threads=n_threads):
         from pgm_places.experiment.experiment import Experiment
 
         experiment = Experiment(
@@ -113,7 +113,7 @@ def run_label(
 
     progress = make_progress(quiet=quiet)
     folder = model_folder(model)
-    with compiled_ahead(["features"], n_threads=n_threads) as warm_up:  # imports take seconds
+    with WarmUp(["features"], n_threads=n_threads) as warm_up:  # imports take seconds
         from pgm_places.inference.backends import METHODS
         from pgm_places.io.atomic import check_writable_folder
         from pgm_places.io.maps.map_server import load_map

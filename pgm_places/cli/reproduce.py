@@ -4,9 +4,9 @@ from pathlib import Path
 
 import typer
 
-from pgm_places.cli.ahead import compiled_ahead
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
+from pgm_places.cli.warm_up import WarmUp
 
 __all__ = ["run_reproduce"]
 
@@ -26,7 +26,7 @@ def run_reproduce(
     if any(data_for(key) is None for key in ids):
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
     found = []
-    with compiled_ahead(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
+    with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
         for section in reproduce(ids, out, again=again, progress=progress, n_threads=n_threads):
             found.append(section)
             if not quiet:

@@ -1,4 +1,4 @@
-"""Compiling ahead: while a first run is at its early stages, a second process readies later ones.
+"""Warm-up: while a first run is at its early stages, a second process compiles the later ones.
 
 A process compiles one kernel at a time, whatever its number of threads. So the second process runs
 the later stages on a tiny map, and leaves their machine code in the cache that both share. A run
@@ -9,41 +9,52 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
     from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["REHEARSALS", "WarmUp", "compiled_ahead", "main"]
+__all__ = ["STAGES", "WarmUp", "main"]
 
 
 class WarmUp:
-    """The second process; it is started by the first stage that never was on this machine.
+    """The second process, for as long as the context lasts.
+
+    It is started by the first stage that has never run on this machine.
 
     Parameters
     ----------
+    stages : sequence of str
+        The stages that are known from the start; others are added by :meth:`compile`.
     n_threads : int, optional
         The threads that the run itself may use; for a single one no process is started.
     """
 
-    def __init__(self, n_threads: int | None = None) -> None:
-        self._n_threads = n_threads
+    def __init__(self, stages: Sequence[str] = (), *, n_threads: int | None = None) -> None:
+        self._stages, self._n_threads = tuple(stages), n_threads
         self._process: subprocess.Popen[str] | None = None
 
+    def __enter__(self) -> Self:
+        self.compile(self._stages)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
     def compile(self, stages: Sequence[str]) -> None:
-        """Have those of the stages compiled that are new, after those of earlier calls.
+        """Compile those of the stages that are new, after those of earlier calls.
 
         Nothing is done where no cache can be written.
 
         Parameters
         ----------
         stages : sequence of str
-            Names of ``REHEARSALS``; others are passed over.
+            Names of ``STAGES``; others are passed over.
         """
-        waiting = [name for name in stages if name in REHEARSALS and _is_new(name)]
+        waiting = [name for name in stages if name in STAGES and _is_new(name)]
         if not waiting or not sys.executable or _only_one(self._n_threads):
             return
         self._process = self._process or _started()
@@ -63,7 +74,7 @@ class WarmUp:
 
 def _started() -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "pgm_places.cli.ahead"],
+        [sys.executable, "-m", "pgm_places.cli.warm_up"],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -76,22 +87,11 @@ def _input(process: subprocess.Popen[str]) -> IO[str]:
     return process.stdin
 
 
-@contextmanager
-def compiled_ahead(stages: Sequence[str], *, n_threads: int | None = None) -> Iterator[WarmUp]:
-    """Have stages compiled elsewhere meanwhile; further ones can be added as they become known."""
-    warm_up = WarmUp(n_threads)
-    warm_up.compile(stages)
-    try:
-        yield warm_up
-    finally:
-        warm_up.end()
-
-
 def main(stages: Iterable[str]) -> None:
     """Go through the stages, and note down each so that it is not gone through again."""
     for line in stages:
         name = line.strip()
-        REHEARSALS[name]()
+        STAGES[name]()
         mark = _mark(name)
         if mark is not None:
             mark.touch()
@@ -122,7 +122,7 @@ def _mark(name: str) -> Path | None:
     return folder / f"{name}-python{platform.python_version()}-numba{version('numba')}"
 
 
-def _rehearse_features() -> None:
+def _warm_up_features() -> None:
     """The families that come last and take longest; the run itself comes to the others first."""
     import numpy as np
 
@@ -135,7 +135,7 @@ def _rehearse_features() -> None:
     extract(np.ones((1, 360), np.float32), max_range_m=10.0, columns=columns)
 
 
-def _rehearse_topology() -> None:
+def _warm_up_topology() -> None:
     from pgm_places.datasets import generate_building
     from pgm_places.topology.from_labels import topological_map
 
@@ -155,7 +155,7 @@ def _blank_problem() -> "LabelingProblem":
     return LabelingProblem(graph, ("a", "b", "c"), unary=np.zeros((16, 3)))
 
 
-def _rehearse_relaxation() -> None:
+def _warm_up_relaxation() -> None:
     import numpy as np
 
     from pgm_places.models.relaxation import Relaxation
@@ -164,14 +164,14 @@ def _rehearse_relaxation() -> None:
     Relaxation().fit([problem], [np.arange(16) % 3]).infer(problem)
 
 
-def _rehearse_potts() -> None:
+def _warm_up_potts() -> None:
     """Mean field, as the shipped models use it."""
     from pgm_places.models.mrf import PottsField
 
     PottsField(inference="mean-field").infer(_blank_problem())
 
 
-def _rehearse_boosting() -> None:
+def _warm_up_boosting() -> None:
     import numpy as np
 
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -184,7 +184,7 @@ def _rehearse_boosting() -> None:
     fitted.boosted_list_.log_histogram(features)
 
 
-def _rehearse_amn() -> None:
+def _warm_up_amn() -> None:
     import numpy as np
 
     from pgm_places.graph.label_graph import LabelGraph
@@ -200,15 +200,15 @@ def _rehearse_amn() -> None:
     AssociativeMarkovNetwork().fit([problem], [truth]).infer(problem)
 
 
-REHEARSALS: dict[str, Callable[[], None]] = {
-    "features": _rehearse_features,
-    "boosting": _rehearse_boosting,
-    "relaxation": _rehearse_relaxation,
-    "potts": _rehearse_potts,
-    "amn": _rehearse_amn,
-    "topology": _rehearse_topology,
+STAGES: dict[str, Callable[[], None]] = {
+    "features": _warm_up_features,
+    "boosting": _warm_up_boosting,
+    "relaxation": _warm_up_relaxation,
+    "potts": _warm_up_potts,
+    "amn": _warm_up_amn,
+    "topology": _warm_up_topology,
 }
-"""What is done with the kernels of each stage or method; in the order of a comparison."""
+"""What compiles the kernels of each stage or method, in the order of a comparison."""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Compiling ahead: what is started, when, and that every rehearsal goes through."""
+"""Warm-up: what is started, when, and that every stage runs through."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pgm_places.cli import ahead
+from pgm_places.cli import warm_up as module
 
 
 class Helper:
@@ -16,7 +16,7 @@ class Helper:
     asked: list[list[str]]
 
     def __init__(self, command: list[str], **_: Any) -> None:
-        assert command[1:] == ["-m", "pgm_places.cli.ahead"]
+        assert command[1:] == ["-m", "pgm_places.cli.warm_up"]
         self.asked.append([])
         self.stdin = self
         self.closed = self.ended = False
@@ -52,16 +52,16 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 def test_known_stages_are_compiled_once(
     asked: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with ahead.compiled_ahead(["topology", "their-own", "amn"], n_threads=2):
+    with module.WarmUp(["topology", "their-own", "amn"], n_threads=2):
         assert asked == [["topology", "amn"]]
-    monkeypatch.setitem(ahead.REHEARSALS, "topology", lambda: None)
-    ahead.main(["topology\n"])
-    with ahead.compiled_ahead(["topology", "amn"], n_threads=2):
+    monkeypatch.setitem(module.STAGES, "topology", lambda: None)
+    module.main(["topology\n"])
+    with module.WarmUp(["topology", "amn"], n_threads=2):
         assert asked[1:] == [["amn"]]
 
 
 def test_stages_that_become_known_later_go_to_the_same_process(asked: list[list[str]]) -> None:
-    with ahead.compiled_ahead([], n_threads=2) as warm_up:
+    with module.WarmUp(n_threads=2) as warm_up:
         assert not asked
         warm_up.compile(["features"])
         warm_up.compile(["potts", "topology"])
@@ -71,7 +71,7 @@ def test_stages_that_become_known_later_go_to_the_same_process(asked: list[list[
 
 
 def test_nothing_is_started_for_one_thread(asked: list[list[str]]) -> None:
-    with ahead.compiled_ahead(["topology"], n_threads=1):
+    with module.WarmUp(["topology"], n_threads=1):
         pass
     assert not asked
 
@@ -83,14 +83,14 @@ def test_nothing_is_started_without_compiler_or_cache(
     (tmp_path / "file").write_text("")
     value = "1" if without == "NUMBA_DISABLE_JIT" else str(tmp_path / "file" / "below")
     monkeypatch.setenv(without, value)
-    with ahead.compiled_ahead(["topology"], n_threads=2):
+    with module.WarmUp(["topology"], n_threads=2):
         pass
     assert not asked
 
 
-@pytest.mark.parametrize("name", list(ahead.REHEARSALS))
-def test_a_rehearsal_goes_through(name: str) -> None:
-    ahead.REHEARSALS[name]()
+@pytest.mark.parametrize("name", list(module.STAGES))
+def test_a_stage_runs_through(name: str) -> None:
+    module.STAGES[name]()
 
 
 def test_a_second_process_compiles_what_it_is_told(
@@ -98,6 +98,6 @@ def test_a_second_process_compiles_what_it_is_told(
 ) -> None:
     monkeypatch.setenv("PGM_PLACES_CACHE_DIR", str(tmp_path))
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
-    command = [sys.executable, "-m", "pgm_places.cli.ahead"]
+    command = [sys.executable, "-m", "pgm_places.cli.warm_up"]
     subprocess.run(command, input="potts\n", text=True, check=True)
     assert [path.name.partition("-")[0] for path in tmp_path.rglob("potts-*")] == ["potts"]
