@@ -28,7 +28,7 @@ from pgm_places.models.list_training import (
     whole,
 )
 from pgm_places.models.strong_classifier import StrongClassifier
-from pgm_places.options import option_hints
+from pgm_places.options import taken_from
 
 __all__ = ["DecisionListClassifier"]
 
@@ -169,7 +169,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         ValueError
             scikit-learn's own checks of X and y failed.
         """
-        options = ListOptions(**{name: getattr(self, name) for name in option_hints(ListOptions)})
+        options = taken_from(ListOptions, self)
         values, given, weight = checked_training_data(self, X, y, sample_weight)
         classes, labels = np.unique(given, return_inverse=True)
         check_two_classes(classes)

@@ -21,6 +21,7 @@ from pgm_places.errors import ConfigError, InputError, nearest_name
 
 __all__ = [
     "AtLeastZero",
+    "AtLeastZeroOrInfinite",
     "OptionError",
     "Positive",
     "Probability",
@@ -34,10 +35,18 @@ __all__ = [
     "option_lines",
     "option_values",
     "plain_values",
+    "taken_from",
     "wanted",
 ]
 
 AtLeastZero = Annotated[float, Ge(0)]
+
+
+class OrInfinite:
+    """A mark of numbers that may be infinite."""
+
+
+AtLeastZeroOrInfinite = Annotated[float, Ge(0), OrInfinite()]
 Positive = Annotated[float, Gt(0)]
 Probability = Annotated[float, Ge(0), Le(1)]
 Whole = Annotated[int, Ge(1)]
@@ -118,6 +127,17 @@ def check_options(item: Any) -> None:
         if type(value) is type(field.default) and value == field.default:
             continue  # needs no check, and spares the import of pydantic
         object.__setattr__(item, field.name, _checked(type(item), field.name, value))
+
+
+def taken_from(cls: type[T], item: Any) -> T:
+    """The options of a class that are attributes of another object, such as an estimator.
+
+    Raises
+    ------
+    ConfigError
+        A value that is refused.
+    """
+    return cls(**{name: getattr(item, name) for name in option_hints(cls)})
 
 
 def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> T:
@@ -211,7 +231,8 @@ def _validator(hint: Any) -> Any:
     others = tuple(arm for arm in _arms(hint) if not dataclasses.is_dataclass(arm))
     if len(others) < len(_arms(hint)):
         hint = Union[others or (typing.Never,)]  # noqa: UP007  of what is found at run time
-    settings = ConfigDict(strict=True, allow_inf_nan=False, arbitrary_types_allowed=True)
+    infinite = any(isinstance(mark, OrInfinite) for mark in getattr(hint, "__metadata__", ()))
+    settings = ConfigDict(strict=True, allow_inf_nan=infinite, arbitrary_types_allowed=True)
     return TypeAdapter(hint, config=settings)
 
 

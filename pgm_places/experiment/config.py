@@ -18,6 +18,8 @@ from pgm_places.datasets.style import HallsAs, StyleName
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
+from pgm_places.labelers.method import Unary
+from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.topology.rules import TopologyOptions
@@ -173,7 +175,7 @@ class MethodConfig:
     name: str
     id: str
     options: dict[str, Any]
-    unary: Literal["auto", "laser", "context"] = "auto"
+    unary: Unary = "auto"
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -189,7 +191,7 @@ class ExperimentConfig:
 
     title: str | None = None
     resolution_m: Positive | None = None
-    connectivity: Literal[4, 8] = 8
+    connectivity: Connectivity = 8
     labels: LabelsConfig
     sensor: Sensor = field(default_factory=Sensor)
     classifier: ClassifierOptions = field(default_factory=ClassifierOptions)

@@ -3,7 +3,7 @@
 import dataclasses
 import inspect
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -11,9 +11,11 @@ from pgm_places.errors import ConfigError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.options import check_options
 
 __all__ = [
     "PlaceMethod",
+    "Unary",
     "as_backend",
     "check_labels_any_graph",
     "infer",
@@ -21,7 +23,7 @@ __all__ = [
     "unfitted",
 ]
 
-UNARIES = ("auto", "laser", "context")
+Unary = Literal["auto", "laser", "context"]
 
 
 def as_backend(method: Any) -> Backend:
@@ -53,12 +55,11 @@ class PlaceMethod:
     """
 
     backend: Any
-    unary: str = "auto"
+    unary: Unary = "auto"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "backend", as_backend(self.backend))
-        if self.unary not in UNARIES:
-            raise ConfigError(f"unary must be 'auto', 'laser' or 'context', got {self.unary!r}")
+        check_options(self)
 
 
 def unfitted(backend: Any) -> Any:

@@ -20,7 +20,6 @@ from pgm_places.labelers.method import PlaceMethod, check_labels_any_graph, infe
 from pgm_places.labelers.place_learning import (
     LabelledNodes,
     common_resolution,
-    default_classifier,
     learn_methods,
     map_problem,
 )
@@ -31,6 +30,7 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.learning import fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
+    ClassifierOptions,
     LearnOn,
     NumberOfExamples,
     NumberOfFolds,
@@ -42,8 +42,9 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
     from pgm_places.models.decision_list import DecisionListClassifier
     from pgm_places.models.hmm import HiddenMarkovModel
 
-__all__ = ["PlaceLabeler", "PlaceMethod"]
+__all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 
+Connectivity = Literal[4, 8]
 SENSOR = Sensor()
 
 
@@ -117,7 +118,7 @@ class PlaceLabeler(Labeler):
         methods: Mapping[str, Any] | Sequence[str] = ("independent",),
         sensor: Sensor = SENSOR,
         classifier: "DecisionListClassifier | None" = None,
-        connectivity: Literal[4, 8] = 8,
+        connectivity: Connectivity = 8,
         context_m: WindowsM = (),
         learn_on: LearnOn = "out-of-fold",
         n_folds: NumberOfFolds = 5,
@@ -179,7 +180,7 @@ class PlaceLabeler(Labeler):
             maps,
             len(names),
             sensor=self.sensor,
-            classifier=self.classifier or default_classifier(),
+            classifier=self.classifier or ClassifierOptions().classifier(names),
             n_node_features=self.n_node_features,
             max_examples_per_map=self.max_examples_per_map,
             context_m=tuple(self.context_m) if wants_context else (),

@@ -19,17 +19,14 @@ from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Stage
-from pgm_places.unary.learning import PRIOR_WEIGHT, RAREST_FIRST
 from pgm_places.unary.map_model import CellScores
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
-    from pgm_places.models.decision_list import DecisionListClassifier
     from pgm_places.models.hmm import HiddenMarkovModel
 
 __all__ = [
     "LabelledNodes",
     "common_resolution",
-    "default_classifier",
     "learn_methods",
     "map_problem",
 ]
@@ -137,13 +134,6 @@ def common_resolution(maps: Sequence[LabelledMap]) -> float:
             "set resolution_m to coarsen them"
         )
     return float(sizes[0])
-
-
-def default_classifier() -> "DecisionListClassifier":
-    """The unfitted list of labelers that are given none."""
-    from pgm_places.models.decision_list import DecisionListClassifier
-
-    return DecisionListClassifier(order=RAREST_FIRST, prior_weight=PRIOR_WEIGHT)
 
 
 def _fitted(

@@ -23,10 +23,6 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
 
-PRIOR_WEIGHT = 0.5
-"""How far z follows the frequencies of training: at 0 rare labels are found too often, at 1 seldom;
-halfway kept both accuracy and balanced accuracy on buildings held out."""
-
 __all__ = [
     "fit_unary",
     "held_out_scores",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from annotated_types import Ge, Le
 
 from pgm_places.models.list_options import ListOptions, PriorWeight
-from pgm_places.options import Positive, check_options, option_hints
+from pgm_places.options import Positive, check_options, option_values, taken_from
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -21,6 +21,10 @@ __all__ = [
     "NumberOfNodeFeatures",
     "WindowsM",
 ]
+
+PRIOR_WEIGHT = 0.5
+"""How far z follows the frequencies of training: at 0 rare labels are found too often, at 1 seldom;
+halfway kept both accuracy and balanced accuracy on buildings held out."""
 
 LearnOn = Literal["out-of-fold", "in-sample"]
 NumberOfFolds = Annotated[int, Ge(2), Le(50)]
@@ -50,7 +54,7 @@ class ClassifierOptions(ListOptions):
         How many of the features that boosting chose first are handed to structured methods.
     """
 
-    prior_weight: PriorWeight = 0.5
+    prior_weight: PriorWeight = PRIOR_WEIGHT
     order: Literal["rarest-first", "heuristic", "exhaustive"] | tuple[str, ...] = "rarest-first"
     max_examples_per_map: NumberOfExamples | None = None
     learn_on: LearnOn = "out-of-fold"
@@ -65,8 +69,7 @@ class ClassifierOptions(ListOptions):
         if isinstance(order, tuple):
             rest = [name for name in label_names if name not in order]
             order = [list(label_names).index(name) for name in (*order, *rest)]
-        own = {name: getattr(self, name) for name in option_hints(ListOptions)}
-        return DecisionListClassifier(order=order, **own)
+        return DecisionListClassifier(order=order, **option_values(taken_from(ListOptions, self)))
 
 
 @dataclass(frozen=True)

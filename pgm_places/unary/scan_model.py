@@ -13,6 +13,7 @@ from pgm_places.features.extraction import ScanExtractor
 from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.options import AtLeastZeroOrInfinite, Positive, check_options
 from pgm_places.sensing.full_circle import FullCircle, MissingBeams, check_missing
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
@@ -43,11 +44,12 @@ class BeamOptions:
 
     missing: MissingBeams = "local-map"
     all_from_map: bool = False
-    local_size_m: float = 40.0
-    local_resolution_m: float = 0.05
-    through_unknown_m: float = 0.3
+    local_size_m: Positive = 40.0
+    local_resolution_m: Positive = 0.05
+    through_unknown_m: AtLeastZeroOrInfinite = 0.3
 
     def __post_init__(self) -> None:
+        check_options(self)
         check_missing(self.missing, all_from_map=self.all_from_map)
 
     def circle(

@@ -1,13 +1,22 @@
 """A camera without a camera: objects on a map, seen where no wall is between."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
-from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import (
+    AtLeastZero,
+    Positive,
+    Probability,
+    Seed,
+    Whole,
+    check_options,
+)
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.vision.detector import N_IMAGES
 
@@ -78,7 +87,7 @@ class SimulatedDetector:
 
     Raises
     ------
-    InputError
+    ConfigError
         An option outside its range.
 
     Examples
@@ -91,25 +100,15 @@ class SimulatedDetector:
 
     grid: OccupancyGrid
     objects: PlacedObjects
-    range_m: float = 5.0
-    n_images: int = N_IMAGES
-    image_width_rad: float = 2 * np.pi / N_IMAGES
-    p_miss: float = 0.0
-    false_alarms: float = 0.0
-    seed: int = 0
+    range_m: Positive = 5.0
+    n_images: Whole = N_IMAGES
+    image_width_rad: Annotated[float, Gt(0), Le(2 * np.pi)] = 2 * np.pi / N_IMAGES
+    p_miss: Probability = 0.0
+    false_alarms: AtLeastZero = 0.0
+    seed: Seed = 0
 
     def __post_init__(self) -> None:
-        checks = {
-            "range_m": (self.range_m > 0, "positive metres"),
-            "n_images": (self.n_images >= 1, "at least 1"),
-            "image_width_rad": (0 < self.image_width_rad <= 2 * np.pi, "above 0, at most 2 pi"),
-            "p_miss": (0 <= self.p_miss <= 1, "from 0 to 1"),
-            "false_alarms": (0 <= self.false_alarms < np.inf, "at least 0"),
-            "seed": (self.seed >= 0, "at least 0"),
-        }
-        for name, (is_good, wanted) in checks.items():
-            if not is_good:
-                raise InputError(f"{name} must be {wanted}, got {getattr(self, name)}")
+        check_options(self)
 
     @property
     def object_names(self) -> tuple[str, ...]:

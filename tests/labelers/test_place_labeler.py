@@ -148,7 +148,7 @@ def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler)
     with pytest.raises(ConfigError, match="did you mean 'adaboost'"):
         labeler.label(known.grid, method="adabost")
     with pytest.raises(ConfigError, match="'auto', 'laser' or 'context', got 'lidar'"):
-        PlaceMethod("independent", "lidar")
+        PlaceMethod("independent", "lidar")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="context_m is empty"):
         PlaceLabeler(NAMES, {"amn": PlaceMethod("amn", "context")}).fit([known])
     other = dataclasses.replace(known.grid, resolution_m=0.3)

@@ -1,0 +1,380 @@
+"""Options are refused alike wherever they come from: Python, TOML and flags of the command line."""
+
+import dataclasses
+import inspect
+import math
+import re
+import subprocess
+import sys
+import tomllib
+import types
+import typing
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pytest
+import typer.testing
+from annotated_types import Ge, Gt, Le, Lt, MinLen
+
+from pgm_places.cli.flags import flag_of, option_flags
+from pgm_places.cli.main import app
+from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import parse_config
+from pgm_places.inference.backends import BACKENDS, METHODS, build
+from pgm_places.options import (
+    AtLeastZero,
+    AtLeastZeroOrInfinite,
+    OptionError,
+    Positive,
+    Whole,
+    check_options,
+    from_mapping,
+    option_hints,
+    option_lines,
+    option_values,
+    plain_values,
+    wanted,
+)
+from pgm_places.sensing.odometry_noise import OdometryNoise
+from pgm_places.sensing.sensor import Sensor, SensorNoise
+from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.topology.rules import TopologyOptions
+from pgm_places.unary.options import ClassifierOptions, ContextOptions
+from pgm_places.unary.scan_model import BeamOptions
+
+TABLES = {
+    "sensor": Sensor,
+    "sensor.noise": SensorNoise,
+    "classifier": ClassifierOptions,
+    "context": ContextOptions,
+    "topology": TopologyOptions,
+}
+"""The classes that a table of a configuration fills."""
+
+OTHERS = (OdometryNoise, SimulatedRobot, BeamOptions)
+"""Classes of options that no table fills."""
+
+FREE = {("amn", "node_features"), ("amn", "edge_features")}
+"""Options that are strings with a grammar of their own."""
+
+Case = tuple[str, Any]
+
+
+WRONG_KIND: dict[Any, list[Any]] = {
+    str: [3, True],
+    bool: [1, "yes"],
+    int: [1.5, True, "many"],
+    float: ["much", True, math.nan],
+}
+
+
+def bad_values(hint: Any) -> list[Any]:
+    """Values that an annotation must refuse: of another type, and just out of each limit."""
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        arms = typing.get_args(hint)
+        outside = [value for arm in arms for mark in _marks(arm) for value in _outside(mark)]
+        return [{"a": 1}, True, *outside, *([] if str in arms else ["no such choice"])]
+    base = typing.get_args(hint)[0] if _marks(hint) else hint
+    if typing.get_origin(hint) is Literal or base not in WRONG_KIND:
+        return [{"a": 1}, "no such choice", 17]
+    return [{"a": 1}, *WRONG_KIND[base], *(v for mark in _marks(hint) for v in _outside(mark))]
+
+
+def _marks(hint: Any) -> tuple[Any, ...]:
+    return getattr(hint, "__metadata__", ())
+
+
+def _outside(mark: Any) -> list[Any]:
+    if isinstance(mark, Ge):
+        return [mark.ge - 1]  # type: ignore[operator]
+    if isinstance(mark, Gt):
+        return [mark.gt]
+    if isinstance(mark, Le):
+        return [mark.le + 1]  # type: ignore[operator]
+    if isinstance(mark, Lt):
+        return [mark.lt]
+    return [[]] if isinstance(mark, MinLen) else []
+
+
+def cases(cls: type[Any]) -> list[Case]:
+    return [(name, value) for name, hint in option_hints(cls).items() for value in bad_values(hint)]
+
+
+def table_cases() -> list[tuple[str, str, Any]]:
+    return [(table, *case) for table, cls in TABLES.items() for case in cases(cls)]
+
+
+def method_cases() -> list[tuple[str, str, Any]]:
+    return [
+        (name, *case)
+        for name in BACKENDS
+        for case in cases(METHODS.find(name))
+        if (name, case[0]) not in FREE
+    ]
+
+
+def refusal(action: Callable[[], Any]) -> str:
+    with pytest.raises(ConfigError) as caught:
+        action()
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def in_python(cls: type[Any], name: str, value: Any) -> str:
+    message = refusal(lambda: cls(**{name: value}))
+    assert message.startswith(f"{name} must be ")
+    assert message.endswith(f", got {value!r}")
+    return message
+
+
+def config(**parts: Any) -> Any:
+    content = {
+        "labels": {"names": ["corridor", "room"]},
+        "train": [{"generated": 1}],
+        "methods": [{"name": "independent"}],
+    }
+    return parse_config(content | parts, "office.toml")
+
+
+@pytest.mark.parametrize(("table", "name", "value"), table_cases())
+def test_a_table_refuses_what_its_class_refuses(table: str, name: str, value: Any) -> None:
+    first, _, inner = table.partition(".")
+    content = {first: {inner: {name: value}} if inner else {name: value}}
+    if isinstance(value, dict) and name == "noise":
+        return  # a table: its own keys are looked at
+    said = refusal(lambda: config(**content))
+    assert said == f"office.toml: {table}.{in_python(TABLES[table], name, value)}"
+
+
+@pytest.mark.parametrize(("method", "name", "value"), method_cases())
+def test_a_method_refuses_alike_in_python_by_name_and_in_a_table(
+    method: str, name: str, value: Any
+) -> None:
+    said = f"method {method!r}: {in_python(METHODS.find(method), name, value)}"
+    assert refusal(lambda: build(method, {name: value})) == said
+    table = {"name": method, name: value}
+    assert refusal(lambda: config(methods=[table])) == f"office.toml: {said}"
+
+
+@pytest.mark.parametrize(
+    ("cls", "name", "value"),
+    [(cls, *case) for cls in OTHERS for case in cases(cls) if case[0] != "geometry"],
+)
+def test_other_classes_refuse_in_python(cls: type[Any], name: str, value: Any) -> None:
+    in_python(cls, name, value)
+
+
+def flag_cases() -> list[Case]:
+    """Values that a text can say; text is what an option of text takes."""
+    hints = option_hints(TopologyOptions)
+    return [
+        (name, value)
+        for name, value in cases(TopologyOptions)
+        if hints[name] not in (bool, str) and isinstance(value, int | float | str)
+        if not isinstance(value, bool)
+    ]
+
+
+@pytest.mark.parametrize(("name", "value"), flag_cases())
+def test_a_flag_refuses_what_its_class_refuses(name: str, value: Any) -> None:
+    arguments = ["topology", "labels.png", "map.yaml", "--out", "out", f"{flag_of(name)}={value}"]
+    found = typer.testing.CliRunner().invoke(app, arguments)
+    assert isinstance(found.exception, ConfigError)
+    message = in_python(TopologyOptions, name, value)
+    assert str(found.exception) == message.replace(name, flag_of(name), 1)
+
+
+@pytest.mark.parametrize(
+    ("flag", "option"),
+    [("--speed", "speed_m_s"), ("--every", "scan_every_s"), ("--radius", "radius_m")],
+)
+def test_flags_of_the_robot_are_named_where_it_refuses(flag: str, option: str) -> None:
+    arguments = ["simulate", "map.yaml", "--out", "a.log", flag, "0"]
+    found = typer.testing.CliRunner().invoke(app, arguments)
+    message = in_python(SimulatedRobot, option, 0.0)
+    assert str(found.exception) == message.replace(option, flag, 1)
+
+
+def test_flags_of_the_robot_show_its_own_defaults() -> None:
+    from pgm_places.cli import main
+
+    shown = inspect.signature(main.simulate).parameters
+    robot = SimulatedRobot()
+    assert (shown["speed"].default, shown["every"].default) == (robot.speed_m_s, robot.scan_every_s)
+    assert shown["radius"].default == robot.radius_m
+    assert shown["beams"].default == robot.geometry.n_beams
+    assert shown["reach"].default == robot.geometry.range_max_m
+
+
+# ---------------------------------------------------------------------- defaults and words
+
+
+@pytest.mark.parametrize("cls", [*TABLES.values(), *OTHERS, *map(METHODS.find, BACKENDS)])
+def test_defaults_are_among_the_values_that_are_taken(cls: type[Any]) -> None:
+    given = option_values(cls())
+    assert option_values(from_mapping(cls, given)) == given
+
+
+@pytest.mark.parametrize("cls", [*TABLES.values(), *OTHERS, *map(METHODS.find, BACKENDS)])
+def test_every_option_is_described(cls: type[Any]) -> None:
+    missing = [name for name, line in option_lines(cls).items() if not line]
+    assert not missing
+
+
+@pytest.mark.parametrize(
+    ("hint", "text"),
+    [
+        (Annotated[int, Ge(3), Le(3600)], "a whole number from 3 to 3600"),
+        (Whole, "a whole number of at least 1"),
+        (Positive, "a number above 0"),
+        (float, "a finite number"),
+        (bool, "true or false"),
+        (str | None, "a string or None"),
+        (Annotated[float, Gt(0), Lt(1)], "a number above 0 and below 1"),
+        (Literal["list", "argmax"], "'list' or 'argmax'"),
+        (Annotated[tuple[str, ...], MinLen(2)], "a list of at least 2 strings"),
+        (tuple[int | None, int | None], "a list of two: a whole number or None"),
+        (
+            Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)],
+            "a number above 0, 'auto', or a non-empty list of numbers above 0",
+        ),
+        (SensorNoise | None, "a table of options (SensorNoise) or None"),
+        (dict[str, Any], "a table"),
+    ],
+)
+def test_what_is_wanted_in_words(hint: Any, text: str) -> None:
+    assert wanted(hint) == text
+
+
+# ---------------------------------------------------------------------- the machinery
+
+
+@dataclasses.dataclass(frozen=True)
+class Inner:
+    """A table in a table.
+
+    Parameters
+    ----------
+    size_m : float
+        How big. And more.
+    """
+
+    size_m: AtLeastZero = 1.0
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+@dataclasses.dataclass(frozen=True)
+class Outer:
+    """Options of all kinds.
+
+    Parameters
+    ----------
+    name : str
+        What to call it.
+    parts : list of Inner
+        What it is made of,
+        line by line.
+    counts, weights : list
+        Lists.
+    """
+
+    name: str
+    parts: tuple[Inner, ...] = ()
+    counts: list[int] = dataclasses.field(default_factory=list)
+    weights: tuple[float, ...] = ()
+    reach_m: AtLeastZeroOrInfinite = 1.0
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+def test_tables_become_objects_all_the_way_down() -> None:
+    found = from_mapping(Outer, {"name": "a", "parts": [{"size_m": 2}, {}], "weights": [1, 2.5]})
+    assert found == Outer("a", (Inner(2.0), Inner()), [], (1.0, 2.5))
+    assert plain_values(found) == {
+        "name": "a",
+        "parts": [{"size_m": 2.0}, {"size_m": 1.0}],
+        "counts": [],
+        "weights": [1.0, 2.5],
+        "reach_m": 1.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({}, "'top.name' is missing"),
+        ({"name": "a", "part": []}, "unknown key 'top.part'. did you mean 'parts'?"),
+        (
+            {"name": "a", "parts": [{}, {"size": 1}]},
+            "unknown key 'top.parts[1].size'. did you mean 'size_m'?",
+        ),
+        (
+            {"name": "a", "parts": [{"size_m": -1}]},
+            "top.parts[0].size_m must be a number of at least 0, got -1",
+        ),
+        ({"name": 3}, "top.name must be a string, got 3"),
+        ({"name": "a", "counts": [1, "2"]}, "top.counts must be a list of whole numbers, got [1,"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_named_by_its_place(
+    table: dict[str, Any], message: str
+) -> None:
+    assert refusal(lambda: from_mapping(Outer, table, path="top")).startswith(message)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    sensor = Sensor(np.int64(36), np.float32(2.5))  # type: ignore[arg-type]
+    assert type(sensor.n_beams) is int
+    assert type(sensor.max_range_m) is float
+    assert sensor == Sensor(36, 2.5)
+
+
+def test_only_marked_numbers_may_be_infinite() -> None:
+    assert Outer("a", reach_m=math.inf).reach_m == math.inf
+    assert "got inf" in refusal(lambda: Inner(math.inf))
+    assert "got nan" in refusal(lambda: Outer("a", reach_m=math.nan))
+
+
+def test_the_first_sentence_describes_an_option() -> None:
+    assert option_lines(Inner) == {"size_m": "How big."}
+    lines = option_lines(Outer)
+    assert lines["parts"] == "What it is made of, line by line."
+    assert lines["counts"] == lines["weights"] == "Lists."
+    assert option_lines(TopologyOptions)["min_area_m2"].startswith("Least area of a room")
+
+
+def test_flags_are_made_from_options() -> None:
+    command = option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"})(_command)
+    shown = inspect.signature(command).parameters
+    assert list(shown) == ["path", *option_hints(TopologyOptions), "quiet"]
+    assert shown["min_area_m2"].default == "1.0"
+    assert shown["correct"].default is True
+    given = {name: item.default for name, item in shown.items() if name != "path"}
+    command(path="x", **given | {"min_area_m2": "2", "doorway_label": "5", "correct": False})
+    assert _called["rules"] == TopologyOptions(min_area_m2=2.0, doorway_label="5", correct=False)
+    with pytest.raises(OptionError, match=re.escape("--min-part must be a number of at least 0")):
+        command(path="x", **given | {"min_part_m2": "-0.5"})
+
+
+_called: dict[str, Any] = {}
+
+
+def _command(path: str, *, rules: TopologyOptions, quiet: bool = False) -> None:
+    _called.update(path=path, rules=rules, quiet=quiet)
+
+
+def test_the_command_line_starts_without_numpy_and_pydantic() -> None:
+    code = "import pgm_places.cli.main, sys; print(*{'numpy', 'pydantic'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_a_real_table_of_toml_is_read_alike() -> None:
+    text = "[sensor]\nn_beams = 2"
+    said = refusal(lambda: config(**tomllib.loads(text)))
+    assert said == "office.toml: sensor.n_beams must be a whole number from 3 to 3600, got 2"
