@@ -16,7 +16,7 @@ from pgm_places.inference.backends import uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import PlaceMethod, check_labels_any_graph, infer
+from pgm_places.labelers.method import PlaceMethod, Unary, check_labels_any_graph, infer
 from pgm_places.labelers.place_learning import (
     LabelledNodes,
     common_resolution,
@@ -328,7 +328,7 @@ class PlaceLabeler(Labeler):
                     f"method {name!r} wants unary='context' but context_m is empty; give the "
                     "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
                 )
-            auto = "context" if self.context_m else "laser"
+            auto: Unary = "context" if self.context_m else "laser"
             found[name] = replace(method, unary=auto) if method.unary == "auto" else method
         return found
 
