@@ -11,6 +11,7 @@ ALLOWED_TOP_LEVEL = {"pgm_places"}
 TRIAL = """
 import pathlib, sys
 import pgm_places, pgm_places.models.independent, pgm_places.solvers
+assert pgm_places.LabelGraph and pgm_places.load
 here = pathlib.Path(pgm_places.__file__)
 assert "site-packages" in here.parts, here
 assert not (here.parent / "models").is_symlink()
@@ -35,7 +36,8 @@ def check_contents(wheel: Path) -> None:
             sys.exit(f"{wheel.name} lacks {wanted}")
     root = Path(__file__).resolve().parent.parent
     templates = (root / "pgm_places" / "report" / "templates").iterdir()
-    files = ["pgm_places/py.typed", *(path.relative_to(root).as_posix() for path in templates)]
+    files = ["pgm_places/py.typed", "pgm_places/__init__.pyi"]
+    files += [path.relative_to(root).as_posix() for path in templates]
     for wanted in files:
         if wanted not in names:
             sys.exit(f"{wheel.name} lacks {wanted}")

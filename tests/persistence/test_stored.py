@@ -4,6 +4,7 @@
 ``expected.npz`` what they were asked to label and the labels that they gave.
 """
 
+import dataclasses
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -152,3 +153,32 @@ def test_arrays_that_are_missing_are_one_clear_line(tmp_path: Path) -> None:
 
 def test_an_unfitted_backend_can_be_kept_without_names(tmp_path: Path) -> None:
     assert load(save(build("potts", {"weight": 0.25}), tmp_path / "model")).weight == 0.25
+
+
+def backends_in(value: Any) -> list[Any]:
+    """The backends among the options of a labeler."""
+    parts = value.values() if isinstance(value, dict) else [value]
+    return [getattr(part, "backend", part) for part in parts]
+
+
+@pytest.mark.parametrize(
+    ("folder", "option"),
+    [
+        ("place_labeler", "methods"),
+        ("trajectory_labeler", "method"),
+        ("structured_labeler", "backend"),
+    ],
+)
+def test_the_options_of_a_loaded_labeler_hold_nothing_learned(folder: str, option: str) -> None:
+    labeler = load(STORED / folder)
+
+    def learned(name: str) -> list[str]:
+        return [
+            item.name
+            for backend in backends_in(getattr(labeler, name))
+            for item in dataclasses.fields(backend)
+            if item.metadata.get("learned") and getattr(backend, item.name) is not None
+        ]
+
+    assert learned(option) == []
+    assert learned(f"{option}_")
