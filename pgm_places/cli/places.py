@@ -127,6 +127,8 @@ def run_where(folder: Path, x_m: float, y_m: float) -> None:
         typer.echo("no place at this position")
         raise typer.Exit(1)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
-    sure = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
-    typer.echo(f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{sure})")
+    confidence = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
+    typer.echo(
+        f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{confidence})"
+    )
     typer.echo(f"next to: {near}")

@@ -87,7 +87,7 @@ def square_blocks(cells_rc: ArrayLike, side_cells: int) -> NDArray[np.int64]:
     cells = np.asarray(cells_rc)
     if cells.ndim != 2 or cells.shape[1] != 2 or side_cells < 1:
         raise InputError(
-            "square_blocks wants cells of shape (N, 2) and a side of at least one cell, got "
+            "square_blocks takes cells of shape (N, 2) and a side of at least one cell, got "
             f"{cells.shape} and {side_cells}"
         )
     tile = cells.astype(np.int64) // side_cells

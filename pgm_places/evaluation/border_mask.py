@@ -19,8 +19,8 @@ def border_tolerant_mask(
 
     The exact place where a doorway ends is partly arbitrary; scores inside this mask do not depend
     on it. A border runs where two labelled cells of different labels touch (8 neighbours), so a
-    wall between two places is none. The distance of a cell is from its centre to the nearest cell
-    at a border, plus half a cell.
+    wall between two places is not a border. The distance of a cell is from its centre to the
+    nearest cell at a border, plus half a cell.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ class Evaluation:
         The reliability is kept where all have one with the same number of bins.
         """
         if not evaluations:
-            raise InputError("merged wants at least one evaluation, got none")
+            raise InputError("merged needs at least one evaluation, got none")
         names = evaluations[0].label_names
         for other in evaluations:
             if other.label_names != names:

@@ -15,7 +15,7 @@ def bands_of_rows(shape: tuple[int, int], *, multiple: int = 1) -> Iterator[slic
     shape : (int, int)
         Rows and columns of the raster.
     multiple : int
-        Bands hold a multiple of so many rows, but for the last.
+        All bands but the last hold a multiple of this many rows.
     """
     high = multiple * max(1, BAND_CELLS // max(shape[1] * multiple, 1))
     for first in range(0, shape[0], high):

@@ -1,4 +1,4 @@
-"""The graph that everything is labelled on: grid cells, trajectory steps, or nodes of your own."""
+"""The graph that everything is labelled on: grid cells, trajectory steps, or any nodes."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ __all__ = ["LabelGraph"]
 
 @dataclass(frozen=True, eq=False)
 class LabelGraph:
-    """An undirected graph whose nodes want labels.
+    """An undirected graph whose nodes are to be labelled.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ class LabelGraph:
             source, free, walls = None, np.asarray(grid), None
             if free.ndim != 2 or free.dtype != np.bool_:
                 raise InputError(
-                    "from_grid wants an OccupancyGrid or a 2-D boolean mask, got an array of shape "
+                    "from_grid takes an OccupancyGrid or a 2-D boolean mask, got an array of shape "
                     f"{free.shape} and dtype {free.dtype}"
                 )
         if mask is not None:
@@ -188,7 +188,7 @@ class LabelGraph:
         mask = np.ones(nodes, np.bool_) if isinstance(nodes, tuple) else np.asarray(nodes)
         if mask.dtype != np.bool_ or mask.ndim == 0:
             raise InputError(
-                "from_lattice wants a tuple of sizes or a boolean mask, got an array of shape "
+                "from_lattice takes a tuple of sizes or a boolean mask, got an array of shape "
                 f"{mask.shape} and dtype {mask.dtype}"
             )
         if mask.ndim == 2:

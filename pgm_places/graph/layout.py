@@ -16,7 +16,7 @@ __all__ = ["CellMap", "GridLayout", "StepLayout"]
 
 @runtime_checkable
 class CellMap(Protocol):
-    """A map as far as a graph wants one: its free cells, its walls, and where its cells lie."""
+    """What a graph needs of a map: its free cells, its walls, and where its cells lie."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -104,13 +104,13 @@ class GridLayout:
 
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
-        """(H, W) node index of each cell, -1 where the cell is no node."""
+        """(H, W) node index of each cell, -1 where the cell is not a node."""
         raster = np.full(self.shape, -1, np.int32)
         raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = np.arange(len(self.cells_rc))
         return sealed(raster)
 
     def nodes_at(self, cells_rc: ArrayLike) -> NDArray[np.int64]:
-        """(M,) node of each cell (M, 2), -1 where it is no node or outside the raster.
+        """(M,) node of each cell (M, 2), -1 where it is not a node or outside the raster.
 
         With :meth:`~pgm_places.maps.occupancy_grid.OccupancyGrid.cells_at_m` the node under a
         position.

@@ -27,7 +27,7 @@ __all__ = ["Coarsening", "coarsen", "coarsen_labels", "coarsening_factor"]
 
 
 def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
-    """How many cells of ``grid`` stand along the side of a cell of ``resolution_m``.
+    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``.
 
     The simplest fraction within a thousandth, so that 0.02 m to 0.05 m is 5/2.
 
@@ -56,7 +56,7 @@ def coarsen(
 
     A block is *occupied* where at least ``occupied_share`` of its area is occupied; else *free*
     where at least ``free_share`` of it is free; else *unknown*. Blocks start at cell (0, 0); where
-    f is no whole number, a cell on a border counts in each block by the part that lies in it.
+    f is not a whole number, a cell on a border counts in each block by the part that lies in it.
     Blocks that stick out at the top or the right are filled up with unknown cells.
 
     Parameters
@@ -220,7 +220,7 @@ class Coarsening:
 
     @cached_property
     def factor(self) -> Fraction:
-        """How many fine cells stand along the side of a coarse one."""
+        """Number of fine cells along the side of a coarse one."""
         return coarsening_factor(self.fine, self.coarse.resolution_m)
 
     def holders(self, cells_rc: NDArray[np.integer]) -> NDArray[np.int64]:

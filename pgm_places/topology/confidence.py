@@ -1,4 +1,4 @@
-"""How sure the labels of a piece are: the mean probability of its label over its cells."""
+"""Confidence in the label of a piece: the mean probability of its label over its cells."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -20,7 +20,7 @@ class Outline:
     Parameters
     ----------
     polygons : tuple of tuples of (n, 2) int32
-        One polygon per part that hangs together by sides of cells. Its rings are closed (the last
+        One polygon per part that is connected by sides of cells. Its rings are closed (the last
         point is the first): the outline counter-clockwise, then holes clockwise. Points are (row,
         column) of corners of cells; corner (0, 0) is the lower left one of cell (0, 0).
     """
