@@ -85,15 +85,6 @@ class RegionScores:
     connections_missed: int
     connections_invented: int
 
-    @property
-    def edit_distance(self) -> int:
-        """Places and connections to add or remove to get from the found graph to the true one."""
-        nodes = sum(
-            score.n_true - score.hit + max(score.n_found - score.hit, 0)
-            for score in self.classes.values()
-        )
-        return nodes + self.connections_missed + self.connections_invented
-
 
 def score_regions(
     topology: TopologicalMap, truth: TopologicalMap, *, window: ArrayLike | None = None
