@@ -71,7 +71,8 @@ class LabelGraph:
 
     def _check_links(self) -> None:
         if isinstance(self.links, EdgeList):
-            integer_array("edges", self.links.pairs, ("E", 2), low=0, high=max(self.n_nodes, 1))
+            if self.links.pairs.max(initial=-1) >= self.n_nodes:
+                integer_array("edges", self.links.pairs, ("E", 2), low=0, high=max(self.n_nodes, 1))
         elif not isinstance(self.links, RasterEdges):
             raise InputError(
                 f"links must be an EdgeList or RasterEdges, got {type(self.links).__name__}; "

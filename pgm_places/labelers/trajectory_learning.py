@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
-from pgm_places.evaluation.folds import building_folds
+from pgm_places.evaluation.folds import building_folds, contiguous_blocks
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
@@ -124,7 +124,7 @@ def trajectory_examples(
             )
             parts.append(np.concatenate([values, columns[known]], axis=1))
             truths.append(labels[known])
-            groups.append(np.arange(len(known)) * n_folds // max(len(known), 1))
+            groups.append(contiguous_blocks(np.arange(len(known))[:, None], n_folds))
             steps.append(known)
             stage.update((number + 1) / len(trajectories))
     truth = np.concatenate(truths)

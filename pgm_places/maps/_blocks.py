@@ -38,10 +38,7 @@ def block_rows(
     cells: NDArray[np.integer], factor: Fraction
 ) -> Iterator[tuple[slice, NDArray[np.integer]]]:
     """Rows of blocks and their cells, a few million cells at a time; no cell is in two parts."""
-    blocks, tall = (
-        factor.denominator,
-        factor.numerator,
-    )  # "blocks" blocks side by side span "tall" whole cells
+    blocks, tall = factor.denominator, factor.numerator  # so many blocks span whole cells
     for rows in bands_of_rows((cells.shape[0], cells.shape[1]), multiple=tall):
         first = rows.start // tall * blocks
         yield slice(first, first + ceil((rows.stop - rows.start) / factor)), cells[rows]
