@@ -14,12 +14,15 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 
-__all__ = ["DECODERS", "Decoder", "decode", "require_decoder"]
+__all__ = ["DECODERS", "FOREST_DECODERS", "Decoder", "decode", "require_decoder"]
 
 Decoder = Literal[
     "graph-cut", "lp", "trw-s", "icm", "mean-field", "max-product", "sum-product", "exact"
 ]
 """The names of the decoders, as options declare them; ``docs/inference.md`` compares them."""
+
+FOREST_DECODERS: tuple[Decoder, ...] = ("exact",)
+"""Decoders of graphs without cycles only."""
 
 CLOSED_GAP = 1e-9
 """A gap below this share of the score is closed: that much is rounding in sums over a map."""

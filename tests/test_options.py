@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import itertools
 import math
 import re
 import subprocess
@@ -10,6 +11,7 @@ import tomllib
 import types
 import typing
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -221,6 +223,21 @@ def test_defaults_are_among_the_values_that_are_taken(cls: type[Any]) -> None:
 def test_every_option_is_described(cls: type[Any]) -> None:
     missing = [name for name, line in option_lines(cls).items() if not line]
     assert not missing
+
+
+@pytest.mark.parametrize("name", list(BACKENDS))
+def test_the_table_of_methods_lists_every_option(name: str) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "configuration.md").read_text(encoding="utf-8")
+    lines = [line.strip("|") for line in page.splitlines() if line.startswith("|")]
+    table = [[cell.strip() for cell in line.split("|")] for line in lines]
+    [head] = [i for i, row in enumerate(table) if "`relaxation`" in row]
+    column = table[head].index(f"`{name}`")
+    listed = set()
+    for row in itertools.takewhile(lambda row: row[0] != "learns", table[head + 2 :]):
+        if row[column]:
+            cell = row[column] if row[0] == "its own" else row[0].partition(":")[0]
+            listed |= set(re.findall(r"`(\w+)`", cell))
+    assert listed == set(option_hints(METHODS.find(name)))
 
 
 @pytest.mark.parametrize(

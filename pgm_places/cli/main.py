@@ -295,7 +295,7 @@ def track(
     ] = None,
     every: Annotated[
         float | None,
-        typer.Option(min=0, help="Distance between updates (m); the model's by default."),
+        typer.Option(help="Distance between updates (m); the model's by default."),
     ] = None,
     max_range: Annotated[
         float | None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import typer
 
+from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.errors import ConfigError, LogError
@@ -210,12 +211,11 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
 
 def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
     from pgm_places.models.hmm import HiddenMarkovModel
-    from pgm_places.sensing.full_circle import check_missing
 
     labeler = _stored_labeler(options.model)
     is_hmm = isinstance(labeler.method_, HiddenMarkovModel)
     if is_hmm:
-        labeler = labeler.with_options(method__mode=options.mode)
+        labeler = _changed(labeler, method__mode=options.mode)
     elif options.mode != "filter":
         raise ConfigError(
             f"--mode {options.mode} is for hidden Markov models; this model's method is "
@@ -223,8 +223,7 @@ def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler"
         )
     chosen = options.beams or ("known-map" if options.map_yaml is not None else None)
     if chosen is not None:
-        check_missing(chosen, all_from_map=False)
-        labeler = labeler.with_options(beams__missing=chosen)
+        labeler = _changed(labeler, beams__missing=chosen)
     if options.every_m is not None:
         if is_hmm and options.every_m != labeler.every_m:
             progress.warn(
@@ -232,8 +231,14 @@ def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler"
                 f"every {labeler.every_m:g} m and stay as they are; learn a model at this distance "
                 "for the best labels"
             )
-        labeler = labeler.with_options(every_m=options.every_m)
+        labeler = _changed(labeler, every_m=options.every_m)
     return labeler
+
+
+def _changed(labeler: "TrajectoryLabeler", **options: object) -> "TrajectoryLabeler":
+    """The labeler with other options; what it refuses is named by its flag."""
+    with named_as_flags({"mode": "--mode", "missing": "--beams", "every_m": "--every"}):
+        return labeler.with_options(**options)
 
 
 def _stored_labeler(model: str) -> "TrajectoryLabeler":

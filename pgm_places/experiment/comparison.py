@@ -55,11 +55,11 @@ class TestMap:
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
-    """One method's answers: a labelling and an evaluation per map, and the pooled evaluation.
+    """The results of one method: a labelling and an evaluation per map, and the pooled evaluation.
 
     ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``;
-    ``histories``, per map, what a method tells of its iterations, and ``learning`` of the learner's
-    own: values by the name of the quantity.
+    ``histories`` the figures of each iteration, per map, and ``learning`` those of the learner:
+    values by the name of the quantity.
     """
 
     id: str
@@ -99,7 +99,7 @@ def score_intervals(
 ) -> dict[str, Interval]:
     """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
 
-    Squares of ``BLOCK_M`` are drawn anew
+    A block bootstrap over squares of ``BLOCK_M``
     (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
     """
     blocks, first = [], 0
@@ -121,7 +121,7 @@ _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}
 
 
 def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
-    """What a labelling tells of its iterations, by quantity; nothing that is no line of numbers."""
+    """The figures of a labelling after each of its iterations, by quantity."""
     told = labeling.info.get("history")
     if told is None:
         return {}

@@ -12,7 +12,7 @@ __all__ = ["changed_config"]
 
 
 def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> ExperimentConfig:
-    """The configuration with values replaced by dotted keys, checked as if it were read anew.
+    """The configuration with values replaced by dotted keys, checked as a file is.
 
     Parameters
     ----------

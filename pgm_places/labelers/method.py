@@ -11,6 +11,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.decoding import FOREST_DECODERS
 from pgm_places.options import check_options
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Unary",
     "as_backend",
     "check_labels_any_graph",
+    "check_labels_maps",
     "infer",
     "labels_chains_only",
     "unfitted",
@@ -86,6 +88,23 @@ def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
         raise ConfigError(
             f"{name} ({type(backend).__name__}) labels only chains such as trajectories, and "
             f"{what} is not a chain; use one of {', '.join(others)}"
+        )
+
+
+def check_labels_maps(name: str, backend: Any) -> None:
+    """Refuse a method that cannot label maps, whose neighbours make cycles.
+
+    Raises
+    ------
+    ConfigError
+        The method labels chains only, or its decoder graphs without cycles only.
+    """
+    check_labels_any_graph(name, backend, "a map")
+    decoder = getattr(backend, "inference", None)
+    if decoder in FOREST_DECODERS:
+        raise ConfigError(
+            f"{name}: inference = {decoder!r} labels only graphs without cycles, and a map has "
+            "cycles; use 'graph-cut' or 'trw-s'"
         )
 
 

@@ -16,7 +16,7 @@ from pgm_places.inference.backends import uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import PlaceMethod, Unary, check_labels_any_graph, infer
+from pgm_places.labelers.method import PlaceMethod, Unary, check_labels_maps, infer
 from pgm_places.labelers.place_learning import (
     LabelledNodes,
     common_resolution,
@@ -149,7 +149,7 @@ class PlaceLabeler(Labeler):
         super().check_options()
         as_features(self.features)
         for name, method in self.resolved_methods().items():
-            check_labels_any_graph(f"method {name!r}", method.backend, "a map")
+            check_labels_maps(f"method {name!r}", method.backend)
 
     def fit(
         self,

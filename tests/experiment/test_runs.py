@@ -90,3 +90,20 @@ def test_every_method_starts_from_the_same_unary_unless_told_otherwise() -> None
         labeler = make_labeler(config(context={"half_widths_m": widths}, methods=methods))
         unaries = [method.unary for method in labeler.resolved_methods().values()]
         assert unaries == [auto, auto, "laser"]
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ({"name": "hmm"}, "'hmm' .* labels only chains"),
+        ({"name": "potts", "inference": "exact"}, "'exact' labels only graphs without cycles"),
+    ],
+)
+def test_methods_that_cannot_label_maps_are_refused_before_maps_are_read(
+    method: dict[str, Any], message: str
+) -> None:
+    experiment = Experiment(config(methods=[method]), Path())
+    for run in (train, compare):
+        with pytest.raises(ConfigError, match=message):
+            run(experiment)
+    assert not experiment.seconds

@@ -1,6 +1,7 @@
 """Methods by name: the table, options, plugins, and the baseline without structure."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ import pytest
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, backend_names, build
+from pgm_places.models.decoding import Decoder
+from pgm_places.options import AtLeastZero, Positive, Whole, option_hints, option_values
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,38 @@ def test_unknown_option_offers_the_nearest() -> None:
 def test_missing_module_is_named() -> None:
     with pytest.raises(ConfigError, match="needs 'not_there'"):
         METHODS.find("not_there:Thing")
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("relaxation", {"iterations": 7}, {"max_iterations": 7}),
+        ("amn", {"tolerance": 0.01}, {"learning_tolerance": 0.01}),
+    ],
+)
+def test_options_of_stored_models_keep_their_meaning(
+    name: str, old: dict[str, Any], new: dict[str, Any]
+) -> None:
+    assert option_values(METHODS.restored(name, old)) == option_values(build(name, new))
+    with pytest.raises(ConfigError, match=f"has no option '{next(iter(old))}'. did you mean"):
+        build(name, old)
+
+
+SHARED: dict[str, Any] = {
+    "inference": Decoder,
+    "certify": bool,
+    "tolerance": AtLeastZero,
+    "time_limit_s": Positive | None,
+}
+"""Keys that several methods may have, and what they take wherever they are."""
+
+
+@pytest.mark.parametrize("name", list(BACKENDS))
+def test_keys_take_the_same_in_all_methods(name: str) -> None:
+    hints = option_hints(METHODS.find(name))
+    for key in set(SHARED) & set(hints):
+        assert hints[key] == SHARED[key]
+    assert hints.get("max_iterations", Whole) in (Whole, Whole | None)
 
 
 def test_independent_takes_the_best_label() -> None:
