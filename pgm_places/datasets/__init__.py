@@ -1,4 +1,4 @@
-"""Data that the package makes: generated buildings."""
+"""Data that the package makes: generated buildings, and robot-like maps of plans."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -7,16 +7,28 @@ if TYPE_CHECKING:
     from pgm_places.datasets.building import STYLES as STYLES
     from pgm_places.datasets.building import LabelledBuilding as LabelledBuilding
     from pgm_places.datasets.building import generate_building as generate_building
+    from pgm_places.datasets.simulated_map import MapSimulation as MapSimulation
+    from pgm_places.datasets.simulated_map import simulate_map as simulate_map
     from pgm_places.datasets.tiling import building_tiled as building_tiled
 
-__all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "building_tiled", "generate_building"]
+__all__ = [
+    "LABEL_NAMES",
+    "STYLES",
+    "LabelledBuilding",
+    "MapSimulation",
+    "building_tiled",
+    "generate_building",
+    "simulate_map",
+]
 
 _HOMES = {
     "LABEL_NAMES": "building",
     "STYLES": "building",
     "LabelledBuilding": "building",
+    "MapSimulation": "simulated_map",
     "building_tiled": "tiling",
     "generate_building": "building",
+    "simulate_map": "simulated_map",
 }
 
 

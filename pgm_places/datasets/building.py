@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
+from pgm_places.datasets.bending import shifted
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.filling import draw_floor
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.layout import draw_layout
+from pgm_places.datasets.raster import main_component, mapped_span
 from pgm_places.datasets.style import OFFICE, HallsAs, Style, StyleName, draw_style
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
-from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
 __all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "generate_building"]
 
@@ -154,12 +156,12 @@ def generate_building(
         furnish(Dice(seed, 2), scale, plan, solid)
     cells = survey(Dice(seed, 3), scale, plan, solid, glass, noise=slam_noise)
     if slam_noise:
-        cells, labels = _bent(Dice(seed, 4), cells, labels)
-    kept = _mapped_rows(cells, scale.cells(_MARGIN_CM))
+        cells, labels = shifted(Dice(seed, 4), cells, labels)
+    kept = mapped_span(cells, scale.cells(_MARGIN_CM))
     cells, labels = cells[kept], labels[kept]
-    labels[~_main_component(cells == FREE)] = -1
+    labels[~main_component(cells == FREE)] = -1
     if split is None:
-        kept = _mapped_rows(cells.T, scale.cells(_MARGIN_CM))
+        kept = mapped_span(cells.T, scale.cells(_MARGIN_CM))
         cells, labels = cells[:, kept], labels[:, kept]
         split = _fair_split(labels)
     grid = OccupancyGrid(cells, scale.mm_per_cell / 1000)
@@ -270,43 +272,8 @@ def _truth(scale: Scale, plan: FloorPlan, shape: tuple[int, int], hall: int) -> 
     return labels
 
 
-def _bent(
-    dice: Dice, cells: NDArray[np.int8], labels: NDArray[np.int16]
-) -> tuple[NDArray[np.int8], NDArray[np.int16]]:
-    """Both rasters with columns and rows pushed a little, as a mapper's drift does."""
-    height, width = cells.shape
-    rows, columns = np.indices((height, width), sparse=True)
-    rows = np.clip(rows + _drift(dice, width)[None, :], 0, height - 1)
-    columns = np.clip(columns + _drift(dice, height)[:, None], 0, width - 1)
-    return cells[rows, columns], labels[rows, columns]
-
-
-def _drift(dice: Dice, length: int) -> NDArray[np.int64]:
-    """(length,) a slow wander around zero, in whole cells: up to 1 % of the length."""
-    most = length // 200
-    slope, wave = dice.integer(-most, most), dice.integer(-most, most)
-    at = np.arange(length, dtype=np.int64) - length // 2
-    return (slope * at // length) + (4 * wave * at * at // (length * length))
-
-
-def _mapped_rows(cells: NDArray[np.int8], margin: int) -> slice:
-    """The rows with anything known, and a margin."""
-    known = np.flatnonzero((cells != UNKNOWN).any(axis=1))
-    return slice(max(0, known[0] - margin), known[-1] + 1 + margin)
-
-
 def _fair_split(labels: NDArray[np.int16]) -> int:
     """The column nearest to the middle with every label of LABEL_NAMES on both sides of it."""
     columns = [np.flatnonzero((labels == k).any(axis=0)) for k in range(len(LABEL_NAMES))]
     first, last = max(c[0] for c in columns) + 1, min(c[-1] for c in columns)
     return int(np.clip(labels.shape[1] // 2, first, max(first, last)))
-
-
-def _main_component(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W) the largest piece of free space whose cells touch by their sides."""
-    from scipy import ndimage
-
-    pieces, n_pieces = ndimage.label(free)
-    sizes = np.bincount(pieces.ravel(), minlength=n_pieces + 1)
-    sizes[0] = 0
-    return np.asarray(pieces == sizes.argmax())

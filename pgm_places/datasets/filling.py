@@ -176,9 +176,8 @@ class Site:
 
     def _seen(self, part: Rect) -> NDArray[np.bool_]:
         """(rows, columns) what is taken in a rectangle; so is all that lies off the site."""
-        height, width = self._taken.shape
         seen = np.ones(part.size[::-1], bool)
-        inside = Rect(max(part.x0, 0), max(part.y0, 0), min(part.x1, width), min(part.y1, height))
+        inside = part.within(self._taken.shape)
         if min(inside.size) > 0:
             seen[inside.moved(-part.x0, -part.y0).slices] = self._taken[inside.slices]
         return seen

@@ -7,7 +7,7 @@ from typing import Literal, Self
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import Style
 
-__all__ = ["Door", "FloorPlan", "Frontage", "Rect", "Scale", "row_of_rooms"]
+__all__ = ["Door", "FloorPlan", "Frontage", "Rect", "Scale", "row_of_rooms", "windows"]
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,20 @@ class Rect:
 
     def overlaps(self, other: "Rect") -> bool:
         """Whether a cell belongs to both."""
-        columns = min(self.x1, other.x1) - max(self.x0, other.x0)
-        rows = min(self.y1, other.y1) - max(self.y0, other.y0)
-        return columns > 0 and rows > 0
+        return min(self.cut(other).size) > 0
+
+    def cut(self, other: "Rect") -> "Rect":
+        """What belongs to both; of no size, or less, where that is nothing."""
+        return Rect(
+            max(self.x0, other.x0),
+            max(self.y0, other.y0),
+            min(self.x1, other.x1),
+            min(self.y1, other.y1),
+        )
+
+    def within(self, shape: tuple[int, ...]) -> "Rect":
+        """The part inside a raster of that shape (H, W)."""
+        return self.cut(Rect(0, 0, shape[1], shape[0]))
 
     def joined(self, other: "Rect") -> "Rect":
         """The smallest rectangle around both."""
@@ -196,7 +207,7 @@ def row_of_rooms(dice: Dice, scale: Scale, style: Style, frontage: Frontage) -> 
         room = frontage.rect(start, end - wall, front, front + depth)
         plan.rooms.append(room)
         plan.doors.extend(_front_doors(dice, scale, style, frontage, front, (start, end - wall)))
-        plan.windows.extend(_windows(dice, scale, frontage, (start, end - wall), front + depth))
+        plan.windows.extend(windows(dice, scale, frontage, (start, end - wall), front + depth))
         if previous is not None and dice.chance(1, 4):
             shallower = min(previous.size[1 - "xy".index(frontage.along)], depth)
             plan.doors.append(
@@ -265,10 +276,10 @@ def _side_door(
     return Door(frontage.rect(end, start, at, at + width), frontage.onward)
 
 
-def _windows(
+def windows(
     dice: Dice, scale: Scale, frontage: Frontage, span: tuple[int, int], back: int
 ) -> list[Rect]:
-    """Panes in a room's back wall; most stay opaque to a laser."""
+    """Panes in the wall ``back`` cells from the front, along ``span``; one in three is clear."""
     panes, at, pane = [], span[0] + scale.cells(40), scale.cells(110)
     while at + pane < span[1]:
         if dice.chance(1, 3):

@@ -1,12 +1,14 @@
 """Furniture as a laser near the floor meets it: legs, boxes, cupboards, leaves of doors."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
 
-__all__ = ["furnish", "hang_doors"]
+__all__ = ["FULL", "furnish", "hang_doors"]
 
 _SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
 """Where a leaf points from its hinge: (across the gap, into the room)."""
@@ -41,21 +43,34 @@ def _hang(dice: Dice, scale: Scale, door: Door, solid: NDArray[np.bool_]) -> Non
         solid[max(row, 0) : stop_y, max(column, 0) : stop_x] = True
 
 
-def furnish(dice: Dice, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> None:
+FULL = 1000
+"""The amount of furniture of an office that somebody works in, in thousandths."""
+
+
+def furnish(
+    dice: Dice,
+    scale: Scale,
+    plan: FloorPlan,
+    solid: NDArray[np.bool_],
+    *,
+    in_rooms: Sequence[int] | None = None,
+    in_corridors: int = FULL,
+) -> None:
     """Put furniture into the rooms, and a little into the corridors, of ``solid`` (H, W).
 
-    The way through each door stays free.
+    The way through each door stays free. ``in_rooms`` and ``in_corridors`` are the amounts in each
+    room and in the corridors, in thousandths of what is usual.
     """
     keep_free = np.zeros_like(solid)
     clear = scale.cells(90)
     for door in plan.doors:
-        keep_free[door.region(clear).slices] = True
-        keep_free[door.gap.grown(1, 1).slices] = True
+        for part in (door.region(clear), door.gap.grown(1, 1)):
+            keep_free[part.within(solid.shape).slices] = True
     put = _Mover(solid, keep_free)
-    for room in plan.rooms:
-        _furnish_room(dice, scale, room, put)
+    for index, room in enumerate(plan.rooms):
+        _furnish_room(dice, scale, room, put, FULL if in_rooms is None else in_rooms[index])
     for corridor in plan.corridors:
-        for _ in range(max(corridor.size) // scale.cells(900)):
+        for _ in range(max(corridor.size) * in_corridors // (FULL * scale.cells(900))):
             _along_wall(dice, scale, corridor, put, (40, 120), (20, 35))
     for hall in plan.halls:
         _furnish_hall(dice, scale, hall, put)
@@ -69,31 +84,32 @@ class _Mover:
         self._keep_free = keep_free
 
     def __call__(self, piece: Rect, room: Rect) -> bool:
-        inside = Rect(
-            max(piece.x0, room.x0),
-            max(piece.y0, room.y0),
-            min(piece.x1, room.x1),
-            min(piece.y1, room.y1),
-        )
+        inside = piece.cut(room)
         if min(inside.size) < 1 or self._keep_free[inside.slices].any():
             return False
         self._solid[inside.slices] = True
         return True
 
 
-def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: _Mover, amount: int) -> None:
+    if amount == 0:
+        return
     columns, rows = room.size
     square_metres = columns * rows // scale.cells(100) ** 2
-    for _ in range(1 + square_metres // 7):
+
+    def each(area_m2: int) -> range:
+        return range((1 + square_metres // area_m2) * amount // FULL)
+
+    for _ in each(7):
         _along_wall(dice, scale, room, put, (40, 180), (25, 50))
     for _ in range(dice.integer(0, 2)):
         _pillar(dice, scale, room, put)
     if square_metres > 28 and dice.chance(1, 2):
         _rows_of_tables(dice, scale, room, put)
     else:
-        for _ in range(1 + square_metres // 9):
+        for _ in each(9):
             _desk(dice, scale, room, put)
-    for _ in range(1 + square_metres // 5):
+    for _ in each(5):
         _thing(dice, scale, room, put)
 
 

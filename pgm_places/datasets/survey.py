@@ -10,7 +10,7 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
-__all__ = ["N_RAYS", "Tour", "mapped", "survey"]
+__all__ = ["N_RAYS", "Tour", "budgets", "crowded", "grid_in", "mapped", "survey"]
 
 _GLASS_OPACITY = 6
 """One ray in so many goes through a pane."""
@@ -64,7 +64,7 @@ def survey(
     tour = Tour(
         stations,
         _pose_errors(dice, len(stations)) if noise else np.zeros((len(stations), 2), np.int64),
-        _budgets(dice, scale, n_rays) if noise else np.zeros(n_rays, np.int64),
+        budgets(dice, scale, n_rays) if noise else np.zeros(n_rays, np.int64),
         _range_errors(dice, n_rays) if noise else np.zeros(n_rays, np.int64),
     )
     share = _OCCUPIED_SHARE if noise else _OCCUPIED_SHARE**2
@@ -106,26 +106,27 @@ def _stations(scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> NDArra
     """(S, 2) columns and rows where the robot stops: a grid in every room, a line in corridors."""
     found = []
     for room in plan.rooms:
-        found += _grid_in(room, scale.cells(170), scale.cells(60))
+        found += grid_in(room, scale.cells(170), scale.cells(60))
     for corridor in plan.corridors:
-        found += _grid_in(corridor, scale.cells(110), min(corridor.size) // 2)
+        found += grid_in(corridor, scale.cells(110), min(corridor.size) // 2)
     for hall in plan.halls:
-        found += _grid_in(hall, scale.cells(170), scale.cells(60))
+        found += grid_in(hall, scale.cells(170), scale.cells(60))
     found += [
         ((door.gap.x0 + door.gap.x1) // 2, (door.gap.y0 + door.gap.y1) // 2) for door in plan.doors
     ]
     stations = np.array(found, np.int64).reshape(-1, 2)
-    return stations[~_crowded(scale, solid)[stations[:, 1], stations[:, 0]]]
+    return stations[~crowded(scale, solid)[stations[:, 1], stations[:, 0]]]
 
 
-def _grid_in(rect: Rect, pitch: int, edge: int) -> list[tuple[int, int]]:
+def grid_in(rect: Rect, pitch: int, edge: int) -> list[tuple[int, int]]:
+    """Columns and rows of a grid of cells in a rectangle, ``edge`` cells from its sides."""
     inner = rect.grown(-edge, -edge)
     columns = range(inner.x0, max(inner.x1, inner.x0 + 1), pitch)
     rows = range(inner.y0, max(inner.y1, inner.y0 + 1), pitch)
     return [(x, y) for x in columns for y in rows]
 
 
-def _crowded(scale: Scale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def crowded(scale: Scale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Cells nearer to an obstacle than a robot can be."""
     crowded = solid.copy()
     for _ in range(scale.cells(15)):
@@ -165,9 +166,11 @@ def _range_errors(dice: Dice, n_rays: int) -> NDArray[np.int64]:
     return (drawn < 5).astype(np.int64) - (drawn == 19)
 
 
-def _budgets(dice: Dice, scale: Scale, n_rays: int) -> NDArray[np.int64]:
-    """(R,) steps that each ray may go on behind a pane; most stop at it."""
-    passes = dice.integers(1, _GLASS_OPACITY, n_rays) == 1
+def budgets(
+    dice: Dice, scale: Scale, n_rays: int, opacity: int = _GLASS_OPACITY
+) -> NDArray[np.int64]:
+    """(R,) steps that each ray may go on behind a pane; all but one in ``opacity`` stop at it."""
+    passes = dice.integers(1, opacity, n_rays) == 1
     far = dice.integers(0, scale.cells(110), n_rays)
     return np.where(passes, far * far // scale.cells(110) + 2, 0)
 

@@ -1,0 +1,148 @@
+"""A labelled plan read as rooms, corridors and doors made of rectangles of cells."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.datasets._plan_kernels import largest_rectangle
+from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
+
+__all__ = ["ReadPlan", "read_plan"]
+
+_LEAST_SIDE_CM, _LEAST_SHARE, _MOST_RECTANGLES = 60, 25, 12
+"""A place is covered by at most so many rectangles of at least that width, none smaller than a
+25th of it."""
+
+_LEAST_FILLING = (3, 4)
+"""A doorway that fills less of its own rectangle lies askew, and gets no leaf."""
+
+_WIDEST_LEAF_CM = 130
+"""Wider doors have two leaves, which stand open along the walls."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReadPlan:
+    """What a labelled plan holds, in cells.
+
+    Parameters
+    ----------
+    rooms, passages : tuple of list of Rect
+        For each room, and for each corridor or hall, rectangles that cover most of it.
+    doors : list of Door
+        Where one passes from one into the other.
+    """
+
+    rooms: tuple[list[Rect], ...]
+    passages: tuple[list[Rect], ...]
+    doors: list[Door]
+
+    def floor_plan(self) -> FloorPlan:
+        """All rectangles, whichever place they belong to."""
+        return FloorPlan(
+            corridors=[part for place in self.passages for part in place],
+            rooms=[part for place in self.rooms for part in place],
+            doors=self.doors,
+        )
+
+
+def read_plan(
+    scale: Scale,
+    labels: NDArray[np.int16],
+    solid: NDArray[np.bool_],
+    *,
+    passages: Sequence[int],
+    doorways: Sequence[int],
+) -> ReadPlan:
+    """The rooms, corridors and doors of a plan; every other label is that of a kind of room.
+
+    Parameters
+    ----------
+    scale : Scale
+        The size of a cell.
+    labels : (H, W) int16
+        Label of each cell, -1 where there is none.
+    solid : (H, W) bool
+        Walls and all that is not free.
+    passages, doorways : sequence of int
+        The labels of corridors and halls, and of doorways.
+    """
+    is_door = np.isin(labels, doorways)
+    is_passage = np.isin(labels, passages)
+    is_room = (labels >= 0) & ~is_door & ~is_passage
+    return ReadPlan(
+        tuple(_places(scale, is_room)),
+        tuple(_places(scale, is_passage)),
+        _doors(scale, is_door, is_room, solid),
+    )
+
+
+def _places(scale: Scale, mask: NDArray[np.bool_]) -> list[list[Rect]]:
+    """The rectangles of each connected part of a mask."""
+    from scipy import ndimage
+
+    parts, _ = ndimage.label(mask)
+    windows = ndimage.find_objects(parts)
+    return [
+        [rect.moved(window[1].start, window[0].start) for rect in _rectangles(scale, part)]
+        for index, window in enumerate(windows, start=1)
+        for part in [parts[window] == index]
+    ]
+
+
+def _rectangles(scale: Scale, part: NDArray[np.bool_]) -> list[Rect]:
+    """Rectangles in a part, the largest of what is left each time."""
+    left, area, found = part.copy(), int(part.sum()), []
+    least = scale.cells(_LEAST_SIDE_CM)
+    while len(found) < _MOST_RECTANGLES:
+        rect = Rect(*largest_rectangle(left))
+        columns, rows = rect.size
+        if columns * rows * _LEAST_SHARE < area or min(columns, rows) < least:
+            break
+        left[rect.slices] = False
+        found.append(rect)
+    return found
+
+
+def _doors(
+    scale: Scale, is_door: NDArray[np.bool_], is_room: NDArray[np.bool_], solid: NDArray[np.bool_]
+) -> list[Door]:
+    """The gap of each doorway, and on which side of it the room lies."""
+    from scipy import ndimage
+
+    parts, _ = ndimage.label(is_door)
+    found = []
+    for index, window in enumerate(ndimage.find_objects(parts), start=1):
+        rows, columns = window
+        box = Rect(columns.start, rows.start, columns.stop, rows.stop)
+        filled = int((parts[window] == index).sum())
+        straight = filled * _LEAST_FILLING[1] >= box.size[0] * box.size[1] * _LEAST_FILLING[0]
+        ways = [((1, 0), (-1, 0)), ((0, 1), (0, -1))]
+        through = max(ways, key=lambda steps: sum(_beside(~solid, box, step) for step in steps))
+        inward = max(through, key=lambda step: _beside(is_room, box, step))
+        gap = _gap(solid, box, along_x=inward[0] != 0)
+        narrow = gap is not None and max(gap.size) <= scale.cells(_WIDEST_LEAF_CM)
+        leads_in = _beside(is_room, box, inward) > 0
+        found.append(Door(gap or box, inward, has_leaf=straight and narrow and leads_in))
+    return found
+
+
+def _beside(mask: NDArray[np.bool_], box: Rect, step: tuple[int, int]) -> int:
+    """How many cells of a mask lie right beside a rectangle, where ``step`` leads out of it."""
+    shifted = box.moved(*step).within(mask.shape)
+    inside = box.cut(shifted)
+    return int(mask[shifted.slices].sum()) - int(mask[inside.slices].sum())
+
+
+def _gap(solid: NDArray[np.bool_], box: Rect, *, along_x: bool) -> Rect | None:
+    """The part of a doorway between the two ends of its wall."""
+    around = np.pad(solid, 1, constant_values=True)[box.y0 : box.y1 + 2, box.x0 : box.x1 + 2]
+    across = around[:, 1:-1] if along_x else around[1:-1].T
+    walled = np.flatnonzero(across[0] & across[-1])
+    if not len(walled):
+        return None
+    first, last = int(walled[0]), int(walled[-1]) + 1
+    if along_x:
+        return Rect(box.x0 + first, box.y0, box.x0 + last, box.y1)
+    return Rect(box.x0, box.y0 + first, box.x1, box.y0 + last)

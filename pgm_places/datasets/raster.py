@@ -1,0 +1,24 @@
+"""What of a mapped raster counts: the part with anything known, and the space that is connected."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.maps.occupancy_grid import UNKNOWN
+
+__all__ = ["main_component", "mapped_span"]
+
+
+def mapped_span(cells: NDArray[np.int8], margin: int) -> slice:
+    """The rows with anything known, and a margin."""
+    known = np.flatnonzero((cells != UNKNOWN).any(axis=1))
+    return slice(max(0, known[0] - margin), known[-1] + 1 + margin)
+
+
+def main_component(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) the largest piece of free space whose cells touch by their sides."""
+    from scipy import ndimage
+
+    pieces, n_pieces = ndimage.label(free)
+    sizes = np.bincount(pieces.ravel(), minlength=n_pieces + 1)
+    sizes[0] = 0
+    return np.asarray(pieces == sizes.argmax())

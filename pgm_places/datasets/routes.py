@@ -1,0 +1,135 @@
+"""A robot's routes through a furnished plan: where it stops to look around."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.datasets._plan_kernels import drive, steps_from
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Rect, Scale
+from pgm_places.datasets.survey import crowded, grid_in
+from pgm_places.errors import InputError
+
+__all__ = ["Routes", "draw_routes"]
+
+_PLANNING_CM = 10
+"""Routes are planned on cells about so large."""
+
+_ROOM_PITCH_CM, _PASSAGE_PITCH_CM = 260, 320
+"""How far apart the places are that the robot goes to."""
+
+_STATION_CM = 90
+"""The robot looks around each time it has driven so far."""
+
+_AGAIN = 4
+"""Every later route goes to one in so many places in corridors of the other routes as well."""
+
+_NEAR_CM = 60
+"""A place beside a piece of furniture is visited from a cell at most so far away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Routes:
+    """Where the robot looks around.
+
+    Parameters
+    ----------
+    stations : (S, 2) int64
+        Columns and rows, in the order of the drive, one route after another.
+    route : (S,) int64
+        Which route each belongs to.
+    """
+
+    stations: NDArray[np.int64]
+    route: NDArray[np.int64]
+
+
+def draw_routes(
+    dice: Dice,
+    scale: Scale,
+    solid: NDArray[np.bool_],
+    rooms: Sequence[Sequence[Rect]],
+    passages: Sequence[Sequence[Rect]],
+    *,
+    n_routes: int,
+    coverage: float,
+) -> Routes:
+    """Routes that start in a corridor and visit the given rooms and passages.
+
+    Parameters
+    ----------
+    dice : Dice
+    scale : Scale
+        The size of a cell.
+    solid : (H, W) bool
+        What the robot cannot drive through.
+    rooms, passages : list of list of Rect
+        The rectangles of each room to enter and of each corridor and hall.
+    n_routes : int
+        Into how many routes the places are divided; they overlap in the corridors.
+    coverage : float
+        The share of the places to visit; those farthest from the start are left out.
+    """
+    stride = max(1, scale.cells(_PLANNING_CM))
+    ground = _main_part(~crowded(scale, solid)[::stride, ::stride])
+    in_passages = _stops(scale, ground, passages, _PASSAGE_PITCH_CM, stride)
+    in_rooms = _stops(scale, ground, rooms, _ROOM_PITCH_CM, stride)
+    stops = np.union1d(in_passages, in_rooms)
+    if len(stops) == 0:
+        raise InputError("the robot fits into no labelled place of the plan; check its resolution")
+    start = int(dice.choice(in_passages if len(in_passages) else in_rooms))
+    steps = steps_from(ground, start).ravel()[stops]
+    visited = stops[np.lexsort((stops, steps))][: max(1, round(coverage * len(stops)))]
+    shared = np.intersect1d(in_passages, visited)
+    spacing = max(1, scale.cells(_STATION_CM) // stride)
+    drives = []
+    for index, part in enumerate(np.array_split(visited, n_routes)):
+        again = dice.integers(1, _AGAIN, len(shared)) == 1 if index else np.zeros(len(shared), bool)
+        drives.append(_drive(ground, np.concatenate([part, shared[again]]), start, spacing))
+    rows, columns = np.divmod(np.concatenate(drives), ground.shape[1])
+    route = np.repeat(np.arange(n_routes), [len(cells) for cells in drives])
+    return Routes(np.column_stack([columns, rows]) * stride, route)
+
+
+def _main_part(drivable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The largest part of a raster whose cells touch by their sides."""
+    from scipy import ndimage
+
+    parts, _ = ndimage.label(drivable)
+    sizes = np.bincount(parts.ravel())
+    sizes[0] = 0
+    return np.asarray((parts == sizes.argmax()) & drivable)
+
+
+def _stops(
+    scale: Scale,
+    ground: NDArray[np.bool_],
+    places: Sequence[Sequence[Rect]],
+    pitch_cm: int,
+    stride: int,
+) -> NDArray[np.int64]:
+    """Flat indices in ``ground`` of the cells to visit in some places, a grid in each rectangle."""
+    near, found = max(1, scale.cells(_NEAR_CM) // stride), set()
+    for rect in (rect for place in places for rect in place):
+        edge = min(min(rect.size) // 2, scale.cells(pitch_cm) // 2)
+        for x, y in grid_in(rect, scale.cells(pitch_cm), edge):
+            row, column = y // stride, x // stride
+            top, left = max(0, row - near), max(0, column - near)
+            rows, columns = np.nonzero(ground[top : row + near + 1, left : column + near + 1])
+            if len(rows):
+                off = np.abs(rows + top - row) + np.abs(columns + left - column)
+                best = int(off.argmin())
+                found.add(int((rows[best] + top) * ground.shape[1] + columns[best] + left))
+    return np.array(sorted(found), np.int64)
+
+
+def _drive(
+    ground: NDArray[np.bool_], stops: NDArray[np.int64], start: int, spacing: int
+) -> NDArray[np.int64]:
+    """Flat indices in ``ground`` of the stations on a way past all stops."""
+    wanted = np.zeros(ground.shape, bool)
+    wanted.ravel()[stops] = True
+    out = np.empty(ground.size, np.int64)
+    return out[: drive(ground, wanted, start, spacing, out)]

@@ -1,0 +1,368 @@
+"""Robot-like maps of labelled plans: what a robot would have mapped of a floor that was drawn."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from pgm_places.datasets.bending import pushed
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Frontage, Rect, Scale, windows
+from pgm_places.datasets.furniture import FULL, furnish, hang_doors
+from pgm_places.datasets.plan_reading import ReadPlan, read_plan
+from pgm_places.datasets.raster import main_component, mapped_span
+from pgm_places.datasets.routes import Routes, draw_routes
+from pgm_places.datasets.survey import N_RAYS, Tour, budgets, mapped
+from pgm_places.errors import InputError, LabelError
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.options import OptionError, Probability, check_options, option_values
+
+__all__ = ["MapSimulation", "simulate_map"]
+
+_MARGIN_CM = 100
+"""Unknown space that is left around a map."""
+
+_PADDING = 3
+"""Cells around the plan: the outermost lose every ray, and a wall may stand at the plan's edge."""
+
+_KNOT_CM = 400
+"""The drift changes its direction after so much way."""
+
+Share = Annotated[float, Ge(0), Le(1)]
+Amount = Annotated[float, Ge(0), Le(10)]
+Degrees = Annotated[float, Ge(-45), Le(45)]
+Metres = Annotated[float, Ge(0), Le(1)]
+Reach = Annotated[float, Ge(1), Le(100)]
+Slope = Annotated[float, Ge(0), Le(0.1)]
+Factor = Annotated[float, Ge(0.5), Le(2)]
+Count = Annotated[int, Ge(1), Le(20)]
+
+
+@dataclass(frozen=True)
+class MapSimulation:
+    """How the robot-like maps of a plan may differ: for each map, a value is drawn from each range.
+
+    Parameters
+    ----------
+    furniture, corridor_furniture : (float, float)
+        Pieces of furniture in rooms and in corridors and halls; 1 is what an office has.
+    empty_rooms : (float, float)
+        Share of the rooms without any.
+    routes : (int, int)
+        The robot drives so many routes, each with errors of its own.
+    coverage, entered_rooms : (float, float)
+        Share of the places near its start that it goes to, and of the rooms that it enters; others
+        are seen through their doors.
+    reach_m : (float, float)
+        How far the laser sees.
+    range_noise_m, pose_noise_m : (float, float)
+        Standard deviation of ranges, and largest error of a pose, in metres.
+    glass : (float, float)
+        Share of the rooms with panes in their walls.
+    bend : (float, float)
+        Slope of the drift: metres sideways for each metre ahead.
+    turn_degrees : (float, float)
+        By how much the map is turned, -45 to 45.
+    oblique : float
+        Share of maps that are turned by any angle instead.
+    specks : (float, float)
+        Share of free cells at which a speck is unknown or occupied.
+    scale, cell : (float, float)
+        Factors of the building's size and of the side of a cell.
+    passages, doorways : tuple of str
+        The labels of corridors and halls, and of doorways; all others are kinds of rooms.
+
+    Raises
+    ------
+    ConfigError
+        A value out of range, or a range that ends before it begins.
+
+    Examples
+    --------
+    >>> MapSimulation(scale=(1.0, 1.0)).scale
+    (1.0, 1.0)
+    """
+
+    furniture: tuple[Amount, Amount] = (0.3, 1.3)
+    corridor_furniture: tuple[Amount, Amount] = (0.0, 2.5)
+    empty_rooms: tuple[Share, Share] = (0.1, 0.5)
+    routes: tuple[Count, Count] = (1, 4)
+    coverage: tuple[Share, Share] = (0.85, 1.0)
+    entered_rooms: tuple[Share, Share] = (0.8, 1.0)
+    reach_m: tuple[Reach, Reach] = (6.0, 16.0)
+    range_noise_m: tuple[Metres, Metres] = (0.0, 0.04)
+    pose_noise_m: tuple[Metres, Metres] = (0.0, 0.1)
+    glass: tuple[Share, Share] = (0.0, 0.4)
+    bend: tuple[Slope, Slope] = (0.0, 0.02)
+    turn_degrees: tuple[Degrees, Degrees] = (-3.0, 3.0)
+    oblique: Probability = 0.25
+    specks: tuple[Share, Share] = (0.0, 0.001)
+    scale: tuple[Factor, Factor] = (0.85, 1.18)
+    cell: tuple[Factor, Factor] = (0.8, 1.25)
+    passages: tuple[str, ...] = ("corridor", "hall")
+    doorways: tuple[str, ...] = ("doorway",)
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        for name, value in option_values(self).items():
+            if isinstance(value, tuple) and not isinstance(value[0], str) and value[0] > value[1]:
+                raise OptionError(name, f"must not end before it begins, got {list(value)}")
+
+
+def simulate_map(
+    plan: LabelledMap,
+    label_names: Sequence[str],
+    *,
+    seed: int = 0,
+    options: MapSimulation | None = None,
+) -> LabelledMap:
+    """What a robot would have mapped of a floor that was drawn, with the plan's labels.
+
+    The plan is scaled and furnished, a robot drives through it with a laser that errs, and its map
+    is bent and turned. A seed gives the same cells on every platform. Train on such maps *beside*
+    the plans that they were made of, not instead of them.
+
+    Parameters
+    ----------
+    plan : LabelledMap
+        A clean map, such as one drawn from CAD, with labels. Its window is kept to.
+    label_names : sequence of str
+        The names of its labels.
+    seed : int
+        Which of the maps that may come of the plan; not negative.
+    options : MapSimulation, optional
+        How the maps may differ.
+
+    Returns
+    -------
+    LabelledMap
+        Of the same building as the plan, so that both are on one side of a cross-validation. Only
+        free cells that are connected with most of the others have labels.
+
+    Raises
+    ------
+    InputError
+        The seed is negative, or the robot fits nowhere.
+    LabelError
+        The plan has no labels, or labels without a name.
+
+    Examples
+    --------
+    >>> from pgm_places.datasets import generate_building
+    >>> drawn = generate_building(1, size="small", furniture=False, slam_noise=False)
+    >>> mapped = simulate_map(LabelledMap(drawn.grid, drawn.labels), drawn.label_names, seed=5)
+    >>> bool((mapped.labels[~mapped.grid.free] == -1).all())
+    True
+    """
+    options = options or MapSimulation()
+    _check(plan, label_names, seed)
+    cells, labels, resolution_m = _resampled(Dice(seed, 20), plan, options)
+    scale = Scale(max(1, round(1000 * resolution_m)))
+    solid = cells != FREE
+    passages, doorways = (
+        [index for index, name in enumerate(label_names) if name in names]
+        for names in (options.passages, options.doorways)
+    )
+    read = read_plan(scale, labels, solid, passages=passages, doorways=doorways)
+    _furnish(Dice(seed, 21), scale, read, solid, options)
+    found = _survey(Dice(seed, 22), scale, read, solid, options)
+    _add_specks(Dice(seed, 23), found, options)
+    found, labels = _bent(Dice(seed, 24), scale, found, labels, options)
+    labels[~main_component(found == FREE)] = -1
+    kept = _known_part(found, scale.cells(_MARGIN_CM))
+    return LabelledMap(
+        OccupancyGrid(found[kept], resolution_m),
+        labels[kept],
+        name=f"{plan.name} (simulated {seed})",
+        building=plan.building or plan.name,
+    )
+
+
+def _check(plan: LabelledMap, label_names: Sequence[str], seed: int) -> None:
+    if seed < 0:
+        raise InputError(f"seed must not be negative, got {seed}")
+    if not plan.labelled_cells.any():
+        raise LabelError(f"{plan.name}: no free cell has a label; the plan's places are needed")
+    most = int(plan.labels.max())
+    if most >= len(label_names):
+        raise LabelError(
+            f"{plan.name}: label index {most} but there are only {len(label_names)} names: "
+            f"{', '.join(label_names)}"
+        )
+
+
+def _between(dice: Dice, limits: tuple[float, float]) -> float:
+    """One of a thousand values between two; plain arithmetic, the same on every platform."""
+    low, high = limits
+    return low + (high - low) * dice.integer(0, 1000) / 1000
+
+
+def _resampled(
+    dice: Dice, plan: LabelledMap, options: MapSimulation
+) -> tuple[NDArray[np.int8], NDArray[np.int16], float]:
+    """Cells and labels of the scaled plan with other cells, a margin around them, and their side.
+
+    A cell is that of the plan at its centre; no occupied cell of the plan gets lost.
+    """
+    larger, factor = _between(dice, options.scale), _between(dice, options.cell)
+    cells, labels = plan.grid.cells, np.where(plan.labelled_cells, plan.labels, -1)
+    at = [_centres(length, factor) for length in cells.shape]
+    grid = np.ix_(*at)
+    fine, found = cells[grid], labels[grid]
+    rows, columns = np.nonzero(cells == OCCUPIED)
+    last = np.array(fine.shape) - 1
+    to = np.floor(np.column_stack([rows + 0.5, columns + 0.5]) / factor).astype(np.int64)
+    to = np.minimum(to, last)
+    fine[to[:, 0], to[:, 1]] = OCCUPIED
+    found[fine != FREE] = -1
+    resolution_m = plan.grid.resolution_m * larger * factor
+    return (
+        np.pad(fine, _PADDING, constant_values=UNKNOWN),
+        np.pad(found, _PADDING, constant_values=-1).astype(np.int16),
+        resolution_m,
+    )
+
+
+def _centres(length: int, factor: float) -> NDArray[np.int64]:
+    """For each new cell along a side, the cell that holds its centre."""
+    n_cells = max(1, int(length / factor + 0.5))
+    at = np.floor((np.arange(n_cells) + 0.5) * factor).astype(np.int64)
+    return np.minimum(at, length - 1)
+
+
+def _furnish(
+    dice: Dice, scale: Scale, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation
+) -> None:
+    """Hang the doors, furnish some rooms, and put something into the corridors."""
+    empty, usual = (
+        round(FULL * _between(dice, span)) for span in (options.empty_rooms, options.furniture)
+    )
+    in_rooms = []
+    for room in read.rooms:
+        amount = 0 if dice.chance(empty, FULL) else usual * dice.integer(500, 1500) // 1000
+        in_rooms += [amount] * len(room)
+    plan = read.floor_plan()
+    hang_doors(dice, scale, plan, solid)
+    in_corridors = round(FULL * _between(dice, options.corridor_furniture))
+    furnish(dice, scale, plan, solid, in_rooms=in_rooms, in_corridors=in_corridors)
+
+
+def _survey(
+    dice: Dice, scale: Scale, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation
+) -> NDArray[np.int8]:
+    """(H, W) cells as the robot maps them."""
+    enters = round(1000 * _between(dice, options.entered_rooms))
+    routes = draw_routes(
+        dice,
+        scale,
+        solid,
+        [room for room in read.rooms if dice.chance(enters, 1000)],
+        read.passages,
+        n_routes=dice.integer(*options.routes),
+        coverage=_between(dice, options.coverage),
+    )
+    n_rays = len(routes.stations) * N_RAYS
+    glazed = round(1000 * _between(dice, options.glass))
+    tour = Tour(
+        routes.stations,
+        _pose_errors(dice, scale, routes, _between(dice, options.pose_noise_m)),
+        budgets(dice, scale, n_rays, opacity=dice.integer(1, 6)),
+        _range_errors(dice, scale, n_rays, _between(dice, options.range_noise_m)),
+    )
+    glass = _panes(dice, scale, read.rooms, glazed, solid)
+    reach = scale.cells(round(100 * _between(dice, options.reach_m)))
+    return mapped(tour, solid, glass, reach=reach)
+
+
+def _panes(
+    dice: Dice, scale: Scale, rooms: Sequence[list[Rect]], glazed: int, solid: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """(H, W) panes in the walls of ``glazed`` rooms of a thousand."""
+    glass = np.zeros_like(solid)
+    for rect in (room[0] for room in rooms if room and dice.chance(glazed, 1000)):
+        columns, rows = rect.size
+        for side in (
+            Frontage("x", (rect.x0, rect.y1), 1, columns, 0),
+            Frontage("x", (rect.x0, rect.y0), -1, columns, 0),
+            Frontage("y", (rect.x1, rect.y0), 1, rows, 0),
+            Frontage("y", (rect.x0, rect.y0), -1, rows, 0),
+        ):
+            for pane in windows(dice, scale, side, (0, side.length), 0):
+                glass[pane.within(glass.shape).slices] = True
+    return glass & solid
+
+
+def _pose_errors(dice: Dice, scale: Scale, routes: Routes, most_m: float) -> NDArray[np.int64]:
+    """(S, 2) columns and rows by which the robot errs: a walk that each route begins anew."""
+    most = round(1000 * most_m / scale.mm_per_cell)
+    n_stations = len(routes.route)
+    steps = dice.integers(-_SELDOM, _SELDOM, 2 * n_stations).reshape(-1, 2)
+    moves = (steps == _SELDOM).astype(np.int64) - (steps == -_SELDOM)
+    offsets = np.zeros((n_stations, 2), np.int64)
+    here = np.zeros(2, np.int64)
+    for station in range(n_stations):
+        if station and routes.route[station] != routes.route[station - 1]:
+            here = dice.integers(-most, most, 2)
+        here = np.clip(here + moves[station], -most, most)
+        offsets[station] = here
+    return offsets
+
+
+_SELDOM = 6
+"""At two in 13 stations the error of the pose grows or shrinks by a cell in each direction."""
+
+
+def _range_errors(dice: Dice, scale: Scale, n_rays: int, sigma_m: float) -> NDArray[np.int64]:
+    """(R,) cells by which a ray is reported too long: nearly gaussian, the sum of four dice."""
+    total = dice.integers(-_DIE, _DIE, 4 * n_rays).reshape(4, -1).sum(axis=0)
+    sigma = round(_DIE * 1000 * sigma_m / scale.mm_per_cell)  # of a die's side to a cell's
+    # Four dice of -n to n have a variance of 4 n (n + 1) / 3, about (1.155 n)^2.
+    return (2 * total * sigma * 1000 + 1155 * _DIE * _DIE) // (2 * 1155 * _DIE * _DIE)
+
+
+_DIE = 1000
+
+
+def _add_specks(dice: Dice, cells: NDArray[np.int8], options: MapSimulation) -> None:
+    """Make some free cells, one to four side by side, unknown or occupied."""
+    free = np.flatnonzero(cells == FREE)
+    n_specks = round(_between(dice, options.specks) * len(free))
+    for kind in (UNKNOWN, OCCUPIED):
+        at = free[dice.integers(0, len(free) - 1, n_specks // 2)]
+        wide = dice.integers(0, 1, n_specks // 2)
+        for step in (0, 1, cells.shape[1]):
+            there = np.minimum(at + step * wide, cells.size - 1)
+            cells.ravel()[there[cells.ravel()[there] == FREE]] = kind
+
+
+def _bent(
+    dice: Dice,
+    scale: Scale,
+    cells: NDArray[np.int8],
+    labels: NDArray[np.int16],
+    options: MapSimulation,
+) -> tuple[NDArray[np.int8], NDArray[np.int16]]:
+    """Cells and labels, bent and turned alike."""
+    turn, quarters = _between(dice, options.turn_degrees), 0
+    if dice.chance(round(1000 * options.oblique), 1000):
+        turn, quarters = _between(dice, (-45, 45)), dice.integer(0, 3)
+    bend = pushed(
+        dice,
+        cells.shape,
+        knot=scale.cells(_KNOT_CM),
+        bend=_between(dice, options.bend),
+        turn_degrees=turn,
+    )
+    return (
+        np.rot90(bend.apply(cells, UNKNOWN), quarters).copy(),
+        np.rot90(bend.apply(labels, -1), quarters).copy(),
+    )
+
+
+def _known_part(cells: NDArray[np.int8], margin: int) -> tuple[slice, slice]:
+    """The rows and columns with anything known, and a margin."""
+    return mapped_span(cells, margin), mapped_span(cells.T, margin)
