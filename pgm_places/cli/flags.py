@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import typing
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any
@@ -92,7 +93,7 @@ def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parame
             inspect.Parameter(
                 item.name,
                 inspect.Parameter.KEYWORD_ONLY,
-                default=item.default if is_switch else str(item.default),
+                default=item.default if is_switch else _text(item.default),
                 annotation=Annotated[bool, option] if is_switch else Annotated[str, option],
             )
         )
@@ -102,11 +103,20 @@ def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parame
 def _metavar(default: Any) -> str | None:
     if isinstance(default, bool):
         return None
+    if isinstance(default, tuple):
+        return "TEXT,..." if isinstance(default[0], str) else "LOW,HIGH"
     return "NUMBER" if isinstance(default, int | float) else "TEXT"
+
+
+def _text(default: Any) -> str:
+    """A default as one would write it: items of a list with commas between."""
+    return ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
 
 
 def _value(text: str | bool, hint: Any) -> Any:
     """What a flag's text says: a number where it is one and the option is not text."""
+    if typing.get_origin(hint) is tuple and isinstance(text, str):
+        return [_value(part.strip(), typing.get_args(hint)[0]) for part in text.split(",")]
     for kind in () if hint is str or isinstance(text, bool) else (int, float):
         try:
             return kind(text)

@@ -8,6 +8,7 @@ import typer
 
 from pgm_places._version import __version__
 from pgm_places.cli.flags import option_flags
+from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["app", "main"]
@@ -263,6 +264,38 @@ def simulate(
         wheels_only=wheels_only,
         unknown_value=unknown_value,
         n_threads=threads,
+        quiet=quiet,
+    )
+
+
+@app.command()
+@option_flags("options", MapSimulation)
+def simulate_map(
+    plan_yaml: Annotated[
+        Path, typer.Argument(metavar="PLAN.yaml", help="A clean map, such as one from CAD.")
+    ],
+    labels: Annotated[Path, typer.Option(help="Label image of the plan.")],
+    out: Out,
+    *,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first map.")] = 0,
+    copies: Annotated[int, typer.Option(min=1, help="Number of maps, a seed for each.")] = 1,
+    options: MapSimulation,
+    unknown_value: UnknownValue = None,
+    quiet: Quiet = False,
+) -> None:
+    """Turn a labelled plan into maps as a robot would make them, with labels to train on.
+
+    Options that are written LOW,HIGH are ranges: each map draws a value from them.
+    """
+    from pgm_places.cli.simulate_map import run_simulate_map
+
+    run_simulate_map(
+        plan_yaml,
+        labels,
+        out,
+        seeds=range(seed, seed + copies),
+        options=options,
+        unknown_value=unknown_value,
         quiet=quiet,
     )
 

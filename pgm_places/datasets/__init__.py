@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from pgm_places.datasets.building import STYLES as STYLES
     from pgm_places.datasets.building import LabelledBuilding as LabelledBuilding
     from pgm_places.datasets.building import generate_building as generate_building
-    from pgm_places.datasets.simulated_map import MapSimulation as MapSimulation
+    from pgm_places.datasets.map_simulation import MapSimulation as MapSimulation
     from pgm_places.datasets.simulated_map import simulate_map as simulate_map
     from pgm_places.datasets.tiling import building_tiled as building_tiled
 
@@ -25,7 +25,7 @@ _HOMES = {
     "LABEL_NAMES": "building",
     "STYLES": "building",
     "LabelledBuilding": "building",
-    "MapSimulation": "simulated_map",
+    "MapSimulation": "map_simulation",
     "building_tiled": "tiling",
     "generate_building": "building",
     "simulate_map": "simulated_map",

@@ -93,7 +93,8 @@ def _places(scale: Scale, mask: NDArray[np.bool_]) -> list[list[Rect]]:
 
 def _rectangles(scale: Scale, part: NDArray[np.bool_]) -> list[Rect]:
     """Rectangles in a part, the largest of what is left each time."""
-    left, area, found = part.copy(), int(part.sum()), []
+    found: list[Rect] = []
+    left, area = part.copy(), int(part.sum())
     least = scale.cells(_LEAST_SIDE_CM)
     while len(found) < _MOST_RECTANGLES:
         rect = Rect(*largest_rectangle(left))
@@ -112,7 +113,7 @@ def _doors(
     from scipy import ndimage
 
     parts, _ = ndimage.label(is_door)
-    found = []
+    found: list[Door] = []
     for index, window in enumerate(ndimage.find_objects(parts), start=1):
         rows, columns = window
         box = Rect(columns.start, rows.start, columns.stop, rows.stop)

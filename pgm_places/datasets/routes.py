@@ -79,7 +79,7 @@ def draw_routes(
     stops = np.union1d(in_passages, in_rooms)
     if len(stops) == 0:
         raise InputError("the robot fits into no labelled place of the plan; check its resolution")
-    start = int(dice.choice(in_passages if len(in_passages) else in_rooms))
+    start = dice.choice((in_passages if len(in_passages) else in_rooms).tolist())
     steps = steps_from(ground, start).ravel()[stops]
     visited = stops[np.lexsort((stops, steps))][: max(1, round(coverage * len(stops)))]
     shared = np.intersect1d(in_passages, visited)

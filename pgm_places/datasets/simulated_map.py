@@ -1,17 +1,15 @@
 """Robot-like maps of labelled plans: what a robot would have mapped of a floor that was drawn."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from pgm_places.datasets.bending import pushed
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Frontage, Rect, Scale, windows
 from pgm_places.datasets.furniture import FULL, furnish, hang_doors
+from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.datasets.plan_reading import ReadPlan, read_plan
 from pgm_places.datasets.raster import main_component, mapped_span
 from pgm_places.datasets.routes import Routes, draw_routes
@@ -19,9 +17,8 @@ from pgm_places.datasets.survey import N_RAYS, Tour, budgets, mapped
 from pgm_places.errors import InputError, LabelError
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.options import OptionError, Probability, check_options, option_values
 
-__all__ = ["MapSimulation", "simulate_map"]
+__all__ = ["simulate_map"]
 
 _MARGIN_CM = 100
 """Unknown space that is left around a map."""
@@ -29,88 +26,8 @@ _MARGIN_CM = 100
 _PADDING = 3
 """Cells around the plan: the outermost lose every ray, and a wall may stand at the plan's edge."""
 
-_KNOT_CM = 400
+_KNOT_CM = 600
 """The drift changes its direction after so much way."""
-
-Share = Annotated[float, Ge(0), Le(1)]
-Amount = Annotated[float, Ge(0), Le(10)]
-Degrees = Annotated[float, Ge(-45), Le(45)]
-Metres = Annotated[float, Ge(0), Le(1)]
-Reach = Annotated[float, Ge(1), Le(100)]
-Slope = Annotated[float, Ge(0), Le(0.1)]
-Factor = Annotated[float, Ge(0.5), Le(2)]
-Count = Annotated[int, Ge(1), Le(20)]
-
-
-@dataclass(frozen=True)
-class MapSimulation:
-    """How the robot-like maps of a plan may differ: for each map, a value is drawn from each range.
-
-    Parameters
-    ----------
-    furniture, corridor_furniture : (float, float)
-        Pieces of furniture in rooms and in corridors and halls; 1 is what an office has.
-    empty_rooms : (float, float)
-        Share of the rooms without any.
-    routes : (int, int)
-        The robot drives so many routes, each with errors of its own.
-    coverage, entered_rooms : (float, float)
-        Share of the places near its start that it goes to, and of the rooms that it enters; others
-        are seen through their doors.
-    reach_m : (float, float)
-        How far the laser sees.
-    range_noise_m, pose_noise_m : (float, float)
-        Standard deviation of ranges, and largest error of a pose, in metres.
-    glass : (float, float)
-        Share of the rooms with panes in their walls.
-    bend : (float, float)
-        Slope of the drift: metres sideways for each metre ahead.
-    turn_degrees : (float, float)
-        By how much the map is turned, -45 to 45.
-    oblique : float
-        Share of maps that are turned by any angle instead.
-    specks : (float, float)
-        Share of free cells at which a speck is unknown or occupied.
-    scale, cell : (float, float)
-        Factors of the building's size and of the side of a cell.
-    passages, doorways : tuple of str
-        The labels of corridors and halls, and of doorways; all others are kinds of rooms.
-
-    Raises
-    ------
-    ConfigError
-        A value out of range, or a range that ends before it begins.
-
-    Examples
-    --------
-    >>> MapSimulation(scale=(1.0, 1.0)).scale
-    (1.0, 1.0)
-    """
-
-    furniture: tuple[Amount, Amount] = (0.3, 1.3)
-    corridor_furniture: tuple[Amount, Amount] = (0.0, 2.5)
-    empty_rooms: tuple[Share, Share] = (0.1, 0.5)
-    routes: tuple[Count, Count] = (1, 4)
-    coverage: tuple[Share, Share] = (0.85, 1.0)
-    entered_rooms: tuple[Share, Share] = (0.8, 1.0)
-    reach_m: tuple[Reach, Reach] = (6.0, 16.0)
-    range_noise_m: tuple[Metres, Metres] = (0.0, 0.04)
-    pose_noise_m: tuple[Metres, Metres] = (0.0, 0.1)
-    glass: tuple[Share, Share] = (0.0, 0.4)
-    bend: tuple[Slope, Slope] = (0.0, 0.02)
-    turn_degrees: tuple[Degrees, Degrees] = (-3.0, 3.0)
-    oblique: Probability = 0.25
-    specks: tuple[Share, Share] = (0.0, 0.001)
-    scale: tuple[Factor, Factor] = (0.85, 1.18)
-    cell: tuple[Factor, Factor] = (0.8, 1.25)
-    passages: tuple[str, ...] = ("corridor", "hall")
-    doorways: tuple[str, ...] = ("doorway",)
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        for name, value in option_values(self).items():
-            if isinstance(value, tuple) and not isinstance(value[0], str) and value[0] > value[1]:
-                raise OptionError(name, f"must not end before it begins, got {list(value)}")
 
 
 def simulate_map(

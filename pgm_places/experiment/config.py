@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le, MinLen
 
 from pgm_places._checks import nearest_name
+from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.datasets.style import HallsAs, StyleName
 from pgm_places.errors import ConfigError
 from pgm_places.features.own import FEATURES, as_features
@@ -70,8 +71,10 @@ class MapConfig:
     columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
     metres; ``half`` is the part of a generated building left or right of the border between its
     wings, ``style``, ``halls``, ``furniture`` and ``slam_noise`` say how it is drawn
-    (:func:`pgm_places.datasets.generate_building`). Maps of one ``building`` are held out together;
-    by default, parts of the same map are.
+    (:func:`pgm_places.datasets.generate_building`). ``simulated`` is a seed: a map that a robot
+    would make of the one described is taken instead of it, as ``simulation`` says
+    (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building`` are held out together; by
+    default, parts of the same map are, and what was simulated from it.
     """
 
     map: str | None = None
@@ -86,6 +89,8 @@ class MapConfig:
     halls: HallsAs | None = None
     furniture: bool | None = None
     slam_noise: bool | None = None
+    simulated: Annotated[int, Ge(0)] | None = None
+    simulation: MapSimulation | None = None
     columns: IndexRange | None = None
     rows: IndexRange | None = None
     x_m: Range | None = None
@@ -110,6 +115,8 @@ class MapConfig:
             raise ConfigError("give labels (an image) or regions (a GeoJSON file), one of them")
         if self.classes is not None and self.regions is None:
             raise ConfigError("classes translates the classes of regions; there are no regions")
+        if self.simulation is not None and self.simulated is None:
+            raise ConfigError("simulation says how a map is simulated; give simulated, a seed")
 
     @property
     def window(self) -> dict[str, tuple[Any, Any]]:

@@ -1,6 +1,7 @@
 """The labelled maps of an experiment, coarsened and windowed as configured."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,16 @@ def _load_map(experiment: Experiment, source: MapConfig, where: str) -> Labelled
             f"{where} ({name}): no free cell inside the window has a label; check that the labels "
             "belong to this map and that the window covers them"
         )
-    return found
+    return found if source.simulated is None else _simulated(experiment, source, found)
+
+
+def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> LabelledMap:
+    """What a robot would have mapped of a configured map."""
+    from pgm_places.datasets.simulated_map import simulate_map
+
+    names, seed = experiment.config.labels.names, source.simulated or 0
+    made = simulate_map(plan, names, seed=seed, options=source.simulation)
+    return made if source.name is None else replace(made, name=source.name)
 
 
 def _read_map(
