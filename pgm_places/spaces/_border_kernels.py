@@ -112,14 +112,17 @@ def places_of_borders(
     steps: NDArray[np.int64],
     count: int,
     segment_of: NDArray[np.int32],
+    cells: NDArray[np.int8],
+    free: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Where segments touch: (M, 5) and the height (M,).
+    """Where segments touch: (M, 6) and the height (M,).
 
     Columns: row and column of the middle of the two cells in halves of a cell (of a cell of a
-    line twice its own), the two basins, and whether the cells share a side.
+    line twice its own), the two basins, whether the cells share a side, and whether both are free
+    on the map, whose ``cells`` have no frame.
     """
     width = -steps[0]
-    places = np.empty((1024, 5), np.int32)
+    places = np.empty((1024, 6), np.int32)
     height = np.empty(1024, np.int32)
     n = 0
     for i in range(width, basin.size - width):
@@ -142,6 +145,9 @@ def places_of_borders(
                 places[n, 2] = min(here, a)
                 places[n, 3] = max(here, a)
                 places[n, 4] = k < 4
+                there_row, there_column = other // width - 1, other % width - 1
+                is_free = cells[row, column] == free and cells[there_row, there_column] == free
+                places[n, 5] = is_free
                 height[n] = min(relief[i], relief[other])
                 n += 1
                 continue
@@ -156,6 +162,7 @@ def places_of_borders(
                 places[n, 2] = min(a, b)
                 places[n, 3] = max(a, b)
                 places[n, 4] = True
+                places[n, 5] = cells[row, column] == free
                 height[n] = min(relief[i], min(relief[i + steps[k]], relief[i + steps[m]]))
                 n += 1
     return places[:n].copy(), height[:n].copy()

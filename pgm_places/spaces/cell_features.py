@@ -7,26 +7,31 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places.spaces.places import Places, place_features
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segmentation, Segments
-from pgm_places.spaces.space_spec import CELL_FEATURES, segment_feature_names
+from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_FEATURES
 
 __all__ = ["CellFeatures", "nearest_opening", "space_feature_names"]
 
 _FARTHEST_M = 10.0
 
 
-def space_feature_names(scales: Sequence[str | float]) -> tuple[str, ...]:
-    """The names of the columns for some scales, which are called by their ratios.
+def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tuple[str, ...]:
+    """The names of the columns for some scales, and for places where there are any.
 
     Examples
     --------
     >>> names = space_feature_names((0.9, 0.75, 0.6))
     >>> len(names), names[:2], names[-1]
     (121, ('clearance', 'area[0.9]'), 'way_out_width[0.6]')
+    >>> len(space_feature_names((0.9, 0.75, 0.6), places=True))
+    167
     """
-    ids = (*segment_feature_names(), *(spec.id for spec in CELL_FEATURES))
-    return ("clearance", *(f"{id}[{scale}]" for scale in scales for id in ids))
+    groups = [(str(ratio), SEGMENT_FEATURES) for ratio in ratios]
+    groups += [("place", PLACE_FEATURES)] if places else []
+    columns = [(scale, spec) for scale, specs in groups for spec in (*specs, *CELL_FEATURES)]
+    return ("clearance", *(f"{spec.id}[{scale}]" for scale, spec in columns))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +61,15 @@ class CellFeatures:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, segmentation: Segmentation) -> Self:
-        """The features from all scales of a segmentation."""
+    def of(cls, segmentation: Segmentation, places: Places | None = None) -> Self:
+        """The features from all scales of a segmentation, and from its places if they are given."""
         tables = tuple(segment_features(scale) for scale in segmentation.scales)
-        return cls(segmentation.scales, tables, space_feature_names(segmentation.ratios))
+        names = space_feature_names(segmentation.ratios, places=places is not None)
+        if places is None:
+            return cls(segmentation.scales, tables, names)
+        return cls(
+            (*segmentation.scales, places.segments), (*tables, place_features(places)), names
+        )
 
     def lookup(self, cells_rc: ArrayLike) -> NDArray[np.float32]:
         """(n, F) features of cells (n, 2), row and column, in the order of ``names``.

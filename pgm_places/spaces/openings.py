@@ -1,6 +1,7 @@
 """Openings: where one segment of open space leads to another, each gap of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +29,19 @@ class Borders:
         The lower one of the two cells' heights.
     is_side : (M,) bool
         Whether the cells share a side; else a corner.
+    is_free : (M,) bool
+        Whether both cells are free on the map, neither one an obstacle that was filled.
     """
 
     halves_rc: NDArray[np.int32]
     basins: NDArray[np.int32]
     relief: NDArray[np.int32]
     is_side: NDArray[np.bool_]
+    is_free: NDArray[np.bool_]
+
+    def free_ones(self) -> Self:
+        """The places without those at obstacles that were filled."""
+        return type(self)(*(getattr(self, field.name)[self.is_free] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +80,10 @@ class Openings:
 
     def __len__(self) -> int:
         return len(self.segments)
+
+    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Self:
+        """Some of the openings, by mask or number."""
+        return type(self)(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m: float) -> Openings:

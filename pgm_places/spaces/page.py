@@ -8,13 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pgm_places.errors import InputError
-from pgm_places.spaces.space_spec import CELL_FEATURES, SEGMENT_FEATURES, SpaceSpec
+from pgm_places.spaces.space_spec import (
+    CELL_FEATURES,
+    GATE_FEATURES,
+    PLACE_EXTRA_FEATURES,
+    SEGMENT_FEATURES,
+    SpaceSpec,
+)
 
 __all__ = ["TABLES", "updated_page"]
 
 TABLES: dict[str, tuple[SpaceSpec, ...]] = {
     "segments": SEGMENT_FEATURES,
     "cells": CELL_FEATURES,
+    "gates": GATE_FEATURES,
+    "places": PLACE_EXTRA_FEATURES,
 }
 END = "<!-- end of table -->"
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.basin_sums import BasinSums, sum_up
 from pgm_places.spaces.basins import Basins, find_basins, neighbour_steps
 from pgm_places.spaces.open_space import open_space
@@ -190,7 +190,8 @@ class Segmentation:
         relief = relief_of(open_space(grid))
         basins = find_basins(relief)
         divisions = _divisions(basins, relief, ratios, grid.resolution_m)
-        watershed = Watershed(grid, sealed(relief), basins, _borders(basins, relief, divisions))
+        borders = _borders(basins, relief, divisions, grid)
+        watershed = Watershed(grid, sealed(relief), basins, borders)
         scales = tuple(divided(watershed, segment_of) for segment_of in divisions)
         return cls(watershed, tuple(ratios), scales)
 
@@ -230,7 +231,12 @@ def _divisions(
     return found
 
 
-def _borders(basins: Basins, relief: NDArray[np.int32], divisions: NDArray[np.int32]) -> Borders:
+def _borders(
+    basins: Basins,
+    relief: NDArray[np.int32],
+    divisions: NDArray[np.int32],
+    grid: OccupancyGrid,
+) -> Borders:
     """Where basins touch that lie in different segments of any division."""
     from pgm_places.spaces._border_kernels import places_of_borders
 
@@ -240,5 +246,8 @@ def _borders(basins: Basins, relief: NDArray[np.int32], divisions: NDArray[np.in
         neighbour_steps(relief.shape[1]),
         basins.count,
         divisions,
+        grid.cells,
+        FREE,
     )
-    return Borders(places[:, :2], places[:, 2:4], height, places[:, 4].astype(np.bool_))
+    is_side, is_free = places[:, 4:].astype(np.bool_).T
+    return Borders(places[:, :2], places[:, 2:4], height, is_side, is_free)

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 __all__ = [
     "CELL_FEATURES",
+    "GATE_FEATURES",
     "LARGEST_NEIGHBOUR_FEATURES",
+    "PLACE_EXTRA_FEATURES",
+    "PLACE_FEATURES",
     "SEGMENT_FEATURES",
     "SpaceSpec",
     "segment_feature_names",
@@ -99,6 +102,66 @@ CELL_FEATURES: tuple[SpaceSpec, ...] = (
 
 Its ``clearance``, the distance to the nearest wall, is the same at all scales.
 """
+
+
+_SIDES = (
+    "area",
+    "radius",
+    "clearance_share",
+    "roundness",
+    "long",
+    "aspect",
+    "filling",
+    "discs",
+    "openings",
+    "narrow",
+    "open_share",
+    "betweenness",
+    "cut",
+    "radius_share",
+    "furniture",
+)
+
+GATE_SHAPE_FEATURES: tuple[SpaceSpec, ...] = (
+    SpaceSpec("half_width", "half width at the saddle of its gap"),
+    SpaceSpec("width", "length of the shortest of 24 chords of free cells through its middle"),
+    SpaceSpec("depth", "how far the passage is at most 1.25 width + 0.1 wide, at most 3.1"),
+    SpaceSpec("border", "extent of the border in its gap"),
+    SpaceSpec("saddle_to_small", "half_width / radius of the narrower side"),
+    SpaceSpec("saddle_to_large", "half_width / radius of the wider side"),
+    SpaceSpec("width_to_small", "width / (2 radius of the narrower side)"),
+    SpaceSpec("width_to_large", "width / (2 radius of the wider side)"),
+    SpaceSpec("tilt", "|sin 2a| of its heading a against the map's rows: 0 along either axis"),
+    SpaceSpec("nearest_gate", "distance to the nearest other candidate, at most 10"),
+    SpaceSpec("gates_near", "number of other candidates within 3 m"),
+    SpaceSpec("gaps", "number of candidates between the same two segments"),
+    SpaceSpec("parted_0.75", "1 where the second scale parts its sides, else 0"),
+    SpaceSpec("parted_0.6", "1 where the third scale parts its sides, else 0"),
+)
+
+GATE_FEATURES: tuple[SpaceSpec, ...] = (
+    *GATE_SHAPE_FEATURES,
+    *(SpaceSpec(f"small_{id}", f"{id} of the side of the smaller radius") for id in _SIDES),
+    *(SpaceSpec(f"large_{id}", f"{id} of the side of the larger radius") for id in _SIDES),
+    *(
+        SpaceSpec(f"width[{tenth / 10:g}]", "width of the free space that far before or behind")
+        for tenth in range(-15, 16)
+    ),
+)
+"""The 75 features of a gate. Widths run from the narrower side (-1.5 m) to the wider one (1.5 m)
+and are at most 6."""
+
+PLACE_EXTRA_FEATURES: tuple[SpaceSpec, ...] = (
+    SpaceSpec("gates", "number of accepted gates to other places"),
+    SpaceSpec("gate_density", "gates / root of area"),
+    SpaceSpec("gates_along", "gates / long"),
+    SpaceSpec("one_gate", "number of gates that lead to places with no other gate"),
+    SpaceSpec("one_gate_density", "one_gate / root of area"),
+    SpaceSpec("one_gate_share", "one_gate / gates, 0 where there is none"),
+)
+
+PLACE_FEATURES: tuple[SpaceSpec, ...] = (*SEGMENT_FEATURES, *PLACE_EXTRA_FEATURES)
+"""The 43 features of a place between accepted gates: those of a segment and six more."""
 
 
 def segment_feature_names() -> tuple[str, ...]:

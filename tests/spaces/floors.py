@@ -39,3 +39,13 @@ def partition(raster: np.ndarray) -> np.ndarray:
     order[np.argsort(first)] = np.arange(len(first))
     names = order[inverse].reshape(raster.shape)
     return np.asarray(np.where(raster < 0, -1, names + 1))
+
+
+def corridor_with_rooms() -> np.ndarray:
+    """Three rooms in a row, each with a door to a corridor along them; cells of 10 cm."""
+    free = np.zeros((80, 134), np.bool_)
+    free[5:25, 2:132] = True  # corridor of 2 m x 13 m
+    for first in (2, 46, 90):
+        free[30:70, first : first + 42] = True
+        free[25:30, first + 16 : first + 25] = True
+    return free

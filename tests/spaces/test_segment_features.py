@@ -19,7 +19,7 @@ from pgm_places.spaces.shapes import shapes_of
 from pgm_places.spaces.space_spec import segment_feature_names
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
-from tests.spaces.floors import TURNS, grid_of
+from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of
 
 NAMES = segment_feature_names()
 maps = arrays(
@@ -32,16 +32,6 @@ maps = arrays(
 
 def columns(segments: Segments) -> dict[str, np.ndarray]:
     return dict(zip(NAMES, segment_features(segments).T, strict=True))
-
-
-def u_floor() -> np.ndarray:
-    """Three rooms in a row, each with a door to a corridor along them; cells of 10 cm."""
-    free = np.zeros((80, 134), np.bool_)
-    free[5:25, 2:132] = True  # corridor of 2 m x 13 m
-    for first in (2, 46, 90):
-        free[30:70, first : first + 42] = True
-        free[25:30, first + 16 : first + 25] = True
-    return free
 
 
 # ------------------------------------------------------------------ against slow ones
@@ -133,7 +123,7 @@ def test_the_nearest_opening_is_found(free: np.ndarray) -> None:
 
 
 def test_a_corridor_with_three_rooms() -> None:
-    scale = Segmentation.of(grid_of(u_floor())).scales[0]
+    scale = Segmentation.of(grid_of(corridor_with_rooms())).scales[0]
     assert scale.count == 4
     found = columns(scale)
     corridor = int(np.argmin(found["aspect"]))
@@ -154,7 +144,7 @@ def test_a_corridor_with_three_rooms() -> None:
 
 
 def test_cells_take_the_features_of_their_segments() -> None:
-    grid = grid_of(u_floor())
+    grid = grid_of(corridor_with_rooms())
     found = Segmentation.of(grid)
     features = CellFeatures.of(found)
     assert features.names == space_feature_names(found.ratios)
@@ -172,7 +162,7 @@ def test_cells_take_the_features_of_their_segments() -> None:
 
 
 def test_a_chunk_has_the_same_rows() -> None:
-    grid = grid_of(u_floor())
+    grid = grid_of(corridor_with_rooms())
     features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
     assert (features.lookup(cells)[70:90] == features.lookup(cells[70:90])).all()
 
@@ -211,7 +201,7 @@ def test_turned_maps_have_the_same_features(name: str, turn: str) -> None:
 @pytest.mark.parametrize("finer", [2, 4])
 def test_finer_cells_change_little(finer: int) -> None:
     """The floor at 10 cm, and the same one in cells of 5 and 2.5 cm."""
-    free = u_floor()
+    free = corridor_with_rooms()
     fine = free.repeat(finer, axis=0).repeat(finer, axis=1)
     one = segment_features(Segmentation.of(grid_of(free, 0.1)).scales[0])
     two = segment_features(Segmentation.of(grid_of(fine, 0.1 / finer)).scales[0])

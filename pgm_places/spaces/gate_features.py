@@ -1,0 +1,98 @@
+"""The features of gates: one row each."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.spaces.gates import Gates
+from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.space_spec import GATE_FEATURES, GATE_SHAPE_FEATURES, segment_feature_names
+
+__all__ = ["gate_feature_names", "gate_features"]
+
+_FARTHEST_M = 10.0
+_NEAR_M = 3.0
+
+
+def gate_feature_names() -> tuple[str, ...]:
+    """The names of the 75 columns.
+
+    Examples
+    --------
+    >>> names = gate_feature_names()
+    >>> len(names), names[1], names[14], names[-1]
+    (75, 'width', 'small_area', 'width[1.5]')
+    """
+    return tuple(spec.id for spec in GATE_FEATURES)
+
+
+def gate_features(gates: Gates) -> NDArray[np.float64]:
+    """(G, 75) the features of every candidate.
+
+    The columns are those of ``GATE_FEATURES``, which defines them.
+    """
+    finest = gates.segmentation.scales[0]
+    radius = finest.radius_m[gates.segments]
+    order = np.argsort(radius, axis=1, kind="stable")
+    small, large = np.take_along_axis(gates.segments, order, axis=1).T
+    table, names = segment_features(finest), segment_feature_names()
+    sides = [spec.id for spec in GATE_FEATURES if spec.id.startswith("small_")]
+    columns = [names.index(id.removeprefix("small_")) for id in sides]
+    shape = _shape_columns(gates, np.sort(radius, axis=1))
+    return np.concatenate(
+        [
+            np.stack([shape[spec.id] for spec in GATE_SHAPE_FEATURES], axis=1),
+            table[small][:, columns],
+            table[large][:, columns],
+            gates.profile_m,
+        ],
+        axis=1,
+    )
+
+
+def _shape_columns(gates: Gates, radius: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    half_width, width = gates.openings.half_width_m, gates.width_m
+    nearest, near = _others(gates)
+    parted = [_parted(gates, scale) for scale in (1, 2)]
+    heading = gates.heading_rad - gates.segmentation.watershed.grid.yaw_rad
+    return {
+        "half_width": half_width,
+        "width": width,
+        "depth": gates.depth_m,
+        "border": gates.openings.length_m,
+        "saddle_to_small": half_width / radius[:, 0],
+        "saddle_to_large": half_width / radius[:, 1],
+        "width_to_small": width / (2 * radius[:, 0]),
+        "width_to_large": width / (2 * radius[:, 1]),
+        "tilt": np.abs(np.sin(2 * heading)),
+        "nearest_gate": nearest,
+        "gates_near": near,
+        "gaps": _same_pair(gates),
+        "parted_0.75": parted[0],
+        "parted_0.6": parted[1],
+    }
+
+
+def _others(gates: Gates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(G,) distance to the nearest other candidate, and how many are near."""
+    from scipy.spatial import cKDTree
+
+    if len(gates) < 2:
+        return np.full(len(gates), _FARTHEST_M), np.zeros(len(gates))
+    tree = cKDTree(gates.centre_m)
+    nearest = np.asarray(tree.query(gates.centre_m, k=2)[0])[:, 1]
+    near = tree.query_ball_point(gates.centre_m, _NEAR_M, return_length=True) - 1
+    return np.minimum(nearest, _FARTHEST_M), np.asarray(near, np.float64)
+
+
+def _same_pair(gates: Gates) -> NDArray[np.float64]:
+    _, pair, number = np.unique(gates.segments, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(number[pair.reshape(-1)], np.float64)
+
+
+def _parted(gates: Gates, scale: int) -> NDArray[np.float64]:
+    """(G,) 1 where a scale parts the basins beside the gate; 1 too where there is no such scale."""
+    scales = gates.segmentation.scales
+    if scale >= len(scales):
+        return np.ones(len(gates))
+    sides = scales[scale].of_basins(gates.openings.basins)
+    return np.asarray(sides[:, 0] != sides[:, 1], np.float64)

@@ -1,0 +1,243 @@
+"""Gates: narrow openings between segments, each an oriented rectangle; some are doorways."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
+from pgm_places.spaces.openings import Openings, find_openings
+from pgm_places.spaces.segmentation import Segmentation
+
+__all__ = ["LEAST_WIDTH_M", "MOST_HALF_WIDTH_M", "OFFSETS_M", "Gate", "Gates", "gate_candidates"]
+
+MOST_HALF_WIDTH_M = 1.6
+"""Openings with more room than this are no gates."""
+
+LEAST_WIDTH_M = 0.2
+"""Gaps that are narrower are none: nobody passes between a wall and the leg of a table."""
+
+N_DIRECTIONS = 24
+"""Chords are tried every 7.5 degrees."""
+
+OFFSETS_M = np.arange(-15, 16) / 10
+"""Where widths are taken: up to 1.5 m before and behind a gate."""
+
+_LONGEST_M = 3.0
+"""Chords end here on each side."""
+
+_WIDER, _WIDER_M = 1.25, 0.1
+"""A gate is as deep as the passage is at most so much wider than at its narrowest."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A rectangle in which one passes from a segment to another.
+
+    Parameters
+    ----------
+    centre_m : (float, float)
+        Its centre in the map frame.
+    heading_rad : float
+        The direction of passing through, in the map frame, in (-pi/2, pi/2].
+    width_m : float
+        Across the heading, from wall to wall.
+    depth_m : float
+        Along the heading.
+    """
+
+    centre_m: tuple[float, float]
+    heading_rad: float
+    width_m: float
+    depth_m: float
+
+    @property
+    def corners_m(self) -> NDArray[np.float64]:
+        """(4, 2) corners in the map frame, counter-clockwise.
+
+        Examples
+        --------
+        >>> Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.2).corners_m.round(2).tolist()
+        [[1.9, 0.5], [2.1, 0.5], [2.1, 1.5], [1.9, 1.5]]
+        """
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * [self.depth_m, self.width_m]
+        return np.asarray(half @ [[cos, sin], [-sin, cos]] + self.centre_m)
+
+    def contains(
+        self, points_m: ArrayLike, *, wider_m: float = 0.0, deeper_m: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """(n,) which points (n, 2) of the map frame lie in it.
+
+        ``wider_m`` and ``deeper_m`` are added at either end of its width and depth.
+        """
+        offset = np.asarray(points_m, np.float64).reshape(-1, 2) - self.centre_m
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        along, across = np.abs(offset @ [cos, sin]), np.abs(offset @ [-sin, cos])
+        inside = (along <= self.depth_m / 2 + deeper_m) & (across <= self.width_m / 2 + wider_m)
+        return np.asarray(inside)
+
+    def cells(
+        self, grid: OccupancyGrid, *, wider_m: float = 0.0, deeper_m: float = 0.0
+    ) -> NDArray[np.int64]:
+        """(n, 2) row and column of the free cells whose centres lie in it, in row-major order."""
+        reach = np.hypot(self.width_m / 2 + wider_m, self.depth_m / 2 + deeper_m)
+        low, high = grid.cells_at_m([self.centre_m])[0] + np.array([[-1], [1]]) * (
+            int(reach / grid.resolution_m) + 1
+        )
+        low, high = np.maximum(low, 0), np.minimum(high + 1, grid.shape)
+        if (low >= high).any():
+            return np.empty((0, 2), np.int64)
+        part = grid.cells[low[0] : high[0], low[1] : high[1]]
+        cells = np.argwhere(part == FREE) + low
+        inside = self.contains(grid.cell_centres_m(cells), wider_m=wider_m, deeper_m=deeper_m)
+        return np.asarray(cells[inside])
+
+
+@dataclass(frozen=True, eq=False)
+class Gates:
+    """The candidates of a map, sorted by the segments that they part.
+
+    Parameters
+    ----------
+    segmentation : Segmentation
+        The map's, whose finest scale they belong to.
+    openings : Openings
+        The gap of each (G of them), cut where an obstacle that segments ignore stands in it.
+    centre_m : (G, 2) float64
+    heading_rad, width_m, depth_m : (G,) float64
+        See :class:`Gate`.
+    profile_m : (G, 31) float64
+        Width of the free space 1.5 m before to 1.5 m behind, every 0.1 m; the wider side last.
+    """
+
+    segmentation: Segmentation
+    openings: Openings
+    centre_m: NDArray[np.float64]
+    heading_rad: NDArray[np.float64]
+    width_m: NDArray[np.float64]
+    depth_m: NDArray[np.float64]
+    profile_m: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.openings)
+
+    def __getitem__(self, index: int) -> Gate:
+        x, y = self.centre_m[index].tolist()
+        sizes = (self.heading_rad, self.width_m, self.depth_m)
+        return Gate((x, y), *(float(values[index]) for values in sizes))
+
+    def __iter__(self) -> Iterator[Gate]:
+        return (self[index] for index in range(len(self)))
+
+    @property
+    def segments(self) -> NDArray[np.int32]:
+        """(G, 2) the two segments of the finest scale that each parts."""
+        return self.openings.segments
+
+
+def gate_candidates(segmentation: Segmentation) -> Gates:
+    """The openings of the finest scale that are narrow enough to be doorways.
+
+    Those with a half width under 1.6 m at the saddle. Through the middle of each the shortest of 24
+    chords of free cells is taken, up to 3 m to either side, and at least 0.2 m long; the gate is as
+    deep as the passage is at most 1.25 times as wide plus 0.1 m.
+
+    Examples
+    --------
+    >>> cells = np.zeros((20, 42), np.int8)
+    >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
+    >>> gate = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))[0]
+    >>> gate.width_m, round(gate.heading_rad, 3)
+    (0.8, 0.0)
+    """
+    from pgm_places.spaces._gate_kernels import narrowest_chords, width_profiles
+
+    grid, openings = segmentation.watershed.grid, _narrow_openings(segmentation)
+    longest = _LONGEST_M / grid.resolution_m
+    directions = _directions()
+    chord = np.zeros((len(openings), 4))
+    middles = _on_free_cells(grid, openings.centre_rc)
+    narrowest_chords(grid.cells, FREE, middles, directions, longest, chord)
+    wide = chord[:, 3] * grid.resolution_m >= LEAST_WIDTH_M
+    openings, chord = openings[wide], chord[wide]
+    along = directions[chord[:, 2].astype(np.int64)]
+    profile = np.zeros((len(openings), len(OFFSETS_M)))
+    offsets = OFFSETS_M / grid.resolution_m
+    width_profiles(grid.cells, FREE, chord[:, :2].copy(), along, offsets, longest, profile)
+    before, behind = _depths(profile * grid.resolution_m, chord[:, 3] * grid.resolution_m)
+    # Moving across goes along (column, -row) of the chord's direction.
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    shift = (behind - before) / 2 / grid.resolution_m
+    heading = np.arctan2(across[:, 0], across[:, 1]) + grid.yaw_rad
+    return Gates(
+        segmentation,
+        openings,
+        grid.cell_centres_m(chord[:, :2] + shift[:, None] * across),
+        np.pi / 2 - np.mod(np.pi / 2 - heading, np.pi),
+        chord[:, 3] * grid.resolution_m,
+        before + behind,
+        _wider_side_last(profile * grid.resolution_m),
+    )
+
+
+def _narrow_openings(segmentation: Segmentation) -> Openings:
+    watershed, finest = segmentation.watershed, segmentation.scales[0]
+    segment_of = finest.segment_of[: watershed.basins.count]
+    borders = watershed.borders.free_ones()
+    openings = find_openings(borders, segment_of, watershed.grid.resolution_m)
+    return openings[openings.half_width_m < MOST_HALF_WIDTH_M]
+
+
+def _directions() -> NDArray[np.float64]:
+    """(24, 2) row and column steps of length 1 over half a turn, exact along rows and columns."""
+    angle = np.arange(N_DIRECTIONS) * np.pi / N_DIRECTIONS
+    found = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    found[np.abs(found) < 1e-12] = 0.0
+    return found
+
+
+def _on_free_cells(grid: OccupancyGrid, points_rc: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The points, those that touch a cell that is not free moved to the nearest free centre.
+
+    Of several as near the mean is taken, whichever way the map is turned.
+    """
+    moved = points_rc.copy()
+    for g, point in enumerate(points_rc):
+        low, high = np.floor(point + 0.5 - 1e-6), np.floor(point + 0.5 + 1e-6)
+        if len(_free_between(grid, low, high)) == np.prod(high - low + 1):
+            continue
+        free = _free_between(grid, low - 1, high + 1)
+        if len(free):
+            away = ((free - point) ** 2).sum(axis=1)
+            moved[g] = free[away <= away.min() + 1e-9].mean(axis=0)
+    return moved
+
+
+def _free_between(
+    grid: OccupancyGrid, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """(n, 2) the free cells from one row and column to another, both included."""
+    first = np.maximum(low, 0).astype(np.int64)
+    last = np.minimum(high + 1, grid.shape).astype(np.int64)
+    part = grid.cells[first[0] : last[0], first[1] : last[1]]
+    return np.asarray(np.argwhere(part == FREE) + first)
+
+
+def _depths(
+    profile_m: NDArray[np.float64], width_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(G,) and (G,) how far the passage stays narrow before and behind, at least half a step."""
+    middle = profile_m.shape[1] // 2
+    narrow = profile_m <= (width_m * _WIDER + _WIDER_M)[:, None]
+    before = np.logical_and.accumulate(narrow[:, middle - 1 :: -1], axis=1).sum(axis=1)
+    behind = np.logical_and.accumulate(narrow[:, middle + 1 :], axis=1).sum(axis=1)
+    step = OFFSETS_M[1] - OFFSETS_M[0]
+    return (before + 0.5) * step, (behind + 0.5) * step
+
+
+def _wider_side_last(profile_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    middle = profile_m.shape[1] // 2
+    turned = profile_m[:, :middle].sum(axis=1) > profile_m[:, middle + 1 :].sum(axis=1) + 1e-9
+    return np.where(turned[:, None], profile_m[:, ::-1], profile_m)

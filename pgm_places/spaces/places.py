@@ -1,0 +1,137 @@
+"""Places: what lies between accepted gates, the rooms and corridors that a person would draw."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import sealed
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
+from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.segmentation import Segments, divided
+from pgm_places.spaces.space_spec import SEGMENT_FEATURES
+
+__all__ = ["Places", "place_features", "places_between"]
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """The segments of the finest scale, joined wherever no accepted gate parts them.
+
+    Parameters
+    ----------
+    gates : Gates
+    accepted : (G,) bool
+        Which of them count as doorways.
+    segments : Segments
+        The places, as a division of the open space: areas, openings, raster, graph.
+    gate_places : (G, 2) int32
+        The two places beside each gate, which may be the same one.
+    """
+
+    gates: Gates
+    accepted: NDArray[np.bool_]
+    segments: Segments
+    gate_places: NDArray[np.int32]
+
+    @property
+    def count(self) -> int:
+        """P, the number of places."""
+        return self.segments.count
+
+    @property
+    def graph(self) -> LabelGraph:
+        """The places as nodes, those that touch joined."""
+        return self.segments.graph
+
+    @property
+    def parting(self) -> NDArray[np.bool_]:
+        """(G,) which accepted gates have a different place on either side."""
+        return np.asarray(self.accepted & (self.gate_places[:, 0] != self.gate_places[:, 1]))
+
+
+def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5) -> Places:
+    """The places of a map between the gates that are accepted.
+
+    Two segments of the finest scale that touch are one place, unless an accepted gate lies between
+    them and every opening between them is narrow enough to be a gate.
+
+    Parameters
+    ----------
+    gates : Gates
+    accepted : (G,) bool or float
+        Which gates are doorways, or the probability of each.
+    threshold : float
+        Probabilities above it are accepted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
+    >>> from pgm_places.spaces.gates import gate_candidates
+    >>> from pgm_places.spaces.segmentation import Segmentation
+    >>> cells = np.zeros((20, 42), np.int8)
+    >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
+    >>> gates = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))
+    >>> places_between(gates, [True]).count, places_between(gates, [0.2]).count
+    (2, 1)
+    """
+    taken = _accepted(accepted, len(gates), threshold)
+    finest = gates.segmentation.scales[0]
+    n_basins = finest.watershed.basins.count
+    home = _joined(finest, gates.segments[taken])
+    segments = divided(finest.watershed, home[finest.segment_of[:n_basins]])
+    return Places(gates, sealed(taken), segments, home[gates.segments])
+
+
+def place_features(places: Places) -> NDArray[np.float64]:
+    """(P, 43) the features of every place; ``PLACE_FEATURES`` defines the columns."""
+    own = segment_features(places.segments)
+    names = [spec.id for spec in SEGMENT_FEATURES]
+    area, long = own[:, names.index("area")], own[:, names.index("long")]
+    sides = places.gate_places[places.parting]
+    number = np.bincount(sides.reshape(-1), minlength=places.count)
+    ends = np.concatenate([sides, sides[:, ::-1]])
+    one_gate = np.bincount(ends[number[ends[:, 1]] == 1, 0], minlength=places.count)
+    extra = (
+        number,
+        number / np.sqrt(area),
+        number / long,
+        one_gate,
+        one_gate / np.sqrt(area),
+        one_gate / np.maximum(number, 1),
+    )
+    return np.concatenate([own, np.stack(extra, axis=1)], axis=1)
+
+
+def _accepted(accepted: ArrayLike, n_gates: int, threshold: float) -> NDArray[np.bool_]:
+    values = np.asarray(accepted)
+    if values.shape != (n_gates,) or not (values.dtype.kind in "bf" or not values.size):
+        raise InputError(
+            "accepted must hold a boolean or a probability per gate "
+            f"({n_gates}), got {values.dtype} of shape {values.shape}"
+        )
+    if values.dtype == np.bool_:
+        return values.copy()
+    if values.size and not (values.min() >= 0 and values.max() <= 1):
+        raise InputError(
+            f"accepted must hold probabilities from 0 to 1, got {values.min()} to {values.max()}"
+        )
+    return np.asarray(values > threshold)
+
+
+def _joined(finest: Segments, parted: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(S,) place of each segment of the finest scale."""
+    from scipy import sparse
+
+    count, openings = finest.count, finest.openings
+    key = openings.segments[:, 0].astype(np.int64) * count + openings.segments[:, 1]
+    shut = parted[:, 0].astype(np.int64) * count + parted[:, 1]
+    kept = ~np.isin(key, shut) | (openings.half_width_m >= MOST_HALF_WIDTH_M)
+    i, j = openings.segments[kept].T
+    matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(count, count))
+    if not count:
+        return np.zeros(0, np.int32)
+    return sparse.csgraph.connected_components(matrix, directed=False)[1].astype(np.int32)

@@ -1,0 +1,114 @@
+"""Places between accepted gates."""
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError
+from pgm_places.spaces.cell_features import CellFeatures
+from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.places import place_features, places_between
+from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.spaces.space_spec import PLACE_FEATURES
+from tests.spaces.floors import corridor_with_rooms, grid_of, two_rooms
+
+NAMES = [spec.id for spec in PLACE_FEATURES]
+
+
+@pytest.fixture(scope="module")
+def gates() -> Gates:
+    return gate_candidates(Segmentation.of(grid_of(corridor_with_rooms())))
+
+
+@pytest.mark.parametrize("accepted", [[k >> b & 1 == 1 for b in range(3)] for k in range(8)])
+def test_every_accepted_gate_parts_a_room(gates: Gates, accepted: list[bool]) -> None:
+    found = places_between(gates, accepted)
+    assert found.count == 1 + sum(accepted)
+    assert found.parting.tolist() == accepted
+    # a room is where its gate says: the cell in its middle, and the corridor's
+    cells = [[10, 67], [50, 23], [50, 67], [50, 111]]
+    corridor, *rooms = found.segments.at(cells).tolist()
+    assert [room != corridor for room in rooms] == accepted
+    assert found.segments.area_m2.sum() == pytest.approx(gates.segmentation.scales[0].area_m2.sum())
+
+
+def test_with_no_gate_each_component_is_a_place(gates: Gates) -> None:
+    found = places_between(gates, np.zeros(3))
+    assert found.count == 1 and len(found.segments.openings) == 0
+    assert (found.gate_places == 0).all()
+
+
+def test_with_all_gates_places_are_the_segments_here(gates: Gates) -> None:
+    found = places_between(gates, np.ones(3, np.bool_))
+    finest = gates.segmentation.scales[0]
+    assert (found.segments.raster() == finest.raster()).all()
+    assert place_features(found)[:, :37] == pytest.approx(segment_features(finest))
+    assert found.graph.edges.tolist() == finest.graph.edges.tolist()
+
+
+def test_probabilities_are_compared_with_the_threshold(gates: Gates) -> None:
+    p = np.array([0.2, 0.5, 0.9])
+    assert places_between(gates, p).accepted.tolist() == [False, False, True]
+    assert places_between(gates, p, threshold=0.1).accepted.tolist() == [True] * 3
+
+
+def test_gates_and_neighbours_are_counted(gates: Gates) -> None:
+    found = places_between(gates, [True, True, False])
+    table = dict(zip(NAMES, place_features(found).T, strict=True))
+    corridor, one, two = found.segments.at([[10, 67], [50, 23], [50, 67]]).tolist()
+    order = [corridor, one, two]
+    assert table["gates"][order].tolist() == [2, 1, 1]
+    assert table["one_gate"][order].tolist() == [2, 0, 0]
+    assert table["one_gate_share"][order].tolist() == [1, 0, 0]
+    assert table["gate_density"] == pytest.approx(table["gates"] / np.sqrt(table["area"]))
+    assert table["gates_along"] == pytest.approx(table["gates"] / table["long"])
+    assert table["one_gate_density"] == pytest.approx(table["one_gate"] / np.sqrt(table["area"]))
+
+
+def test_a_wide_opening_joins_in_spite_of_a_door() -> None:
+    """Two halls of 12 m with a door and a gap of 5 m between them are one place."""
+    free = np.zeros((124, 250), np.bool_)
+    free[2:122, 2:122] = free[2:122, 128:248] = True
+    free[10:19, 122:128] = True
+    door_only = gate_candidates(Segmentation.of(grid_of(free)))
+    assert len(door_only) == 1
+    assert places_between(door_only, [True]).count == 2
+    free[60:110, 122:128] = True
+    both = gate_candidates(Segmentation.of(grid_of(free)))
+    assert len(both) == 1 and len(both.segmentation.scales[0].openings) == 2
+    found = places_between(both, [True])
+    assert found.count == 1 and not found.parting.any()
+    assert place_features(found)[0, NAMES.index("gates")] == 0
+
+
+def test_cells_look_places_up(gates: Gates) -> None:
+    found = places_between(gates, [True, False, False])
+    features = CellFeatures.of(gates.segmentation, found)
+    rows = features.lookup([[10, 67], [50, 23]])
+    at = features.names.index("gates[place]")
+    assert rows[:, at].tolist() == [1, 1]
+    assert rows[:, features.names.index("area[place]")] == pytest.approx(
+        found.segments.area_m2[found.segments.at([[10, 67], [50, 23]])], rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("accepted", "message"),
+    [
+        ([True], "boolean or a probability per gate"),
+        ([1, 0, 1], "boolean or a probability per gate"),
+        ([0.5, 1.5, 0.0], "probabilities from 0 to 1"),
+        ([0.5, np.nan, 0.0], "probabilities from 0 to 1"),
+    ],
+)
+def test_wrong_acceptance_is_refused(gates: Gates, accepted: list[float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        places_between(gates, accepted)
+
+
+def test_maps_without_gates_have_places_too() -> None:
+    empty = gate_candidates(Segmentation.of(grid_of(np.zeros((9, 9), np.bool_))))
+    assert places_between(empty, []).count == 0
+    assert place_features(places_between(empty, [])).shape == (0, 43)
+    room = gate_candidates(Segmentation.of(grid_of(two_rooms()[:, :42])))
+    assert place_features(places_between(room, [])).shape == (1, 43)
