@@ -16,7 +16,7 @@ __all__ = ["Chart", "Line", "line_chart"]
 
 _WIDTH, _PLOT_HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM, _LEGEND_LINE = 460, 230, 84, 16, 22, 52, 20
 _TEXT_PT, _TICK_PT = 9.5, 8.5
-_LONGEST_NAME = 56
+_LONGEST_NAME = 62
 _LOG_SPAN = 100.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
 

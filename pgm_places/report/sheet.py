@@ -10,7 +10,7 @@ from pgm_places.palette import Swatch, levels
 from pgm_places.report.canvas import Canvas
 from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
 
-__all__ = ["ColourBar", "Panel", "round_length", "sheet_png"]
+__all__ = ["ColourBar", "Panel", "draw_scale_bar", "round_length", "sheet_png"]
 
 _LEAST_WIDTH = 420
 _LARGEST_CELL = 12
@@ -103,7 +103,7 @@ def sheet_png(
         _draw_map(page, panel, x, y + above, scale)
         if scale_bar and column == 0:
             under = y + above + scale * panel.canvas.indices.shape[0] + 8
-            _draw_scale_bar(page, panel.canvas, (x, under), scale, sizes)
+            draw_scale_bar(page, panel.canvas, (x, under), scale, size=sizes.text - 1)
     y = page.height - sizes.edge - foot + 10
     for line in lines:
         _draw_legend_line(page, line, y, sizes)
@@ -130,16 +130,17 @@ def _draw_map(page: PixelFigure, panel: Panel, x: int, y: int, scale: int) -> No
         axes.set_ylim(height, 0)
 
 
-def _draw_scale_bar(
-    page: PixelFigure, canvas: Canvas, corner: tuple[int, int], scale: int, sizes: _Sizes
+def draw_scale_bar(
+    page: PixelFigure, canvas: Canvas, corner: tuple[int, int], scale: int, *, size: int
 ) -> None:
+    """A bar of a round length below a map that is drawn enlarged, with text of a size in pixels."""
     x, y = corner
     metres = round_length(canvas.m_per_pixel * canvas.indices.shape[1] / 5)
-    length, tick = metres / canvas.m_per_pixel * scale, sizes.text * 2 // 3
+    length, tick = metres / canvas.m_per_pixel * scale, (size + 1) * 2 // 3
     page.box(x, y + tick / 2 - 1.5, length, 3, facecolor=INK, edgecolor="none")
     for end in (x, x + length - 2):
         page.box(end, y, 2, tick, facecolor=INK, edgecolor="none")
-    page.text(x + length + 8, y + tick / 2, f"{metres:g} m", size=sizes.text - 1)
+    page.text(x + length + 8, y + tick / 2, f"{metres:g} m", size=size)
 
 
 def _flow(legend: Sequence[Swatch], width: int, sizes: _Sizes) -> list[list[tuple[float, Swatch]]]:

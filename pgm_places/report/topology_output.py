@@ -5,6 +5,7 @@ from pathlib import Path
 from pgm_places.io.atomic import write_bytes
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.report.topology_pictures import count_line, topology_picture
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["topology_summary", "write_topology"]
@@ -20,20 +21,11 @@ def write_topology(
     OutputError
         Where a file cannot be written.
     """
-    from pgm_places.report.topology_pictures import topology_picture
-
     picture = write_bytes(folder / "topology.png", topology_picture(grid, topology, title=title))
     return [*save_topology(folder, topology), picture]
 
 
 def topology_summary(topology: TopologicalMap) -> str:
     """One line: how many places of each class, connections and corrections."""
-    counts = []
-    for label in topology.label_names:
-        count = sum(region.label == label for region in topology.regions)
-        counts.append(f"{count} {label}{'' if count == 1 else 's'}")
-    corrected = len(topology.corrections)
-    return (
-        f"places: {', '.join(counts)}; {len(topology.connections)} connections; "
-        f"{corrected} correction{'' if corrected == 1 else 's'}"
-    )
+    n = len(topology.corrections)
+    return f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"

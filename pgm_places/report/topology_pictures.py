@@ -10,11 +10,11 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_colours, rgb_of, tinted
 from pgm_places.report.canvas import Canvas, label_canvas, view_of
 from pgm_places.report.figure import INK, MUTED, PixelFigure
-from pgm_places.report.sheet import round_length
+from pgm_places.report.sheet import draw_scale_bar
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["topology_picture"]
+__all__ = ["count_line", "topology_picture"]
 
 _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
@@ -67,9 +67,10 @@ def topology_picture(
     over = _panel(page, (_EDGE, top + _CAPTION), size)
     over.imshow(_paled(canvas), interpolation="nearest", extent=(0, size[0], size[1], 0))
     _draw_graph(over, topology, pixels)
-    page.text(second[0], second[1] + 8, _count(topology), size=15, color=MUTED)
+    page.text(second[0], second[1] + 8, count_line(topology), size=15, color=MUTED)
     _draw_diagram(_panel(page, (second[0], second[1] + _CAPTION), size), topology, pixels)
-    _scale_bar(page, canvas, scale, second[1] + _CAPTION + size[1] + 20)
+    below = second[1] + _CAPTION + size[1] + 16
+    draw_scale_bar(page, canvas, (_EDGE, below), scale, size=14)
     return page.png()
 
 
@@ -178,16 +179,10 @@ def _name(axes: Any, name: str, at: ArrayLike) -> None:
     )
 
 
-def _count(topology: TopologicalMap) -> str:
+def count_line(topology: TopologicalMap) -> str:
+    """How many places of each class there are, and how many connections."""
     parts = []
     for label in topology.label_names:
         count = sum(region.label == label for region in topology.regions)
         parts.append(f"{count} {label}{'' if count == 1 else 's'}")
     return f"{', '.join(parts)}; {len(topology.connections)} connections"
-
-
-def _scale_bar(page: PixelFigure, canvas: Canvas, scale: int, y: int) -> None:
-    metres = round_length(canvas.m_per_pixel * canvas.indices.shape[1] / 5)
-    length = metres / canvas.m_per_pixel * scale
-    page.box(_EDGE, y, length, 3, facecolor=INK, edgecolor="none")
-    page.text(_EDGE + length + 8, y + 1, f"{metres:g} m", size=14)
