@@ -149,7 +149,7 @@ def gate_candidates(segmentation: Segmentation) -> Gates:
     >>> cells = np.zeros((20, 42), np.int8)
     >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
     >>> gate = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))[0]
-    >>> gate.width_m, round(gate.heading_rad, 3)
+    >>> round(gate.width_m, 3), round(gate.heading_rad, 3)
     (0.8, 0.0)
     """
     from pgm_places.spaces._gate_kernels import narrowest_chords, width_profiles
