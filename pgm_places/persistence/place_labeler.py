@@ -28,6 +28,9 @@ __all__ = ["KIND", "check_savable", "dump", "load"]
 
 KIND = "place-labeler"
 
+OPTIONS = ("learn_on", "n_folds", "n_node_features", "max_examples_per_map")
+"""What only learning reads, kept so that a loaded labeler can be fitted again."""
+
 
 def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
     """The manifest and the arrays of a fitted labeler."""
@@ -40,6 +43,7 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         "features": dump_features(unary.features),
         "resolution_m": labeler.resolution_m_,
         "connectivity": labeler.connectivity,
+        "options": {name: getattr(labeler, name) for name in OPTIONS},
         "sensor": dataclasses.asdict(unary.sensor),
         "context_m": list(unary.context_m),
         "classifier": dump_list(arrays, "classifier", unary.classifier),
@@ -55,8 +59,8 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
     """The labeler that :func:`dump` described so.
 
-    Options that only learning reads (the classifier's, the folds) are not kept: they have their
-    defaults where the labeler is fitted again.
+    The unfitted classifier is not kept, as labelling does without scikit-learn: a labeler that is
+    fitted again after loading takes the default one, unless it is given another.
     """
     check_feature_set(manifest)
     unary = _unary_model(manifest, arrays)
@@ -73,6 +77,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         connectivity=manifest["connectivity"],
         context_m=unary.context_m,
         features=unary.features,
+        **manifest.get("options", {}),  # absent from models saved by earlier versions
     )
     labeler.check_options()
     return labeler.set_learned(

@@ -4,9 +4,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from pgm_places.errors import ModelFileError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import n_columns
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
@@ -26,6 +23,9 @@ __all__ = ["KIND", "dump", "load"]
 
 KIND = "trajectory-labeler"
 
+OPTIONS = ("n_folds", "n_runs", "seed")
+"""What only learning reads, kept so that a loaded labeler can be fitted again."""
+
 
 def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
     """The manifest and the arrays of a fitted labeler."""
@@ -38,6 +38,7 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
         "extra_names": list(model.extra_names),
         "every_m": float(labeler.every_m),
         "beams": dataclasses.asdict(labeler.beams),
+        "options": {name: getattr(labeler, name) for name in OPTIONS},
         "classifier": dump_list(arrays, "classifier", model.classifier),
         "method": dump_backend(arrays, "method", labeler.method_),
     }
@@ -45,7 +46,7 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
 
 
 def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
-    """The labeler that :func:`dump` described so; options of learning have their defaults."""
+    """The labeler that :func:`dump` described so; the unfitted classifier is not kept."""
     check_feature_set(manifest)
     names = tuple(str(name) for name in manifest["label_names"])
     extra_names = tuple(str(name) for name in manifest["extra_names"])
@@ -53,13 +54,12 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
     n_all = n_columns(features) + len(extra_names)
     classifier = load_list(arrays, "classifier", manifest["classifier"], n_all, len(names))
     sensor = load_sensor(manifest["sensor"])
-    every_m = float(manifest["every_m"])
-    if not np.isfinite(every_m):
-        raise ModelFileError(f"every_m must be a finite number, got {every_m}")
-    return TrajectoryLabeler.of_parts(
+    labeler = TrajectoryLabeler.of_parts(
         names,
         load_backend(arrays, "method", manifest["method"]),
         ScanModel(classifier, len(names), sensor, extra_names, features),
-        every_m=every_m,
+        every_m=manifest["every_m"],
         beams=BeamOptions(**manifest["beams"]),
     )
+    # Absent from models saved by earlier versions.
+    return labeler.with_options(**manifest.get("options", {}))

@@ -219,6 +219,7 @@ def test_saved_and_loaded_it_labels_the_same(case: Case, tmp_path: Path) -> None
     again = load(save(labeler, tmp_path / "model"))
     assert type(again) is type(labeler)
     assert again.label_names_ == NAMES
+    assert again.get_params()[case.option] == 2
     np.testing.assert_array_equal(case.label(again), case.label(labeler))
     with pytest.raises(NotFittedError):
         case.label(clone(again))

@@ -134,6 +134,8 @@ def test_every_part_of_a_manifest_that_is_missing_is_one_clear_line(
 ) -> None:
     manifest, arrays = load_folder(STORED / folder)
     optional = {"kind", "record", "features", "movement"}
+    if folder != "structured_labeler":
+        optional.add("options")
     for key in manifest.keys() - optional:
         less = {name: value for name, value in manifest.items() if name != key}
         save_folder(tmp_path / "spoiled", less, arrays)
@@ -182,3 +184,26 @@ def test_the_options_of_a_loaded_labeler_hold_nothing_learned(folder: str, optio
 
     assert learned(option) == []
     assert learned(f"{option}_")
+
+
+@pytest.mark.parametrize(
+    ("folder", "key", "value", "wanted"),
+    [
+        (
+            "trajectory_labeler",
+            "every_m",
+            "far",
+            "every_m must be a number of at least 0, got",
+        ),
+        ("trajectory_labeler", "every_m", 1e400, "must be plain JSON data"),
+        ("trajectory_labeler", "options", {"n_folds": 1}, "n_folds must be a whole number from 2"),
+        ("place_labeler", "options", {"cake": 1}, "is not what this version writes"),
+        ("place_labeler", "connectivity", 6, "connectivity must be 4 or 8, got 6"),
+    ],
+)
+def test_stored_options_are_checked_like_given_ones(
+    folder: str, key: str, value: object, wanted: str, tmp_path: Path
+) -> None:
+    manifest, arrays = load_folder(STORED / folder)
+    with pytest.raises(ModelFileError, match=wanted):
+        load(save_folder(tmp_path / "spoiled", {**manifest, key: value}, arrays))
