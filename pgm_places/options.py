@@ -10,13 +10,13 @@ import dataclasses
 import functools
 import inspect
 import re
-import types
 import typing
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal, TypeVar, Union
+from typing import Annotated, Any, TypeVar, Union
 
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le
 
+from pgm_places._option_words import OrInfinite, arms, bare, marks_of, says_all, wanted
 from pgm_places.errors import ConfigError, InputError, nearest_name
 
 __all__ = [
@@ -40,12 +40,6 @@ __all__ = [
 ]
 
 AtLeastZero = Annotated[float, Ge(0)]
-
-
-class OrInfinite:
-    """A mark of numbers that may be infinite."""
-
-
 AtLeastZeroOrInfinite = Annotated[float, Ge(0), OrInfinite()]
 Positive = Annotated[float, Gt(0)]
 Probability = Annotated[float, Ge(0), Le(1)]
@@ -172,25 +166,6 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
         raise ConfigError(f"{path}: {error}" if path else str(error)) from None
 
 
-def wanted(hint: Any) -> str:
-    """What an annotation takes, in words.
-
-    Examples
-    --------
-    >>> wanted(Annotated[int, Ge(3), Le(3600)])
-    'a whole number from 3 to 3600'
-    >>> wanted(Literal["list", "argmax"])
-    "'list' or 'argmax'"
-    >>> wanted(tuple[Positive, ...] | None)
-    'a list of numbers above 0 or None'
-    """
-    arms = [_words(arm, plural=False) for arm in _arms(hint)]
-    if len(arms) < 2:
-        return arms[0]
-    comma = "," if len(arms) > 2 or " and " in arms[0] else ""
-    return ", ".join(arms[:-1]) + f"{comma} or {arms[-1]}"
-
-
 # ---------------------------------------------------------------------- the verdict: pydantic's
 
 
@@ -213,14 +188,15 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
     """
     from pydantic import ValidationError
 
-    if dataclasses.is_dataclass(value) and type(value) in _arms(hint):
+    if isinstance(value, tuple(filter(dataclasses.is_dataclass, arms(hint)))):
         return value  # which has checked its own options
+    reason = ""
     for given in (_sequences(value, tuple), _sequences(value, list)):
         try:
             return _validator(hint).validate_python(given)
-        except ValidationError:
-            continue
-    raise OptionError(name, f"must be {wanted(hint)}, got {value!r}")
+        except ValidationError as error:
+            reason = "" if says_all(hint) else f" ({error.errors()[0]['msg']})"
+    raise OptionError(name, f"must be {wanted(hint)}, got {value!r}{reason}")
 
 
 @functools.cache
@@ -228,10 +204,10 @@ def _validator(hint: Any) -> Any:
     """The TypeAdapter of what an option takes besides other classes of options."""
     from pydantic import ConfigDict, TypeAdapter  # at use: it takes longer to import than to run
 
-    others = tuple(arm for arm in _arms(hint) if not dataclasses.is_dataclass(arm))
-    if len(others) < len(_arms(hint)):
+    others = tuple(arm for arm in arms(hint) if not dataclasses.is_dataclass(arm))
+    if len(others) < len(arms(hint)):
         hint = Union[others or (typing.Never,)]  # noqa: UP007  of what is found at run time
-    infinite = any(isinstance(mark, OrInfinite) for mark in getattr(hint, "__metadata__", ()))
+    infinite = any(isinstance(mark, OrInfinite) for mark in marks_of(hint))
     settings = ConfigDict(strict=True, allow_inf_nan=infinite, arbitrary_types_allowed=True)
     return TypeAdapter(hint, config=settings)
 
@@ -254,82 +230,10 @@ def _at(path: str, key: str) -> str:
 
 def _nested(hint: Any, value: Any, path: str) -> Any:
     """A table as the options that are declared for it, a list of tables as a list of them."""
-    for arm in map(_bare, _arms(hint)):
+    for arm in map(bare, arms(hint)):
         if dataclasses.is_dataclass(arm) and isinstance(arm, type) and isinstance(value, Mapping):
             return from_mapping(arm, value, path=path)
         if typing.get_origin(arm) in (list, tuple) and isinstance(value, list | tuple):
             inner = typing.get_args(arm)[0]
             return [_nested(inner, item, f"{path}[{i}]") for i, item in enumerate(value)]
     return value
-
-
-def _bare(hint: Any) -> Any:
-    """An annotation without its marks."""
-    return typing.get_args(hint)[0] if typing.get_origin(hint) is Annotated else hint
-
-
-def _arms(hint: Any) -> list[Any]:
-    """The alternatives of a union, None last; marks of a whole union are not looked at."""
-    if typing.get_origin(_bare(hint)) not in (Union, types.UnionType):
-        return [hint]
-    arms = [arm for part in typing.get_args(_bare(hint)) for arm in _arms(part)]
-    return sorted(arms, key=lambda arm: arm is types.NoneType)
-
-
-# ---------------------------------------------------------------------- the words: ours
-
-_NOUNS = {
-    int: ("a whole number", "whole numbers"),
-    float: ("a finite number", "numbers"),
-    str: ("a string", "strings"),
-    bool: ("true or false", "true or false"),
-    types.NoneType: ("None", "None"),
-}
-
-
-def _words(hint: Any, *, plural: bool) -> str:
-    marks = getattr(hint, "__metadata__", ())
-    hint = _bare(hint)
-    origin, inner = typing.get_origin(hint), typing.get_args(hint)
-    if origin is Literal:
-        return _choices(inner)
-    if origin in (list, tuple):
-        return _list_words(inner, marks)
-    if origin is dict or hint is dict:
-        return "a table"
-    if dataclasses.is_dataclass(hint):
-        return f"a table of options ({getattr(hint, '__name__', hint)})"
-    if hint not in _NOUNS:
-        return f"a {getattr(hint, '__name__', hint)}"
-    limits = _limits(marks)
-    noun = _NOUNS[hint][plural]
-    return f"{noun.replace('finite ', '')} {limits}" if limits else noun
-
-
-def _choices(values: tuple[Any, ...]) -> str:
-    shown = [repr(value) for value in values]
-    return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + f" or {shown[-1]}"
-
-
-def _list_words(inner: tuple[Any, ...], marks: tuple[Any, ...]) -> str:
-    if len(inner) == 2 and inner[1] is not Ellipsis:
-        return f"a list of two: {wanted(inner[0])}"
-    least = next((mark.min_length for mark in marks if isinstance(mark, MinLen)), 0)
-    start = "a list of" if not least else "a non-empty list of"
-    if least > 1:
-        start = f"a list of at least {least}"
-    return f"{start} " + " or ".join(_words(arm, plural=True) for arm in _arms(inner[0]))
-
-
-def _limits(marks: tuple[Any, ...]) -> str:
-    """'from 3 to 3600', 'above 0', 'of at least 0 and below 1'."""
-    low = next((mark for mark in marks if isinstance(mark, Ge | Gt)), None)
-    high = next((mark for mark in marks if isinstance(mark, Le | Lt)), None)
-    if isinstance(low, Ge) and isinstance(high, Le):
-        return f"from {low.ge} to {high.le}"
-    found = []
-    if low is not None:
-        found.append(f"of at least {low.ge}" if isinstance(low, Ge) else f"above {low.gt}")
-    if high is not None:
-        found.append(f"at most {high.le}" if isinstance(high, Le) else f"below {high.lt}")
-    return " and ".join(found)

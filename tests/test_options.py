@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import typer.testing
 from annotated_types import Ge, Gt, Le, Lt, MinLen
+from pydantic import Field
 
 from pgm_places.cli.flags import flag_of, option_flags
 from pgm_places.cli.main import app
@@ -355,6 +356,24 @@ def test_only_marked_numbers_may_be_infinite() -> None:
     assert Outer("a", reach_m=math.inf).reach_m == math.inf
     assert "got inf" in refusal(lambda: Inner(math.inf))
     assert "got nan" in refusal(lambda: Outer("a", reach_m=math.nan))
+
+
+@dataclasses.dataclass(frozen=True)
+class Marked:
+    """Marks of pydantic itself, as another package may use them."""
+
+    n: Annotated[int, Field(ge=2)] = 2
+    code: Annotated[str, Field(pattern="^[a-z]+$")] = "a"
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+def test_marks_of_pydantic_are_obeyed_and_told() -> None:
+    assert Marked(3, "b").n == 3
+    assert refusal(lambda: Marked(1)) == "n must be a whole number of at least 2, got 1"
+    message = refusal(lambda: Marked(code="B"))
+    assert message == ("code must be a string, got 'B' (String should match pattern '^[a-z]+$')")
 
 
 def test_the_first_sentence_describes_an_option() -> None:

@@ -1,7 +1,7 @@
 """Configuration files: TOML in, checked options out; nothing unknown is let through.
 
 The options of the sensor, the lists, the methods and the topological maps are declared there; here
-stands what is about files: maps, labels, windows, and how it all fits together.
+stands what is about files, and how it all fits together.
 """
 
 import re
@@ -14,9 +14,8 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le, MinLen
 
 from pgm_places._checks import nearest_name
-from pgm_places.datasets.map_simulation import MapSimulation
-from pgm_places.datasets.style import HallsAs, StyleName
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.map_config import MapConfig
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.method import Unary
@@ -30,7 +29,6 @@ __all__ = [
     "ExperimentConfig",
     "FeatureConfig",
     "LabelsConfig",
-    "MapConfig",
     "MethodConfig",
     "SelectConfig",
     "load_config",
@@ -40,11 +38,6 @@ __all__ = [
 MAX_CONFIG_BYTES = 1_000_000
 """A configuration larger than this is some other file."""
 
-OpenEnd = Literal["", "end"] | None
-"""TOML has no null: the strings ``""`` and ``"end"`` stand for an open end of a window."""
-
-Range = tuple[float | OpenEnd, float | OpenEnd]
-IndexRange = tuple[int | OpenEnd, int | OpenEnd]
 Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 
@@ -58,87 +51,6 @@ class LabelsConfig:
         check_options(self)
         if len(set(self.names)) != len(self.names):
             raise ConfigError(f"names must differ, got {list(self.names)}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapConfig:
-    """A map, where its labels are, and which part of it to use.
-
-    ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
-    labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
-    the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres whose property
-    ``class`` is translated by ``classes``. ``columns`` and ``rows`` are half-open ranges of image
-    columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
-    metres; ``half`` is the part of a generated building left or right of the border between its
-    wings, ``style``, ``halls``, ``furniture`` and ``slam_noise`` say how it is drawn
-    (:func:`pgm_places.datasets.generate_building`). ``simulated`` is a seed: a map that a robot
-    would make of the one described is taken instead of it, as ``simulation`` says
-    (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building`` are held out together; by
-    default, parts of the same map are, and what was simulated from it.
-    """
-
-    map: str | None = None
-    generated: Annotated[int, Ge(0)] | None = None
-    labels: str | None = None
-    regions: str | None = None
-    classes: dict[str, str] | None = None
-    name: str | None = None
-    building: str | None = None
-    half: Literal["left", "right"] | None = None
-    style: StyleName | None = None
-    halls: HallsAs | None = None
-    furniture: bool | None = None
-    slam_noise: bool | None = None
-    simulated: Annotated[int, Ge(0)] | None = None
-    simulation: MapSimulation | None = None
-    columns: IndexRange | None = None
-    rows: IndexRange | None = None
-    x_m: Range | None = None
-    y_m: Range | None = None
-    unknown_value: Annotated[int, Ge(0), Le(255)] | None = None
-    compat: Literal["nav2", "ros1"] = "nav2"
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        if (self.map is None) == (self.generated is None):
-            raise ConfigError("give map (a YAML file) or generated (a seed), one of them")
-        if self.generated is not None:
-            if self.labels is not None or self.regions is not None:
-                raise ConfigError(
-                    "a generated building brings its own labels; drop labels, regions"
-                )
-        elif self.half is not None:
-            raise ConfigError("half is for generated buildings; give columns or x_m of a map")
-        elif self.drawn:
-            raise ConfigError(f"{', '.join(self.drawn)}: for generated buildings only")
-        elif (self.labels is None) == (self.regions is None):
-            raise ConfigError("give labels (an image) or regions (a GeoJSON file), one of them")
-        if self.classes is not None and self.regions is None:
-            raise ConfigError("classes translates the classes of regions; there are no regions")
-        if self.simulation is not None and self.simulated is None:
-            raise ConfigError("simulation says how a map is simulated; give simulated, a seed")
-
-    @property
-    def window(self) -> dict[str, tuple[Any, Any]]:
-        """The limits of the window along each axis that has any; None where an end is open."""
-        limits = {name: getattr(self, name) for name in ("columns", "rows", "x_m", "y_m")}
-        return {
-            name: (_end(ends[0]), _end(ends[1]))
-            for name, ends in limits.items()
-            if ends is not None
-        }
-
-    @property
-    def drawn(self) -> dict[str, Any]:
-        """How to draw a generated building, where it is not the default."""
-        named = {
-            name: getattr(self, name) for name in ("style", "halls", "furniture", "slam_noise")
-        }
-        return {key: value for key, value in named.items() if value is not None}
-
-
-def _end(value: float | OpenEnd) -> float | None:
-    return None if isinstance(value, str) else value
 
 
 @dataclass(frozen=True)

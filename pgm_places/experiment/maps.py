@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError
-from pgm_places.experiment.config import MapConfig
 from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.map_config import MapConfig
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions

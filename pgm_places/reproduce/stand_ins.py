@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from pgm_places.errors import ConfigError
-from pgm_places.experiment.config import ExperimentConfig, MapConfig
+from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.map_config import MapConfig
 from pgm_places.options import plain_values
 
 __all__ = ["STAND_INS", "with_stand_ins"]
