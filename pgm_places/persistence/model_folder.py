@@ -83,20 +83,22 @@ def load_folder(path: Path | str) -> tuple[dict[str, Any], Arrays]:
         Where the folder is missing or no model, a file is missing, damaged or changed since it was
         written, or an array holds NaN.
     """
+    from safetensors.numpy import load
+
     folder = Path(path)
     if not folder.is_dir():
         what = "a file" if folder.exists() else "not there"
         raise ModelFileError(
             f"{folder} is {what}; a model is a folder written by 'pgm-places train'"
         )
-    record = _read_manifest(folder)
-    data = _read_bytes(folder / ARRAYS)
-    if hashlib.sha256(data).hexdigest() != record["arrays_sha256"]:
-        raise ModelFileError(
-            f"{folder / ARRAYS} is not the file that {MANIFEST} describes (another SHA-256): it "
-            "was damaged or exchanged; copy the folder again or train again"
-        )
-    arrays = _read_arrays(folder / ARRAYS, data)
+    record = _manifest(folder)
+    with _content(folder / ARRAYS) as data:
+        if hashlib.sha256(data).hexdigest() != record["arrays_sha256"]:
+            raise ModelFileError(
+                f"{folder / ARRAYS} is not the file that {MANIFEST} describes (another SHA-256): "
+                "it was damaged or exchanged; copy the folder again or train again"
+            )
+        arrays = load(data)
     for name, array in arrays.items():
         _check_numbers(folder, name, array)
         array.setflags(write=False)
@@ -122,7 +124,7 @@ def is_model(path: Path | str) -> bool:
     try:
         if {item.name for item in folder.iterdir()} - {MANIFEST, ARRAYS}:
             return False
-        return bool(_read_manifest(folder))
+        return bool(_manifest(folder))
     except (OSError, ModelFileError):
         return False
 
@@ -160,24 +162,10 @@ def _check_numbers(folder: Path, name: str, array: NDArray[Any]) -> None:
         )
 
 
-def _read_bytes(path: Path) -> bytes:
-    if not path.is_file():
-        raise ModelFileError(
-            f"{path} is missing; a model folder holds {MANIFEST} and {ARRAYS}, copy both"
-        )
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise ModelFileError(f"{path} cannot be read: {error.strerror or error}") from None
-
-
-def _read_manifest(folder: Path) -> dict[str, Any]:
+def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
-    text = _read_bytes(path)
-    try:
-        record = json.loads(text.decode("utf-8"), parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:
-        raise ModelFileError(f"{path} is damaged: {error}; copy the folder again") from None
+    with _content(path) as data:
+        record = json.loads(data.decode("utf-8"), parse_constant=_refuse_constant)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise ModelFileError(f"{path} does not describe a {FORMAT}")
     if record.get("schema") != SCHEMA:
@@ -196,11 +184,20 @@ def _refuse_constant(text: str) -> NoReturn:
     raise ValueError(f"{text} is not a JSON number")
 
 
-def _read_arrays(path: Path, data: bytes) -> Arrays:
+@contextmanager
+def _content(path: Path) -> Iterator[bytes]:
+    """A file's bytes; what cannot be made of them is one clear line that names the file."""
     from safetensors import SafetensorError
-    from safetensors.numpy import load
 
+    if not path.is_file():
+        raise ModelFileError(
+            f"{path} is missing; a model folder holds {MANIFEST} and {ARRAYS}, copy both"
+        )
     try:
-        return dict(load(data))
-    except (SafetensorError, ValueError, KeyError, TypeError) as error:
+        yield path.read_bytes()
+    except ModelFileError:
+        raise
+    except OSError as error:
+        raise ModelFileError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (SafetensorError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise ModelFileError(f"{path} is damaged: {error}; copy the folder again") from None
