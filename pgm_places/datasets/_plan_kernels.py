@@ -78,14 +78,16 @@ def drive(
 ) -> int:
     """Cells every ``spacing`` steps of a way from stop to nearest stop, and how many there are.
 
-    The way begins at the flat index ``start`` of ``drivable`` (H, W) and goes on while ``stops``
-    (H, W), which are taken out as they are reached, can be reached or ``out`` has space.
+    The way begins at the flat index ``start`` of ``drivable`` (H, W), the first of ``out``, and
+    goes on while ``stops`` (H, W), which are taken out as they are reached, can be reached and
+    ``out`` has space.
     """
     came_from = np.empty(drivable.size, np.int64)
     queue = np.empty(drivable.size, np.int64)
     path = np.empty(drivable.size, np.int64)
     width = drivable.shape[1]
-    n_out, driven, here = 0, 0, start
+    out[0] = start
+    n_out, driven, here = 1, 0, start
     while True:
         there = _search(drivable, stops, here, came_from, queue)
         if there < 0:

@@ -9,7 +9,8 @@ from scipy import ndimage
 
 from pgm_places.datasets import STYLES, LabelledBuilding, generate_building
 from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Frontage, Rect
+from pgm_places.datasets.filling import Site
+from pgm_places.datasets.floor_plan import Frontage, Rect, Scale
 from pgm_places.datasets.kinds import KINDS
 from pgm_places.datasets.layout import LAYOUTS, draw_layout
 from pgm_places.datasets.style import HallsAs, StyleName
@@ -60,6 +61,27 @@ def test_every_room_can_be_reached(empty: LabelledBuilding) -> None:
     areas_m2[areas_m2.argmax()] = 0
     assert areas_m2.max() < 1.0
     assert (empty.grid.free & (empty.labels < 0)).sum() < 0.005 * empty.grid.free.sum()
+
+
+@pytest.mark.parametrize(("kind", "seed", "wings"), [("ring", 104, 1), ("hotel", 102, 3)])
+def test_the_leaf_of_a_door_closes_no_washroom(kind: StyleName, seed: int, wings: int) -> None:
+    """On these floors, doors beside washrooms would."""
+    building = generate_building(
+        seed, style=kind, wings=wings, resolution_m=0.2, furniture=False, slam_noise=False
+    )
+    parts, _ = ndimage.label(building.grid.free)
+    areas_m2 = np.sort(np.bincount(parts[building.grid.free]) * 0.04)
+    assert areas_m2[-2] < 1.5 < areas_m2[-1]
+
+
+def test_a_fire_door_stands_between_two_walls() -> None:
+    site = Site(Scale(100), (40, 60))
+    site.take(Rect(5, 10, 50, 20))
+    site.take(Rect(30, 20, 40, 35))
+    assert site.is_flanked(Rect(20, 10, 21, 20))
+    assert not site.is_flanked(Rect(35, 10, 36, 20))  # a corridor branches off there
+    assert site.is_flanked(Rect(30, 30, 40, 31))
+    assert not site.is_flanked(Rect(31, 30, 40, 31))
 
 
 def test_one_passes_from_room_to_room_without_crossing_another(empty: LabelledBuilding) -> None:

@@ -60,6 +60,7 @@ def test_a_drive_goes_from_stop_to_nearest_stop(seed: int) -> None:
     here, left = (7, 9), {(int(y), int(x)) for y, x in np.argwhere(stops)}
     left.discard(here)
     way = iter(driven)
+    assert next(way) == here
     while left:
         steps = surveys.steps(drivable, here)
         for _ in range(min(int(steps[stop]) for stop in left)):
@@ -75,5 +76,5 @@ def test_a_drive_notes_every_few_steps_and_every_stop() -> None:
     drivable, stops = np.ones((1, 20), np.bool_), np.zeros((1, 20), np.bool_)
     stops[0, [9, 15]] = True
     out = np.empty(20, np.int64)
-    assert out[: drive(drivable, stops, 0, 4, out)].tolist() == [4, 8, 9, 12, 15]
+    assert out[: drive(drivable, stops, 0, 4, out)].tolist() == [0, 4, 8, 9, 12, 15]
     assert not stops.any()
