@@ -7,12 +7,17 @@ stump that says +1 on the left, times the plain mass. Inside a bin the score can
 twice the bin's positive mass, and fall by at most twice its negative mass.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import inlined, njit
+from pgm_places.models._weighing_kernels import Weights
 
 __all__ = [
+    "Histograms",
+    "InnerBin",
     "add_to_four",
     "first_good_edge",
     "interior_scores",
@@ -25,19 +30,50 @@ N_BINS = 256
 GROUP = 4  # histograms filled together, to hide the latency of each
 
 
+class Histograms(NamedTuple):
+    """Sums of the positive and of the negative masses."""
+
+    positive: NDArray[np.int64]
+    """(D, 256) in each bin of each feature, or flat in the cells of joint tables;"""
+    negative: NDArray[np.int64]
+    """likewise, not positive."""
+
+
+class InnerBin(NamedTuple):
+    """One bin of one feature, to be looked into."""
+
+    members: NDArray[np.int32]
+    """The positions of its examples, by ascending value."""
+    values: NDArray[np.float32]
+    """Their values."""
+    left: int
+    """The signed mass of all lower bins,"""
+    seen: int
+    """and the plain one."""
+
+
+@inlined
+def _total(weighed: Weights) -> int:
+    """The sum of the signed masses."""
+    return weighed.sums[1] + weighed.sums[0]
+
+
+@inlined
+def _mass(weighed: Weights) -> int:
+    """The sum of all masses."""
+    return weighed.sums[1] - weighed.sums[0]
+
+
 @njit
 def add_to_four(
-    c0: NDArray[np.uint8],
-    c1: NDArray[np.uint8],
-    c2: NDArray[np.uint8],
-    c3: NDArray[np.uint8],
+    codes: NDArray[np.uint8],
+    planes: NDArray[np.int64],
     masses: NDArray[np.int64],
-    h0: NDArray[np.int64],
-    h1: NDArray[np.int64],
-    h2: NDArray[np.int64],
-    h3: NDArray[np.int64],
+    tables: NDArray[np.int64],
 ) -> None:
-    """Add each mass to its bin of four histograms."""
+    """Add each mass to its bin of four histograms (4, 256), those of four planes of ``codes``."""
+    c0, c1, c2, c3 = codes[planes[0]], codes[planes[1]], codes[planes[2]], codes[planes[3]]
+    h0, h1, h2, h3 = tables[0], tables[1], tables[2], tables[3]
     for n in range(len(masses)):
         mass = masses[n]
         h0[c0[n]] += mass
@@ -49,32 +85,18 @@ def add_to_four(
 @njit
 def score_bins(
     codes: NDArray[np.uint8],
-    masses: NDArray[np.int64],
-    segments: NDArray[np.int64],
     planes: NDArray[np.int64],
-    total: int,
-    mass: int,
-    positive: NDArray[np.int64],
-    negative: NDArray[np.int64],
+    weighed: Weights,
+    fine: Histograms,
     best_edge: NDArray[np.int64],
 ) -> None:
     """Fill the fine histograms of four features, and find their best split at an edge."""
+    total, mass, segments = _total(weighed), _mass(weighed), weighed.segments
     tables = np.zeros((2, GROUP, N_BINS), np.int64)
     for s in range(len(segments)):
         start, stop = segments[s, 0], segments[s, 1]
-        part = codes[:, start:stop]
-        side = tables[segments[s, 2]]
-        add_to_four(
-            part[planes[0]],
-            part[planes[1]],
-            part[planes[2]],
-            part[planes[3]],
-            masses[start:stop],
-            side[0],
-            side[1],
-            side[2],
-            side[3],
-        )
+        masses = weighed.masses[start:stop]
+        add_to_four(codes[:, start:stop], planes, masses, tables[segments[s, 2]])
     for a in range(GROUP):
         j = planes[a]
         left = 0
@@ -83,8 +105,8 @@ def score_bins(
         for b in range(N_BINS):
             p = tables[1, a, b]
             q = tables[0, a, b]
-            positive[j, b] = p
-            negative[j, b] = q
+            fine.positive[j, b] = p
+            fine.negative[j, b] = q
             left += p + q
             seen += p - q
             if 0 < seen < mass:
@@ -95,8 +117,7 @@ def score_bins(
 @njit
 def promising_bins(
     planes: NDArray[np.int64],
-    positive: NDArray[np.int64],
-    negative: NDArray[np.int64],
+    fine: Histograms,
     pure: NDArray[np.bool_],
     total: int,
     floor: int,
@@ -106,6 +127,7 @@ def promising_bins(
 
     Rows of ``out`` are (bound, feature, bin, signed mass of lower bins, mass of lower bins).
     """
+    positive, negative = fine
     count = 0
     for a in range(len(planes)):
         j = planes[a]
@@ -131,10 +153,8 @@ def promising_bins(
 @njit
 def first_good_edge(
     planes: NDArray[np.int64],
-    positive: NDArray[np.int64],
-    negative: NDArray[np.int64],
-    total: int,
-    mass: int,
+    fine: Histograms,
+    weighed: Weights,
     floor: int,
     out: NDArray[np.int64],
 ) -> None:
@@ -142,6 +162,8 @@ def first_good_edge(
 
     First in the order of ``planes``, then of thresholds; (-1, -1, 0) if there is none.
     """
+    positive, negative = fine
+    total, mass = _total(weighed), _mass(weighed)
     out[0] = -1
     out[1] = -1
     out[2] = 0
@@ -161,23 +183,16 @@ def first_good_edge(
 
 @njit
 def interior_scores(
-    members: NDArray[np.int32],
-    values: NDArray[np.float32],
-    masses: NDArray[np.int64],
-    included: NDArray[np.bool_],
-    left: int,
-    seen: int,
-    total: int,
-    mass: int,
-    floor: int,
-    out: NDArray[np.int64],
+    inner: InnerBin, weighed: Weights, floor: int, out: NDArray[np.int64]
 ) -> tuple[float, float]:
     """The values around the first split inside one bin whose score reaches ``floor``, or NaN.
 
-    ``members`` are the bin's positions by ascending ``values``; ``left`` and ``seen`` are the
-    signed and the plain mass of all lower bins. Splits lie between included examples of different
-    values only. Writes the best size of a score (-1 without a split) and the first one's score.
+    Splits lie between included examples of different values only. Writes the best size of a score
+    (-1 without a split) and the first one's score.
     """
+    members, values, left, seen = inner
+    masses, included = weighed.masses, weighed.included
+    total, mass = _total(weighed), _mass(weighed)
     out[0] = -1
     out[1] = 0
     low = np.nan

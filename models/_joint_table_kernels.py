@@ -1,14 +1,28 @@
 """Compiled loops over tables of joint coarse bins: upkeep, margins, bounds on scores."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit, prefetch
+from pgm_places.models._boosting_kernels import Histograms
+from pgm_places.models._weighing_kernels import Changes
+from pgm_places.models.sorted_features import JointTables
 
-__all__ = ["add_changes", "score_tables", "sum_last_axis"]
+__all__ = ["Best", "add_changes", "score_tables", "sum_last_axis"]
 
 N_BINS = 256
 AHEAD = 128  # how many changes before its use a cell is fetched: they lie far apart in memory
+
+
+class Best(NamedTuple):
+    """What each feature can reach."""
+
+    edge: NDArray[np.int64]
+    """(D,) the best score of a split between coarse bins,"""
+    bound: NDArray[np.int64]
+    """(D,) and a bound on those inside them."""
 
 
 @njit
@@ -49,38 +63,32 @@ def sum_last_axis(
 
 @njit
 def score_tables(
-    first: int,
-    last: int,
-    cells: NDArray[np.uint16],
-    starts: NDArray[np.int64],
-    axes: NDArray[np.int64],
-    planes: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    pure: NDArray[np.bool_],
-    positions: NDArray[np.uint32],
-    changes: NDArray[np.int64],
-    spans: NDArray[np.int64],
-    total: int,
-    mass: int,
-    positive: NDArray[np.int64],
-    negative: NDArray[np.int64],
-    best_edge: NDArray[np.int64],
-    best_bound: NDArray[np.int64],
+    part: tuple[int, int],
+    tables: JointTables,
+    changed: Changes,
+    kept: Histograms,
+    sums: NDArray[np.int64],
+    best: Best,
 ) -> None:
     """Bring tables up to date; find each feature's best coarse edge and a bound on the rest.
 
-    ``cells[t, n]`` is the cell of example n in table t, which has one axis per feature, the last
-    varying fastest: ``planes`` and ``sizes`` from ``axes[t]`` to ``axes[t + 1]``. Its masses are
-    kept in ``positive`` and ``negative`` from ``starts[t]`` to ``starts[t + 1]``, and are the sum
-    of all ``changes`` so far; ``spans`` rows are (start, stop, is positive) of the new ones. The
-    table's margins are the histograms of its features, so one pass serves them all.
+    ``part`` is the first table and the one after the last. Masses are kept in ``kept`` from
+    ``tables.starts[t]`` to ``tables.starts[t + 1]``, and are the sum of all changes so far;
+    ``sums`` are those of the negative and of the positive masses. A table's margins are the
+    histograms of its features, so one pass serves them all.
     """
+    first, last = part
+    total, mass = sums[1] + sums[0], sums[1] - sums[0]
+    cells, axes, planes, sizes, starts, pure = tables
+    positions, changes, spans = changed
+    positive, negative = kept
+    best_edge, best_bound = best
     for t in range(first, last, 2):
         mate = min(t + 1, last - 1)
         for s in range(len(spans)):
             start, stop = spans[s, 0], spans[s, 1]
-            kept = positive if spans[s, 2] == 1 else negative
-            another = kept[starts[mate] : starts[mate + 1]]
+            side = positive if spans[s, 2] == 1 else negative
+            another = side[starts[mate] : starts[mate + 1]]
             if mate == t:
                 another = np.zeros_like(another)
             add_changes(
@@ -88,7 +96,7 @@ def score_tables(
                 cells[mate],
                 positions[start:stop],
                 changes[start:stop],
-                kept[starts[t] : starts[t + 1]],
+                side[starts[t] : starts[t + 1]],
                 another,
             )
     p = np.empty(N_BINS, np.int64)

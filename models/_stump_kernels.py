@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 from pgm_places.models._gathering_kernels import BLOCK, gather
+from pgm_places.models.strong_classifier import VoteTable
 
 __all__ = ["BLOCK", "sum_votes"]
 
@@ -14,18 +15,15 @@ def sum_votes(
     X: NDArray[np.float32],
     start: int,
     stop: int,
-    columns: NDArray[np.int64],
-    plane: NDArray[np.int64],
-    cut: NDArray[np.float32],
-    vote: NDArray[np.float64],
-    first: NDArray[np.int64],
+    stumps: VoteTable,
     out: NDArray[np.float64],
 ) -> None:
     """Write ``out[k, n]`` = sum of +vote[t] where x < cut[t], else -vote[t], over t of group k.
 
-    ``plane[t]`` says which of ``columns`` stump t looks at; group k is ``first[k]`` to
-    ``first[k + 1]``. Votes are added in the order of t, so one group's bits depend on nothing else.
+    Group k are the stumps ``first[k]`` to ``first[k + 1]``. Votes are added in the
+    order of t, so one group's bits depend on nothing else.
     """
+    columns, plane, cut, vote, first = stumps
     values = np.empty((len(columns), BLOCK), np.float32)
     total = np.empty(BLOCK, np.float64)
     for block in range(start, stop, BLOCK):

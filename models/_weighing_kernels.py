@@ -1,28 +1,85 @@
 """Compiled loops over the weights of examples: rounding them to masses, making some heavier."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["reweigh", "weigh_all"]
+__all__ = ["Changes", "Split", "Weights", "reweigh", "weigh_all"]
+
+
+class Weights(NamedTuple):
+    """The weights of the examples of one binary problem, and their masses.
+
+    Signed masses are the weights as whole numbers, negative for negative examples, so that every
+    sum is exact in whatever order it is taken.
+    """
+
+    weights: NDArray[np.float64]
+    """(N,)."""
+    masses: NDArray[np.int64]
+    """(N,) signed, 0 for examples that take no part."""
+    included: NDArray[np.bool_]
+    """(N,) whether they do."""
+    segments: NDArray[np.int64]
+    """(S, 3) rows (start, stop, is positive) of the examples that do."""
+    sums: NDArray[np.int64]
+    """(2,) of the negative and of the positive masses."""
+
+    @property
+    def total(self) -> int:
+        """The sum of the signed masses."""
+        return int(self.sums[1] + self.sums[0])
+
+    @property
+    def mass(self) -> int:
+        """The sum of all masses, which stands for the weight 1."""
+        return int(self.sums[1] - self.sums[0])
+
+
+class Changes(NamedTuple):
+    """The examples whose mass changed last."""
+
+    positions: NDArray[np.uint32]
+    """(N,), as many as there are."""
+    changes: NDArray[np.int64]
+    """(N,) by how much."""
+    spans: NDArray[np.int64]
+    """(S, 3) rows (start, stop, is positive) of these lists, one for each segment."""
+
+
+class Split(NamedTuple):
+    """Which examples a stump puts on its left.
+
+    They are those with ``codes`` under ``below``, and in bin ``mixed`` those with a value under
+    ``threshold``.
+    """
+
+    codes: NDArray[np.uint8]
+    """(N,) the feature's bin of each example."""
+    X: NDArray[np.float32]
+    """The matrix of features,"""
+    rows: NDArray[np.int64]
+    """(N,) its row of each example,"""
+    column: int
+    """and the feature's column."""
+    below: int
+    mixed: int
+    threshold: float
+    left_side: int
+    """1 where the stump says positive on the left, else 0."""
 
 
 @njit
-def weigh_all(
-    weights: NDArray[np.float64],
-    segments: NDArray[np.int64],
-    whole: float,
-    masses: NDArray[np.int64],
-    positions: NDArray[np.uint32],
-    changes: NDArray[np.int64],
-    spans: NDArray[np.int64],
-    sums: NDArray[np.int64],
-) -> int:
+def weigh_all(whole: float, weighed: Weights, changed: Changes) -> int:
     """Scale weights to the sum ``whole``, round them to masses, and list all as changes from zero.
 
-    Writes the sum of the negative and of the positive masses; returns the number of changes.
+    Returns the number of changes.
     """
+    weights, masses, _, segments, sums = weighed
+    positions, changes, spans = changed
     scale = 0.0
     for s in range(len(segments)):
         for n in range(segments[s, 0], segments[s, 1]):
@@ -50,31 +107,17 @@ def weigh_all(
 
 @njit
 def reweigh(
-    codes: NDArray[np.uint8],
-    segments: NDArray[np.int64],
-    X: NDArray[np.float32],
-    rows: NDArray[np.int64],
-    column: int,
-    below: int,
-    mixed: int,
-    threshold: float,
-    left_side: int,
-    rise: float,
-    wrong: NDArray[np.bool_],
-    weights: NDArray[np.float64],
-    masses: NDArray[np.int64],
-    positions: NDArray[np.uint32],
-    changes: NDArray[np.int64],
-    spans: NDArray[np.int64],
-    sums: NDArray[np.int64],
+    split: Split, rise: float, wrong: NDArray[np.bool_], weighed: Weights, changed: Changes
 ) -> int:
     """Make wrongly classified examples heavier than the others by the factor ``rise``.
 
     Either their weights are multiplied or those of the others divided, whichever are fewer: a
-    common factor of all weights does not matter. Left of the split, which says ``left_side``, are
-    codes under ``below``, and in bin ``mixed`` values under ``threshold``. Lists the changed masses
-    and returns how many there are.
+    common factor of all weights does not matter. Lists the changed masses and returns how many
+    there are; ``wrong`` (N,) is scratch.
     """
+    codes, X, rows, column, below, mixed, threshold, left_side = split
+    weights, masses, _, segments, sums = weighed
+    positions, changes, spans = changed
     n_wrong = 0
     n_all = 0
     for s in range(len(segments)):

@@ -63,7 +63,7 @@ def boost(
         stump = search.best_stump()
         if stump is None:
             break
-        edge = abs(stump.score) / search.mass
+        edge = abs(stump.score) / search.weighed.mass
         if edge < tolerance:
             break
         alpha = shrinkage * alpha_of(edge)

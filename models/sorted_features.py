@@ -13,7 +13,7 @@ Memory beside the matrix: at most two bytes per example and feature.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,27 +31,21 @@ _MANY_EXAMPLES = 32_768  # from here on a table of 64 x 64 cells is worth its ma
 _FEW_EXAMPLES = 4_096
 
 
-@dataclass(frozen=True, eq=False)
-class JointTables:
-    """Tables of joint coarse bins, each with one axis per feature, the last varying fastest.
+class JointTables(NamedTuple):
+    """Tables of joint coarse bins, each with one axis per feature, the last varying fastest."""
 
-    Attributes
-    ----------
-    cells : (T, N) uint16
-        The cell of every example in every table.
-    axes : (T + 1,) int64
-        Table t has the axes ``axes[t]`` to ``axes[t + 1]``.
-    planes, sizes : (D,) int64
-        The feature of each axis, and its coarse bins.
-    starts : (T + 1,) int64
-        Where each table's cells begin when all tables stand in one array.
-    """
-
-    cells: NDArray[np.uint16] = field(repr=False)
+    cells: NDArray[np.uint16]
+    """(T, N) the cell of every example in every table."""
     axes: NDArray[np.int64]
+    """(T + 1,) table t has the axes ``axes[t]`` to ``axes[t + 1]``."""
     planes: NDArray[np.int64]
+    """(D,) the feature of each axis,"""
     sizes: NDArray[np.int64]
+    """(D,) and its coarse bins."""
     starts: NDArray[np.int64]
+    """(T + 1,) where each table's cells begin when all tables stand in one array."""
+    pure: NDArray[np.bool_]
+    """(D, 256) coarse bins of each feature that hold one value only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +66,6 @@ class SortedFeatures:
         The bin of every kept column at every position.
     pure : (D, 256) bool
         Bins that can hold one value only.
-    coarse_pure : (D, 256) bool
-        The same for coarse bins.
     tables : JointTables
         Every kept column is an axis of one of them.
     """
@@ -84,7 +76,6 @@ class SortedFeatures:
     columns: NDArray[np.int64]
     codes: NDArray[np.uint8] = field(repr=False)
     pure: NDArray[np.bool_] = field(repr=False)
-    coarse_pure: NDArray[np.bool_] = field(repr=False)
     tables: JointTables = field(repr=False)
     _bins: dict[tuple[int, int], tuple[NDArray[np.int32], NDArray[np.float32]]] = field(
         default_factory=dict, repr=False
@@ -140,10 +131,10 @@ def prepare(
     columns = _distinct(X, rows, codes, pure)
     codes, pure = codes[columns], pure[columns]
     coarse, coarse_pure = _coarse_bins(codes, pure, _coarse_limit(len(rows)))
-    tables = _tables(codes, coarse, _coarse_limit(len(rows)) ** 2, n_threads)
+    tables = _tables(codes, coarse, coarse_pure, _coarse_limit(len(rows)) ** 2, n_threads)
     for array in (rows, parts, columns, codes, pure, coarse_pure):
         array.setflags(write=False)
-    return SortedFeatures(X, rows, parts, columns, codes, pure, coarse_pure, tables)
+    return SortedFeatures(X, rows, parts, columns, codes, pure, tables)
 
 
 def _coarse_limit(n_rows: int) -> int:
@@ -275,7 +266,11 @@ def _coarse_bins(
 
 
 def _tables(
-    codes: NDArray[np.uint8], coarse: NDArray[np.uint8], limit: int, n_threads: int | None
+    codes: NDArray[np.uint8],
+    coarse: NDArray[np.uint8],
+    coarse_pure: NDArray[np.bool_],
+    limit: int,
+    n_threads: int | None,
 ) -> JointTables:
     """The features packed into tables of at most ``limit`` cells, the finest first."""
     from pgm_places.models._quantising_kernels import join
@@ -302,4 +297,4 @@ def _tables(
         join(codes, coarse, planes[own], sizes[own], cells[task])
 
     run_tasks(work, len(groups), n_threads=n_threads)
-    return JointTables(cells, axes, planes, sizes, np.cumsum([0, *n_cells]))
+    return JointTables(cells, axes, planes, sizes, np.cumsum([0, *n_cells]), coarse_pure)

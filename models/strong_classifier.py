@@ -147,27 +147,19 @@ def score_all(
     return VoteTable.of(classifiers).scores(X, n_threads=n_threads)
 
 
-@dataclass(frozen=True, eq=False)
-class VoteTable:
-    """The stumps of several classifiers side by side, made ready for the kernel once.
-
-    Attributes
-    ----------
-    columns : (C,) int64
-        The distinct columns that the stumps look at.
-    plane : (S,) int64
-        For each stump the place of its column among those.
-    cut : (S,) float32
-    vote : (S,) float64
-    first : (n + 1,) int64
-        Where the stumps of each classifier begin.
-    """
+class VoteTable(NamedTuple):
+    """The stumps of several classifiers side by side, as the kernel takes them."""
 
     columns: NDArray[np.int64]
+    """(C,) the distinct columns that the stumps look at."""
     plane: NDArray[np.int64]
+    """(S,) for each stump the place of its column among those,"""
     cut: NDArray[np.float32]
+    """(S,) its threshold,"""
     vote: NDArray[np.float64]
+    """(S,) and its vote on the left of it."""
     first: NDArray[np.int64]
+    """(n + 1,) where the stumps of each classifier begin."""
 
     @classmethod
     def of(cls, classifiers: Sequence[StrongClassifier]) -> Self:
@@ -188,20 +180,16 @@ class VoteTable:
         """(n, N) F of every classifier for every row: see :func:`score_all`."""
         from pgm_places.models._stump_kernels import BLOCK, sum_votes
 
-        columns = self.columns
+        table = self
         if not X.flags.c_contiguous:
-            X = np.ascontiguousarray(X[:, columns])
-            columns = np.arange(len(columns))
+            X = np.ascontiguousarray(X[:, self.columns])
+            table = self._replace(columns=np.arange(len(self.columns)))
         n = len(X)
         out = np.empty((len(self.first) - 1, n))
         size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
 
         def work(task: int) -> None:
-            part = slice(task * size, min((task + 1) * size, n))
-            sum_votes(
-                X, part.start, part.stop, columns,
-                self.plane, self.cut, self.vote, self.first, out,
-            )  # fmt: skip
+            sum_votes(X, task * size, min((task + 1) * size, n), table, out)
 
         run_tasks(work, -(-n // size), n_threads=n_threads)
         return out

@@ -6,6 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.threads import run_tasks
+from pgm_places.models._boosting_kernels import (
+    Histograms,
+    InnerBin,
+    first_good_edge,
+    interior_scores,
+    neighbours_of_split,
+    promising_bins,
+    score_bins,
+)
+from pgm_places.models._joint_table_kernels import Best, score_tables
+from pgm_places.models._weighing_kernels import Changes, Split, Weights, reweigh, weigh_all
 from pgm_places.models.sorted_features import SortedFeatures
 
 __all__ = ["Stump", "StumpSearch"]
@@ -69,62 +80,38 @@ class StumpSearch:
         n_planes, n = prepared.codes.shape
         n_cells = int(prepared.tables.starts[-1])
         self.prepared = prepared
-        self.segments = segments
-        self.weights = weights
         self.n_threads = n_threads
-        self.included = np.zeros(n, np.bool_)
+        included = np.zeros(n, np.bool_)
         for start, stop, _ in segments:
-            self.included[start:stop] = True
+            included[start:stop] = True
+        sums = np.zeros(2, np.int64)
+        self.weighed = Weights(weights, np.zeros(n, np.int64), included, segments, sums)
+        self.changed = Changes(
+            np.empty(n, np.uint32), np.empty(n, np.int64), np.zeros_like(segments)
+        )
         self.wrong = np.zeros(n, np.bool_)
-        self.masses = np.zeros(n, np.int64)
-        self.sums = np.zeros(2, np.int64)  # of the negative and of the positive masses
-        self.positions = np.empty(n, np.uint32)  # the examples whose mass changed last,
-        self.changes = np.empty(n, np.int64)  # by how much,
-        self.spans = np.zeros_like(segments)  # and which of them are positive
-        self.table_positive = np.zeros(n_cells, np.int64)
-        self.table_negative = np.zeros(n_cells, np.int64)
-        self.positive = np.empty((n_planes, 256), np.int64)
-        self.negative = np.empty((n_planes, 256), np.int64)
-        self.best_edge = np.empty(n_planes, np.int64)
-        self.best_bound = np.empty(n_planes, np.int64)
+        self.cells = Histograms(np.zeros(n_cells, np.int64), np.zeros(n_cells, np.int64))
+        self.fine = Histograms(
+            np.empty((n_planes, 256), np.int64), np.empty((n_planes, 256), np.int64)
+        )
+        self.best = Best(np.empty(n_planes, np.int64), np.empty(n_planes, np.int64))
         self.promising = np.empty((256, 5), np.int64)
-
-    @property
-    def total(self) -> int:
-        """The sum of the signed masses."""
-        return int(self.sums[1] + self.sums[0])
-
-    @property
-    def mass(self) -> int:
-        """The sum of all masses, which stands for the weight 1."""
-        return int(self.sums[1] - self.sums[0])
 
     @property
     def tie(self) -> int:
         """Scores this close count as equal."""
-        return self.mass >> _TIE_SHIFT
+        return self.weighed.mass >> _TIE_SHIFT
 
     def keep_in_range(self) -> None:
         """Normalise the weights (step 3a of Fig. 2) where their sum has drifted too far.
 
         In between, their sum stands for 1: only its ratio to scores matters.
         """
-        if _LEAST_MASS <= self.mass <= _MOST_MASS:
+        if _LEAST_MASS <= self.weighed.mass <= _MOST_MASS:
             return
-        from pgm_places.models._weighing_kernels import weigh_all
-
-        self.table_positive[:] = 0
-        self.table_negative[:] = 0
-        weigh_all(
-            self.weights,
-            self.segments,
-            _WHOLE_MASS,
-            self.masses,
-            self.positions,
-            self.changes,
-            self.spans,
-            self.sums,
-        )
+        for kept in self.cells:
+            kept[:] = 0
+        weigh_all(_WHOLE_MASS, self.weighed, self.changed)
 
     def best_stump(self) -> Stump | None:
         """The stump of largest ``|r|``; among equals the lowest feature, then the lowest threshold.
@@ -133,11 +120,11 @@ class StumpSearch:
         those inside the bins that can.
         """
         self._score_coarse()
-        best = int(self.best_edge.max(initial=-1))
+        best = int(self.best.edge.max(initial=-1))
         if best < 0:
             return None
         planes = self._score_fine(best)
-        best = max(best, int(self.best_edge[planes].max()))
+        best = max(best, int(self.best.edge[planes].max()))
         looked_into, best = self._score_inside(planes, best)
         return self._first_of(planes, looked_into, best - self.tie)
 
@@ -145,67 +132,36 @@ class StumpSearch:
         return self.n_threads if n_counted >= _WORTH_THREADS else 1
 
     def _score_coarse(self) -> None:
-        from pgm_places.models._joint_table_kernels import score_tables
-
-        prepared = self.prepared
-        tables = prepared.tables
+        tables = self.prepared.tables
         n_tables = len(tables.cells)
-        total, mass = self.total, self.mass
 
         def work(task: int) -> None:
-            score_tables(
-                task * _PER_TASK,
-                min((task + 1) * _PER_TASK, n_tables),
-                tables.cells,
-                tables.starts,
-                tables.axes,
-                tables.planes,
-                tables.sizes,
-                prepared.coarse_pure,
-                self.positions,
-                self.changes,
-                self.spans,
-                total,
-                mass,
-                self.table_positive,
-                self.table_negative,
-                self.best_edge,
-                self.best_bound,
-            )
+            part = (task * _PER_TASK, min((task + 1) * _PER_TASK, n_tables))
+            sums = self.weighed.sums
+            score_tables(part, tables, self.changed, self.cells, sums, self.best)
 
-        n_changes = int(self.spans[-1, 1])
+        n_changes = int(self.changed.spans[-1, 1])
         threads = self._threads_for(n_tables * n_changes)
         run_tasks(work, -(-n_tables // _PER_TASK), n_threads=threads)
 
     def _score_fine(self, best: int) -> NDArray[np.int64]:
         """Fill the fine histograms of all features that can reach the best score; return them."""
-        from pgm_places.models._boosting_kernels import score_bins
-
-        reach = np.maximum(self.best_edge, self.best_bound)
+        reach = np.maximum(self.best.edge, self.best.bound)
         planes = np.argsort(-reach, kind="stable")
 
         def work(task: int) -> None:
             group = planes[task * _GROUP : (task + 1) * _GROUP]
-            score_bins(
-                self.prepared.codes,
-                self.masses,
-                self.segments,
-                np.resize(group, _GROUP),
-                self.total,
-                self.mass,
-                self.positive,
-                self.negative,
-                self.best_edge,
-            )
+            four = np.resize(group, _GROUP)
+            score_bins(self.prepared.codes, four, self.weighed, self.fine, self.best.edge)
 
         work(0)  # the most promising ones raise the bar for the others
-        best = max(best, int(self.best_edge[planes[:_GROUP]].max()))
+        best = max(best, int(self.best.edge[planes[:_GROUP]].max()))
         count = max(_GROUP, int((reach >= best - self.tie).sum()))
         n_tasks = -(-count // _GROUP) - 1
         run_tasks(
             lambda task: work(task + 1),
             n_tasks,
-            n_threads=self._threads_for(count * len(self.masses)),
+            n_threads=self._threads_for(count * len(self.wrong)),
         )
         return np.sort(planes[:count])
 
@@ -224,18 +180,9 @@ class StumpSearch:
         return looked_into, best
 
     def _promising_bins(self, planes: NDArray[np.int64], floor: int) -> NDArray[np.int64]:
-        from pgm_places.models._boosting_kernels import promising_bins
-
         while True:
-            count = promising_bins(
-                planes,
-                self.positive,
-                self.negative,
-                self.prepared.pure,
-                self.total,
-                floor,
-                self.promising,
-            )
+            total, pure = self.weighed.total, self.prepared.pure
+            count = promising_bins(planes, self.fine, pure, total, floor, self.promising)
             if count <= len(self.promising):
                 return self.promising[:count]
             self.promising = np.empty((2 * count, 5), np.int64)
@@ -243,33 +190,18 @@ class StumpSearch:
     def _inside(
         self, row: NDArray[np.int64], floor: int
     ) -> tuple[NDArray[np.int64], tuple[float, float]]:
-        from pgm_places.models._boosting_kernels import interior_scores
-
         _, plane, number, left, seen = (int(value) for value in row)
         members, values = self.prepared.sorted_bin(plane, number)
         out = np.empty(2, np.int64)
-        around = interior_scores(
-            members,
-            values,
-            self.masses,
-            self.included,
-            left,
-            seen,
-            self.total,
-            self.mass,
-            floor,
-            out,
-        )
+        around = interior_scores(InnerBin(members, values, left, seen), self.weighed, floor, out)
         return out, around
 
     def _first_of(
         self, planes: NDArray[np.int64], looked_into: list[NDArray[np.int64]], floor: int
     ) -> Stump:
         """The first split in order of feature and threshold whose score reaches ``floor``."""
-        from pgm_places.models._boosting_kernels import first_good_edge, neighbours_of_split
-
         out = np.empty(3, np.int64)
-        first_good_edge(planes, self.positive, self.negative, self.total, self.mass, floor, out)
+        first_good_edge(planes, self.fine, self.weighed, floor, out)
         plane, last_left, score = (int(value) for value in out)
         for row in sorted(looked_into, key=lambda row: (row[1], row[2])):
             number = int(row[2])
@@ -281,7 +213,7 @@ class StumpSearch:
         prepared = self.prepared
         low, high = neighbours_of_split(
             prepared.codes[plane],
-            self.included,
+            self.weighed.included,
             prepared.X,
             prepared.rows,
             int(prepared.columns[plane]),
@@ -291,12 +223,9 @@ class StumpSearch:
 
     def reweigh(self, stump: Stump, alpha: float) -> None:
         """Step 3e of Fig. 2: D(n) exp(-alpha l h), up to a common factor."""
-        from pgm_places.models._weighing_kernels import reweigh
-
         prepared = self.prepared
-        reweigh(
+        split = Split(
             prepared.codes[stump.plane],
-            self.segments,
             prepared.X,
             prepared.rows,
             int(prepared.columns[stump.plane]),
@@ -304,12 +233,6 @@ class StumpSearch:
             stump.mixed,
             stump.threshold,
             int(stump.score > 0),
-            float(np.exp(2.0 * alpha)),
-            self.wrong,
-            self.weights,
-            self.masses,
-            self.positions,
-            self.changes,
-            self.spans,
-            self.sums,
         )
+        rise = float(np.exp(2.0 * alpha))
+        reweigh(split, rise, self.wrong, self.weighed, self.changed)

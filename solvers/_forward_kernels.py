@@ -1,5 +1,7 @@
 """Kernels of hidden Markov chains: the filter with scaled likelihoods, the smoother, Viterbi."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,26 +46,34 @@ def _weigh_in_logs(
     return total, most
 
 
+class Steps(NamedTuple):
+    """Some steps of a chain, and what the filter finds in them."""
+
+    action: NDArray[np.int64]
+    """(n,) the action that led to each."""
+    log_likelihood: NDArray[np.float64]
+    """(n, K)."""
+    likelihood: NDArray[np.float64]
+    """(n, K) its exponential, up to a factor"""
+    scale: NDArray[np.float64]
+    """(n,) whose logarithm is here."""
+    beliefs: NDArray[np.float64]
+    """(n, K), written."""
+    total: NDArray[np.float64]
+    """(n,), written: the sum before normalising, 0 for an impossible observation."""
+
+
 @njit
 def filter_steps(
-    belief: NDArray[np.float64],
-    begun: bool,
-    arrival: NDArray[np.float64],
-    action: NDArray[np.int64],
-    log_likelihood: NDArray[np.float64],
-    likelihood: NDArray[np.float64],
-    out: NDArray[np.float64],
-    total: NDArray[np.float64],
-    scale: NDArray[np.float64],
+    belief: NDArray[np.float64], begun: bool, arrival: NDArray[np.float64], steps: Steps
 ) -> None:
     """Filter some steps on from ``belief`` (K,), which is left at the last (paper eq. 3).
 
     ``arrival[a, l, m]`` is the probability of coming to ``l`` from ``m`` under the action that led
-    to the step; before anything has ``begun`` the belief is the first step's prediction.
-    ``likelihood`` is ``exp(log_likelihood)`` up to a factor whose logarithm is in ``scale``;
-    ``total`` (n,) gets the sum before normalising, 0 for an impossible observation, which is then
-    left out.
+    to the step; before anything has ``begun`` the belief is the first step's prediction. Impossible
+    observations are left out.
     """
+    action, log_likelihood, likelihood, scale, out, total = steps
     n_steps, n_labels = likelihood.shape
     predicted = np.empty(n_labels)
     for t in range(n_steps):

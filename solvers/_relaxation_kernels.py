@@ -5,10 +5,12 @@ blocks around them so that every neighbour has a place. Cells that are no nodes 
 the multiplicative update keeps, so that no mask is needed and whole blocks are updated.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, inlined, njit
 
 BLOCK = 16  # cells: one cache line of float32, one to four vectors
 CHUNK = 512  # cells updated at once: the scratch rows of a chunk stay in the innermost cache
@@ -18,6 +20,81 @@ MIN_MASS = (
 SMALLEST = 1e-30  # beliefs below become 0: they cannot return, and subnormal numbers are slow
 SUMS = 3  # per task: largest change, sum of changes, sum of p q over labels and nodes
 LARGEST, MOVED, SUPPORT, SOURCES = 0, 1, 2, 3  # rows of a task's scratch; sums are kept by lane
+
+
+class Store(NamedTuple):
+    """The beliefs of a raster and where each part of it lies; row y of the raster is row y + 1."""
+
+    beliefs: NDArray[np.float32]
+    """(K, M)."""
+    codes: NDArray[np.uint8]
+    """(M,) which neighbours are walls: see :func:`code_walls`."""
+    row_start: NDArray[np.int64]
+    """(H + 3,) first cell of each row."""
+    span_start: NDArray[np.int64]
+    """(H + 3,) the spans of row y are ``span_start[y]`` to ``span_start[y + 1]``."""
+    spans: NDArray[np.int64]
+    """(S, 4) cells of a span, and where it starts in the row above, here and below."""
+
+
+class Update(NamedTuple):
+    """How beliefs are renewed."""
+
+    tables: NDArray[np.float32]
+    """(K, P) c r for the cells that share a side, or (8, K, P), one per direction; column K is the
+    wall, columns are padded to whole groups of four."""
+    ratio: np.float32
+    """What (K, P) is multiplied by for cells that share a corner."""
+    damping: np.float32
+
+
+class Scratch(NamedTuple):
+    """What a task reads and works in."""
+
+    halo: NDArray[np.float32]
+    """(2, K, L) the old rows above and below."""
+    rows: NDArray[np.float32]
+    """(3, K, L) rows that are read ahead."""
+    lanes: NDArray[np.float32]
+    """The part of ``work`` that keeps the sums, flat and zero at the start."""
+    work: NDArray[np.float32]
+    """(SOURCES + P + K + 2, CHUNK), flat for three labels and one table."""
+
+
+class Span(NamedTuple):
+    """A run of cells in a row, and the old rows around it."""
+
+    above: NDArray[np.float32]
+    """(K, L)."""
+    here: NDArray[np.float32]
+    below: NDArray[np.float32]
+    a: int
+    """Where the cells begin in the row above,"""
+    h: int
+    """in their own,"""
+    b: int
+    """and in the one below."""
+    code: NDArray[np.uint8]
+    """(n,) their walls."""
+
+
+class Neighbours(NamedTuple):
+    """Adjacency in compressed rows: the entries of node ``i`` are ``start[i]:start[i + 1]``."""
+
+    start: NDArray[np.int64]
+    """(N + 1,)."""
+    node: NDArray[np.int32]
+    """(A,) the neighbour,"""
+    weight: NDArray[np.float64]
+    """(A,) its weight c_ij,"""
+    table: NDArray[np.int8]
+    """(A,) and which table of compatibilities counts."""
+
+
+@inlined
+def _cell_at(index: NDArray[np.int32], row: int, column: int) -> np.int64:
+    """Where a cell of the raster lies in the store."""
+    return BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
 
 
 @njit
@@ -30,7 +107,7 @@ def place(
     """Write node beliefs (n, K) into the store ``out`` (K, M)."""
     for i in range(cells.shape[0]):
         row, column = cells[i, 0], cells[i, 1]
-        at = BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
+        at = _cell_at(index, row, column)
         for k in range(beliefs.shape[1]):
             out[k, at] = beliefs[i, k]
 
@@ -45,7 +122,7 @@ def collect(
     """Read node beliefs (n, K) from the store (K, M), each row normalised once more."""
     for i in range(cells.shape[0]):
         row, column = cells[i, 0], cells[i, 1]
-        at = BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
+        at = _cell_at(index, row, column)
         total = 0.0
         for k in range(out.shape[1]):
             total += np.float64(store[k, at])
@@ -81,19 +158,13 @@ def code_walls(
                     else:
                         code += 1 if dr == 0 or dc == 0 else 16
                 direction += 1
-        at = BLOCK * np.int64(index[row + 1, column // BLOCK + 1]) + column % BLOCK
+        at = _cell_at(index, row, column)
         out[at] = code
 
 
 @njit
 def _sum_support(
-    above: NDArray[np.float32],
-    here: NDArray[np.float32],
-    below: NDArray[np.float32],
-    a: int,
-    h: int,
-    b: int,
-    code: NDArray[np.uint8],
+    span: Span,
     table: NDArray[np.float32],
     ratio: np.float32,
     work: NDArray[np.float32],
@@ -105,6 +176,7 @@ def _sum_support(
     further on the result. Loops are kept apart so that each has few enough arrays for the compiler
     to vectorise.
     """
+    above, here, below, a, h, b, code = span
     n_labels, width = table.shape
     n = BLOCK * (len(code) // BLOCK)
     for k in range(n_labels):
@@ -133,17 +205,12 @@ def _sum_support(
 
 @njit
 def _sum_support_by_direction(
-    above: NDArray[np.float32],
-    here: NDArray[np.float32],
-    below: NDArray[np.float32],
-    a: int,
-    h: int,
-    b: int,
-    code: NDArray[np.uint8],
+    span: Span,
     tables: NDArray[np.float32],
     work: NDArray[np.float32],
 ) -> None:
     """``1 + q`` of a span (paper eq. 5), as :func:`_sum_support`; ``tables`` (8, K, P)."""
+    above, here, below, a, h, b, code = span
     _, n_labels, width = tables.shape
     n = len(code)
     for k in range(n_labels):
@@ -171,10 +238,8 @@ def _sum_support_by_direction(
 
 @njit
 def _settle(
-    here: NDArray[np.float32],
-    h: int,
+    span: Span,
     at: int,
-    n: int,
     damping: np.float32,
     width: int,
     work: NDArray[np.float32],
@@ -182,11 +247,12 @@ def _settle(
 ) -> None:
     """Normalise ``p (1 + q)`` (paper eq. 4), damp, write to the store and account for the change.
 
-    Old beliefs are ``here[:, h:]``, ``1 + q`` lies in ``work`` as :func:`_sum_support` leaves it,
-    the target is ``store[:, at:]``.
+    Old beliefs are ``span.here[:, span.h:]``, ``1 + q`` lies in ``work`` as :func:`_sum_support`
+    leaves it, the target is ``store[:, at:]``.
     """
+    here, h = span.here, span.h
     n_labels = store.shape[0]
-    n = BLOCK * (n // BLOCK)
+    n = BLOCK * (len(span.code) // BLOCK)
     one, zero = np.float32(1), np.float32(0)
     largest, moved, support = work[LARGEST], work[MOVED], work[SUPPORT]
     first = SOURCES + width
@@ -218,13 +284,7 @@ def _settle(
 
 @njit
 def _update_three(
-    above: NDArray[np.float32],
-    here: NDArray[np.float32],
-    below: NDArray[np.float32],
-    a: int,
-    h: int,
-    b: int,
-    code: NDArray[np.uint8],
+    span: Span,
     table: NDArray[np.float32],
     ratio: np.float32,
     damping: np.float32,
@@ -237,6 +297,7 @@ def _update_three(
     The scratch ``work`` is flat here: rows a constant CHUNK apart are known not to overlap, so that
     the whole update is one vector loop. Rows 3-5 are the sums, then the new beliefs; 6-8 the old.
     """
+    above, here, below, a, h, b, code = span
     n = BLOCK * (len(code) // BLOCK)
     one, zero = np.float32(1), np.float32(0)
     for k in range(3):
@@ -305,58 +366,52 @@ def _add_lanes(lanes: NDArray[np.float32], out: NDArray[np.float64]) -> None:
     out[0], out[1], out[2] = largest, moved, support
 
 
-@njit
-def update_rows(
-    store: NDArray[np.float32],
-    codes: NDArray[np.uint8],
+@fused
+def _update_span(
+    span: Span,
     tables: NDArray[np.float32],
     ratio: np.float32,
     damping: np.float32,
-    first: int,
-    last: int,
-    row_start: NDArray[np.int64],
-    span_start: NDArray[np.int64],
-    spans: NDArray[np.int64],
-    halo: NDArray[np.float32],
-    rows: NDArray[np.float32],
-    lanes: NDArray[np.float32],
+    at: int,
     work: NDArray[np.float32],
-    out: NDArray[np.float64],
+    store: NDArray[np.float32],
 ) -> None:
-    """Update the rows ``first..last - 1`` of the store in place (paper eq. 4 and 5).
-
-    ``tables`` is (K, P), c r for the cells that share a side (``ratio`` times that for a corner),
-    or (8, K, P), one per direction; column K is the wall. ``halo`` (2, K, L) holds the old rows
-    above and below. A row of ``spans`` is (cells, start in the row above, here, below). Scratch:
-    ``rows`` (3, K, L) and ``work`` (SOURCES + P + K + 2, CHUNK), flat for three labels and one
-    table; ``lanes`` is the part of ``work`` that keeps the sums, flat and zero at the start.
+    """Update the cells of a span, from ``store[:, at]`` on.
 
     Which update is compiled depends on the numbers of axes alone, as each takes seconds.
     """
+    if work.ndim == 1:
+        _update_three(span, tables, ratio, damping, at, work, store)
+    elif tables.ndim == 2:
+        _sum_support(span, tables, ratio, work)
+        _settle(span, at, damping, tables.shape[-1], work, store)
+    else:
+        _sum_support_by_direction(span, tables, work)
+        _settle(span, at, damping, tables.shape[-1], work, store)
+
+
+@njit
+def update_rows(
+    store: Store, update: Update, scratch: Scratch, first: int, last: int, out: NDArray[np.float64]
+) -> None:
+    """Update the rows ``first..last - 1`` of the store in place (paper eq. 4 and 5)."""
+    beliefs, codes, row_start, span_start, spans = store
+    halo, rows, lanes, work = scratch
     above, here, below = halo[0], rows[0], rows[1]
-    _copy_row(store, row_start[first], row_start[first + 1], here)
+    _copy_row(beliefs, row_start[first], row_start[first + 1], here)
     for y in range(first, last):
         begin, end = row_start[y], row_start[y + 1]
         if y < last - 1:  # whole rows are read ahead: memory is fastest in long runs
             below = rows[(y - first + 1) % 3]
-            _copy_row(store, end, row_start[y + 2], below)
+            _copy_row(beliefs, end, row_start[y + 2], below)
         else:
             below = halo[1]
         for s in range(span_start[y], span_start[y + 1]):
             n = spans[s, 0]
             a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - end
             at = begin + h
-            code = codes[at : at + n]
-            if work.ndim == 1:
-                _update_three(
-                    above, here, below, a, h, b, code, tables, ratio, damping, at, work, store
-                )
-            elif tables.ndim == 2:
-                _sum_support(above, here, below, a, h, b, code, tables, ratio, work)
-                _settle(here, h, at, n, damping, tables.shape[-1], work, store)
-            else:
-                _sum_support_by_direction(above, here, below, a, h, b, code, tables, work)
-                _settle(here, h, at, n, damping, tables.shape[-1], work, store)
+            span = Span(above, here, below, a, h, b, codes[at : at + n])
+            _update_span(span, update.tables, update.ratio, update.damping, at, work, beliefs)
         above, here = here, below
     _add_lanes(lanes, out)
 
@@ -364,23 +419,23 @@ def update_rows(
 @njit
 def update_nodes(
     old: NDArray[np.float64],
-    start: NDArray[np.int64],
-    node: NDArray[np.int32],
-    weight: NDArray[np.float64],
-    table: NDArray[np.int8],
+    around: Neighbours,
     tables: NDArray[np.float64],
     damping: float,
-    first: int,
-    last: int,
+    nodes: tuple[int, int],
     out: NDArray[np.float64],
     sums: NDArray[np.float64],
 ) -> None:
-    """Update the nodes ``first..last - 1`` from ``old`` (N, K) into ``out`` (paper eq. 4 and 5)."""
+    """Update ``nodes``, the first and the one after the last, from ``old`` (N, K) into ``out``.
+
+    Paper eq. 4 and 5.
+    """
+    start, node, weight, table = around
     n_labels = old.shape[1]
     seen = np.empty((tables.shape[0], n_labels))
     grown = np.empty(n_labels)
     sums[:] = 0.0
-    for i in range(first, last):
+    for i in range(nodes[0], nodes[1]):
         seen[:] = 0.0
         for e in range(start[i], start[i + 1]):
             for k in range(n_labels):

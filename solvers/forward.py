@@ -214,7 +214,7 @@ class ForwardFilter:
         InputError
             An array has another shape, the likelihood NaN or +inf, or the belief does not sum to 1.
         """
-        from pgm_places.solvers._forward_kernels import filter_steps, subtract_best
+        from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
 
         rows = np.asarray(log_likelihood, np.float64)[None]
         before = self._start if belief is None else np.asarray(belief, np.float64)
@@ -230,9 +230,8 @@ class ForwardFilter:
         subtract_best(rows, scaled, scale)
         np.exp(scaled, out=scaled)
         led = np.array([action])
-        filter_steps(
-            before.copy(), belief is not None, self._arrival, led, rows, scaled, found, total, scale
-        )
+        steps = Steps(led, rows, scaled, scale, found, total)
+        filter_steps(before.copy(), belief is not None, self._arrival, steps)
         return found[0], bool(total[0] > 0.0)
 
 
@@ -281,7 +280,7 @@ def _filter(
     observed: NDArray[np.float64],
     led: NDArray[np.int64],
 ) -> ChainBeliefs:
-    from pgm_places.solvers._forward_kernels import filter_steps, subtract_best
+    from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
 
     n_steps, n_labels = observed.shape
     beliefs = np.empty((n_steps, n_labels))
@@ -293,17 +292,8 @@ def _filter(
         rows, scaled = observed[part], likelihood[: part.stop - begin]
         subtract_best(rows, scaled, scale[part])
         np.exp(scaled, out=scaled)
-        filter_steps(
-            belief,
-            begin > 0,
-            arrival,
-            led[part],
-            rows,
-            scaled,
-            beliefs[part],
-            total[part],
-            scale[part],
-        )
+        steps = Steps(led[part], rows, scaled, scale[part], beliefs[part], total[part])
+        filter_steps(belief, begin > 0, arrival, steps)
     impossible = np.flatnonzero(total == 0.0)
     evidence = -np.inf
     if not len(impossible):

@@ -108,6 +108,9 @@ def relax_grid(
         CHUNK,
         SOURCES,
         SUMS,
+        Scratch,
+        Store,
+        Update,
         collect,
         update_rows,
     )
@@ -123,8 +126,10 @@ def relax_grid(
         raise InputError(f"compatibility must hold 1 or {len(DIRECTIONS)} tables, got {len(r)}")
     tables, ratio = _weighted(r, diagonal_weight)
     rows = _lay_out(cells, shape)
-    store = _fill(table, cells, rows, floor)
+    beliefs = _fill(table, cells, rows, floor)
     codes = _codes(walls, cells, shape, rows, by_direction=len(r) > 1)
+    store = Store(beliefs, codes, rows.row_start, rows.span_start, rows.spans)
+    rule = Update(tables[0] if len(tables) == 1 else tables, ratio, np.float32(damping))
     tasks = _split(rows)
     halo = np.zeros((len(tasks), 2, n_labels, rows.longest), np.float32)
     ahead = np.zeros((len(tasks), 3, n_labels, rows.longest), np.float32)
@@ -133,42 +138,28 @@ def relax_grid(
     three = len(tables) == 1 and n_labels == 3
     results = np.zeros((len(tasks), SUMS))
     threads = useful_threads(n_threads, len(tasks))
-    weight = np.float32(damping)
 
     def update(task: int) -> None:
         first, last = tasks[task]
         scratch, lanes = work[task], work[task, :SOURCES]
         lanes[:] = 0
-        update_rows(
-            store,
-            codes,
-            tables[0] if len(tables) == 1 else tables,
-            ratio,
-            weight,
-            first,
-            last,
-            rows.row_start,
-            rows.span_start,
-            rows.spans,
-            halo[task],
-            ahead[task],
-            lanes.reshape(-1),
-            scratch.reshape(-1) if three else scratch,
-            results[task],
+        room = Scratch(
+            halo[task], ahead[task], lanes.reshape(-1), scratch.reshape(-1) if three else scratch
         )
+        update_rows(store, rule, room, first, last, results[task])
 
     def step() -> NDArray[np.float64]:
         for task, (first, last) in enumerate(tasks):
             for side, row in enumerate((first - 1, last)):
                 begin, end = rows.row_start[row], rows.row_start[row + 1]
-                halo[task, side, :, : end - begin] = store[:, begin:end]
+                halo[task, side, :, : end - begin] = beliefs[:, begin:end]
         run_tasks(update, len(tasks), n_threads=threads)
         return results
 
     def current() -> NDArray[np.float32]:
-        beliefs = np.empty((n_nodes, n_labels), np.float32)
-        collect(store, cells, rows.index, beliefs)
-        return beliefs
+        found = np.empty((n_nodes, n_labels), np.float32)
+        collect(beliefs, cells, rows.index, found)
+        return found
 
     return repeat(
         step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration

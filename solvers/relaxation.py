@@ -136,7 +136,7 @@ def relax_graph(
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    from pgm_places.solvers._relaxation_kernels import SUMS, update_nodes
+    from pgm_places.solvers._relaxation_kernels import SUMS, Neighbours, update_nodes
 
     check_options(damping, iterations, tolerance)
     beliefs = starting_beliefs(unary, floor=floor)
@@ -146,10 +146,10 @@ def relax_graph(
     tables = check_tables(compatibility, n_labels)
     if rows[0] != 0 or rows[-1] != len(neighbour) or (np.diff(rows) < 0).any():
         raise InputError(f"start must rise from 0 to the {len(neighbour)} entries of node")
-    share = _check_weights(weight, rows, len(neighbour))
     which = np.zeros(len(neighbour), np.int8)
     if table is not None:
         which[:] = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
+    around = Neighbours(rows, neighbour, _check_weights(weight, rows, len(neighbour)), which)
     n_tasks = -(-n_nodes // NODES_PER_TASK)
     threads = useful_threads(n_threads, n_tasks)
     sums = np.zeros((n_tasks, SUMS))
@@ -159,9 +159,7 @@ def relax_graph(
         first = task * NODES_PER_TASK
         last = min(first + NODES_PER_TASK, n_nodes)
         old, new = buffers
-        update_nodes(
-            old, rows, neighbour, share, which, tables, damping, first, last, new, sums[task]
-        )
+        update_nodes(old, around, tables, float(damping), (first, last), new, sums[task])
 
     def step() -> NDArray[np.float64]:
         run_tasks(update, n_tasks, n_threads=threads)

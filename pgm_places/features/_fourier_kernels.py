@@ -16,13 +16,13 @@ are float32.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
 from pgm_places.features.laser import first_column
-from pgm_places.features.plan import FOURIER_BLOCK, FOURIER_REACH
+from pgm_places.features.plan import FOURIER_BLOCK, FOURIER_REACH, FourierPlan
 from pgm_places.kernels.jit import inlined, njit
 from pgm_places.kernels.lanes import (
     absolute,
@@ -60,6 +60,30 @@ WORK_ROWS = STRIDE + 2 * CHUNK
 
 SUM_ROWS = 4 * 7 * N_STEPS
 """Four sums for each cell; seven centres reach order 100."""
+
+
+class Outline(NamedTuple):
+    """Tiles as the kernels on polygons take them."""
+
+    rho: Any
+    """Planes of the beams."""
+    directions: Any
+    """(361, 2) unit vectors of the beams."""
+    edges: Any
+    """Planes of the polygon's edges, from ``outline_features``,"""
+    shape: Any
+    """and of its area, perimeter and centroid."""
+
+
+class FourierRoom(NamedTuple):
+    """Planes to work in."""
+
+    first: Any
+    """5 rows of float64."""
+    work: Any
+    """``WORK_ROWS`` of float32."""
+    sums: Any
+    """``SUM_ROWS`` of float32."""
 
 
 @inlined
@@ -317,7 +341,7 @@ def _sum_cells(bounds: Any, steps: Any, work: Any, sums: Any) -> None:
 def _write_orders(
     shape_row: int, row: int, shape: Any, first: Any, sums: Any, orders: Any, values: Any
 ) -> None:
-    """Write f16 to f19_2 of a tile from its sums; ``orders`` (O, 4): see ``fourier_features``."""
+    """Write f16 to f19_2 of a tile from its sums; ``orders`` (O, 4): see the plan."""
     length = load(shape, shape_row)
     s1 = load(first, 1)
     s2 = load(first, 2)
@@ -362,27 +386,12 @@ def _write_orders(
 
 @njit
 def fourier_features(
-    rho: Any,
-    n_tiles: int,
-    directions: Any,
-    edges: Any,
-    shape: Any,
-    n_steps: int,
-    bounds: Any,
-    steps: Any,
-    orders: Any,
-    first: Any,
-    work: Any,
-    sums: Any,
-    values: Any,
+    outline: Outline, n_tiles: int, plan: FourierPlan, room: FourierRoom, values: Any
 ) -> None:
-    """Write f17 to f19_2, and f16 for each of the ``orders``.
-
-    ``edges`` and ``shape`` come from ``outline_features``. The cells of centre row ``r`` are
-    ``bounds[r]..bounds[r + 1] - 1``, ``steps`` their steps, all up to ``n_steps``. A row of
-    ``orders`` holds an order, its cell, 1 for centre + step or -1 for centre - step, its column.
-    ``first`` (5 rows of float64), ``work`` and ``sums`` (float32) are planes to work in.
-    """
+    """Write f17 to f19_2, and f16 for each of the plan's orders."""
+    rho, directions, edges, shape = outline
+    n_steps, bounds, steps, orders = plan
+    first, work, sums = room
     deep = bounds.size > 2
     for i in range(CHUNK):
         store(work, STEPS + i, narrow(splat(1.0)))

@@ -8,9 +8,10 @@ of its run of equal beams (the run that is met first, if there are several).
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
+from pgm_places.features.plan import Thresholds
 from pgm_places.kernels.jit import inlined, njit
 from pgm_places.kernels.lanes import (
     LANES,
@@ -28,6 +29,19 @@ from pgm_places.kernels.lanes import (
 
 STEP_RAD = 2.0 * math.pi / N_BEAMS
 UNREACHED_M = 1e300
+
+
+class MinimaRoom(NamedTuple):
+    """Planes to work in."""
+
+    found: Any
+    """5 rows of float64."""
+    ahead: Any
+    """361 rows of float64."""
+    kept: Any
+    """361 rows of float64."""
+    beams: Any
+    """361 integers."""
 
 
 @inlined
@@ -134,23 +148,14 @@ def _drop_dominated(
 
 @njit
 def minima_features(
-    rho: Any,
-    n_tiles: int,
-    prominences: Any,
-    columns: Any,
-    chords: Any,
-    found: Any,
-    ahead: Any,
-    kept: Any,
-    beams: Any,
-    values: Any,
+    rho: Any, n_tiles: int, minima: Thresholds, chords: Any, room: MinimaRoom, values: Any
 ) -> None:
-    """Write f25 and f26 for each of the ``prominences`` (ascending) to ``columns`` (P, 2).
+    """Write f25 and f26 for each prominence (ascending) to the columns (P, 2) of ``minima``.
 
-    ``chords`` (361,) holds ``4 sin(a / 2)^2`` of the angle of each number of half beams. ``found``
-    (5 rows), ``ahead`` and ``kept`` (361 rows) of float64 and ``beams`` (361 integers) are room to
-    work in.
+    ``chords`` (361,) holds ``4 sin(a / 2)^2`` of the angle of each number of half beams.
     """
+    prominences, columns = minima
+    found, ahead, kept, beams = room
     zero = splat(0.0)
     nowhere = splat(UNREACHED_M)
     for tile in range(n_tiles):

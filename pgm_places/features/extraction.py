@@ -13,8 +13,8 @@ from pgm_places.features._beam_kernels import (
     ratio_features,
     spread_features,
 )
-from pgm_places.features._fourier_kernels import fourier_features
-from pgm_places.features._minima_kernels import minima_features
+from pgm_places.features._fourier_kernels import FourierRoom, Outline, fourier_features
+from pgm_places.features._minima_kernels import MinimaRoom, minima_features
 from pgm_places.features._polygon_kernels import (
     centroid_features,
     moment_features,
@@ -224,19 +224,8 @@ def _beam_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
         bounds = plan.ratios
         ratio_features(rho, n_tiles, bounds.parameters, bounds.columns, space.kept, values)
     if plan.minima is not None:
-        minima = plan.minima
-        minima_features(
-            rho,
-            n_tiles,
-            minima.parameters,
-            minima.columns,
-            CHORDS,
-            space.few,
-            space.ahead,
-            space.kept,
-            space.beams,
-            values,
-        )
+        room = MinimaRoom(space.few, space.ahead, space.kept, space.beams)
+        minima_features(rho, n_tiles, plan.minima, CHORDS, room, values)
 
 
 def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
@@ -248,22 +237,9 @@ def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None
     if plan.moments:
         moment_features(rho, n_tiles, DIRECTIONS, shape, space.few, values)
     if plan.fourier is not None:
-        fourier = plan.fourier
-        fourier_features(
-            rho,
-            n_tiles,
-            DIRECTIONS,
-            space.edges,
-            shape,
-            fourier.n_steps,
-            fourier.bounds,
-            fourier.steps,
-            fourier.orders,
-            space.few,
-            space.outline,
-            space.cells,
-            values,
-        )
+        outline = Outline(rho, DIRECTIONS, space.edges, shape)
+        room = FourierRoom(space.few, space.outline, space.cells)
+        fourier_features(outline, n_tiles, plan.fourier, room, values)
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:

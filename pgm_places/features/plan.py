@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,32 +28,26 @@ FOURIER_BLOCK = 5
 Columns = NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False)
-class Thresholds:
-    """Parameters of one family, sorted, and the columns their results go to.
-
-    ``columns`` is (P,) for one result a parameter, (P, 2) for two.
-    """
+class Thresholds(NamedTuple):
+    """Parameters of one family, sorted, and the columns their results go to."""
 
     parameters: NDArray[np.float64]
+    """(P,)."""
     columns: Columns
-
-    def __len__(self) -> int:
-        return len(self.parameters)
+    """(P,) for one result a parameter, (P, 2) for two."""
 
 
-@dataclass(frozen=True, eq=False)
-class FourierPlan:
-    """The cells (centre, step) that the wanted orders need; see the Fourier kernel.
-
-    ``bounds`` (R + 1,) delimits the cells of each centre row, ``steps`` holds their steps,
-    ``orders`` (O, 4) the order, its cell, its side of the centre and its column.
-    """
+class FourierPlan(NamedTuple):
+    """The cells (centre, step) that the wanted orders need; see the Fourier kernel."""
 
     n_steps: int
+    """The largest step."""
     bounds: Columns
+    """(R + 1,) the cells of centre row ``r`` are ``bounds[r]..bounds[r + 1] - 1``."""
     steps: Columns
+    """The step of each cell."""
     orders: Columns
+    """(O, 4) an order, its cell, 1 for centre + step or -1 for centre - step, its column."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,7 +78,7 @@ def test_every_kept_column_is_in_one_table_whose_cells_follow_its_bins() -> None
             code = prepared.codes[plane].astype(int)
             order = np.argsort(code, kind="stable")
             assert (np.diff(digit[order]) >= 0).all()
-            for number in np.flatnonzero(prepared.coarse_pure[plane]):
+            for number in np.flatnonzero(prepared.tables.pure[plane]):
                 assert len(np.unique(code[digit == number])) == 1
             seen.append(int(plane))
     assert sorted(seen) == list(range(len(prepared.columns)))
