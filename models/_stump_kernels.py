@@ -1,13 +1,29 @@
 """Compiled sums of stumps: kept small, because every use of a stored classifier waits for it."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 from pgm_places.models._gathering_kernels import BLOCK, gather
-from pgm_places.models.strong_classifier import VoteTable
 
-__all__ = ["BLOCK", "sum_votes"]
+__all__ = ["BLOCK", "Stumps", "sum_votes"]
+
+
+class Stumps(NamedTuple):
+    """The stumps of several classifiers side by side."""
+
+    columns: NDArray[np.int64]
+    """(C,) the distinct columns that the stumps look at."""
+    plane: NDArray[np.int64]
+    """(S,) for each stump the place of its column among those,"""
+    cut: NDArray[np.float32]
+    """(S,) its threshold,"""
+    vote: NDArray[np.float64]
+    """(S,) and its vote on the left of it."""
+    first: NDArray[np.int64]
+    """(n + 1,) where the stumps of each classifier begin."""
 
 
 @njit
@@ -15,7 +31,7 @@ def sum_votes(
     X: NDArray[np.float32],
     start: int,
     stop: int,
-    stumps: VoteTable,
+    stumps: Stumps,
     out: NDArray[np.float64],
 ) -> None:
     """Write ``out[k, n]`` = sum of +vote[t] where x < cut[t], else -vote[t], over t of group k.

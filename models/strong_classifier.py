@@ -147,19 +147,27 @@ def score_all(
     return VoteTable.of(classifiers).scores(X, n_threads=n_threads)
 
 
-class VoteTable(NamedTuple):
-    """The stumps of several classifiers side by side, as the kernel takes them."""
+@dataclass(frozen=True, eq=False)
+class VoteTable:
+    """The stumps of several classifiers side by side, made ready for the kernel once.
+
+    Attributes
+    ----------
+    columns : (C,) int64
+        The distinct columns that the stumps look at.
+    plane : (S,) int64
+        For each stump the place of its column among those.
+    cut : (S,) float32
+    vote : (S,) float64
+    first : (n + 1,) int64
+        Where the stumps of each classifier begin.
+    """
 
     columns: NDArray[np.int64]
-    """(C,) the distinct columns that the stumps look at."""
     plane: NDArray[np.int64]
-    """(S,) for each stump the place of its column among those,"""
     cut: NDArray[np.float32]
-    """(S,) its threshold,"""
     vote: NDArray[np.float64]
-    """(S,) and its vote on the left of it."""
     first: NDArray[np.int64]
-    """(n + 1,) where the stumps of each classifier begin."""
 
     @classmethod
     def of(cls, classifiers: Sequence[StrongClassifier]) -> Self:
@@ -178,18 +186,19 @@ class VoteTable(NamedTuple):
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:
         """(n, N) F of every classifier for every row: see :func:`score_all`."""
-        from pgm_places.models._stump_kernels import BLOCK, sum_votes
+        from pgm_places.models._stump_kernels import BLOCK, Stumps, sum_votes
 
-        table = self
+        columns = self.columns
         if not X.flags.c_contiguous:
-            X = np.ascontiguousarray(X[:, self.columns])
-            table = self._replace(columns=np.arange(len(self.columns)))
+            X = np.ascontiguousarray(X[:, columns])
+            columns = np.arange(len(columns))
+        stumps = Stumps(columns, self.plane, self.cut, self.vote, self.first)
         n = len(X)
         out = np.empty((len(self.first) - 1, n))
         size = max(BLOCK, _SAMPLES_PER_TASK // BLOCK * BLOCK)
 
         def work(task: int) -> None:
-            sum_votes(X, task * size, min((task + 1) * size, n), table, out)
+            sum_votes(X, task * size, min((task + 1) * size, n), stumps, out)
 
         run_tasks(work, -(-n // size), n_threads=n_threads)
         return out
