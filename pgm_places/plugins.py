@@ -12,9 +12,9 @@ from typing import Any
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, ModelFileError, OutputError
-from pgm_places.options import from_mapping, option_fields, option_hints, option_values
+from pgm_places.options import from_mapping, option_hints
 
-__all__ = ["Registry", "option_fields", "option_values"]
+__all__ = ["Registry"]
 
 
 @dataclasses.dataclass(frozen=True)

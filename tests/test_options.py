@@ -22,6 +22,7 @@ from pydantic import Field
 
 from pgm_places.cli.flags import flag_of, option_flags
 from pgm_places.cli.main import app
+from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config
 from pgm_places.inference.backends import BACKENDS, METHODS, build
@@ -55,7 +56,7 @@ TABLES = {
 }
 """The classes that a table of a configuration fills."""
 
-OTHERS = (OdometryNoise, SimulatedRobot, BeamOptions)
+OTHERS = (OdometryNoise, SimulatedRobot, BeamOptions, MapSimulation)
 """Classes of options that no table fills."""
 
 FREE = {("amn", "node_features"), ("amn", "edge_features")}

@@ -8,8 +8,8 @@ import numpy as np
 
 from pgm_places.errors import ModelFileError
 from pgm_places.inference.backends import METHODS, Backend
+from pgm_places.options import option_values
 from pgm_places.persistence.model_folder import Arrays
-from pgm_places.plugins import option_values
 
 __all__ = ["KIND", "dump", "dump_backend", "load", "load_backend"]
 

@@ -9,8 +9,8 @@ from pgm_places.errors import ModelFileError
 from pgm_places.features.laser import feature_set_hash
 from pgm_places.features.own import FEATURES
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.options import option_values
 from pgm_places.persistence.model_folder import Arrays
-from pgm_places.plugins import option_values
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 
 __all__ = [

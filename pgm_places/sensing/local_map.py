@@ -1,7 +1,6 @@
 """A rolling map around the robot: what a laser saw lately, and what it would see behind itself."""
 
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.options import (
+    AtLeastZero,
+    AtLeastZeroOrInfinite,
+    Positive,
+    check_options,
+)
 
 if TYPE_CHECKING:
     from pgm_places.sensing._local_map_kernels import Window
@@ -65,26 +70,17 @@ class LocalMap:
     (True, [True])
     """
 
-    size_m: float = 40.0
-    resolution_m: float = 0.05
-    robot_radius_m: float = 0.25
-    through_unknown_m: float = 0.3
+    size_m: Positive = 40.0
+    resolution_m: Positive = 0.05
+    robot_radius_m: AtLeastZero = 0.25
+    through_unknown_m: AtLeastZeroOrInfinite = 0.3
     _evidence: NDArray[np.int8] = field(init=False, repr=False)
     _seen: NDArray[np.uint8] = field(init=False, repr=False)
     _corner: NDArray[np.int64] | None = field(init=False, repr=False, default=None)
     _scan: int = field(init=False, repr=False, default=0)
 
     def __post_init__(self) -> None:
-        for name, least in (("size_m", 0.0), ("resolution_m", 0.0)):
-            value = getattr(self, name)
-            if not (isfinite(value) and value > least):
-                raise InputError(f"{name} must be a positive number of metres, got {value!r}")
-        if not (isfinite(self.robot_radius_m) and self.robot_radius_m >= 0):
-            raise InputError(f"robot_radius_m must be at least 0, got {self.robot_radius_m!r}")
-        if not self.through_unknown_m >= 0:
-            raise InputError(
-                f"through_unknown_m must be at least 0, or inf, got {self.through_unknown_m!r}"
-            )
+        check_options(self)
         n = round(self.size_m / self.resolution_m)
         if not 8 <= n <= MOST_CELLS:
             raise InputError(

@@ -3,13 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
+from annotated_types import Ge, Gt
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._extras import needed
 from pgm_places.errors import InputError
+from pgm_places.options import Whole, check_options
 
 __all__ = ["OPENCV_CASCADES", "CascadeDetector"]
 
@@ -34,11 +36,11 @@ class CascadeDetector:
     files : mapping of str to path
         A cascade (OpenCV's XML) for each class of objects; see :meth:`of_people`.
     scale_factor : float
-        Each search window is so much larger than the last, above 1.
+        Factor from each search window to the next larger one.
     min_neighbours : int
-        An object counts where at least so many windows overlap.
+        Least number of overlapping windows of an object that counts.
     min_size_px : int
-        Objects that are smaller are not looked for.
+        Least size of an object in pixels.
 
     Raises
     ------
@@ -53,16 +55,15 @@ class CascadeDetector:
     """
 
     files: Mapping[str, Path | str]
-    scale_factor: float = 1.1
-    min_neighbours: int = 3
-    min_size_px: int = 24
+    scale_factor: Annotated[float, Gt(1)] = 1.1
+    min_neighbours: Annotated[int, Ge(0)] = 3
+    min_size_px: Whole = 24
     _cascades: tuple[tuple[Any, bool], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.files:
             raise InputError("a cascade detector needs at least one cascade file, got none")
-        if not self.scale_factor > 1:
-            raise InputError(f"scale_factor must be above 1, got {self.scale_factor}")
+        check_options(self)
         loaded = tuple(_load(name, Path(path)) for name, path in self.files.items())
         object.__setattr__(self, "_cascades", loaded)
 
