@@ -63,7 +63,7 @@ def demo(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Learn on one wing of a generated building and label the other; needs no data."""
+    """Train and label on a generated building; needs no data."""
     from pgm_places.cli.commands import run_demo
 
     run_demo(out, seed=seed, n_threads=threads, quiet=quiet)
@@ -76,7 +76,7 @@ def compare(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Train, run and evaluate every method of a configuration; write tables and a report."""
+    """Train and evaluate every method of a configuration. Writes tables and a report."""
     from pgm_places.cli.commands import run_compare
 
     run_compare(config, out, n_threads=threads, quiet=quiet)
@@ -140,7 +140,7 @@ def topology(
     unknown_value: UnknownValue = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find the places of a labelled map and how they are connected."""
+    """Find the places of a labelled map and their connections."""
     from pgm_places.cli.places import run_topology
 
     run_topology(
@@ -175,7 +175,7 @@ def export(
         typer.Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
     ] = None,
 ) -> None:
-    """Write the places for other tools: Nav2, QGIS, graph editors, Foxglove, RViz."""
+    """Write the places for Nav2, QGIS, Foxglove and other tools."""
     from pgm_places.cli.places import run_export
 
     run_export(folder, to, out, values or [])
@@ -189,7 +189,7 @@ def where(
     x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
     y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
 ) -> None:
-    """Show which place a position lies in; exit code 1 if there is none."""
+    """Show which place a position lies in. Exit code 1 if there is none."""
     from pgm_places.cli.places import run_where
 
     run_where(folder, x, y)
@@ -283,7 +283,7 @@ def simulate_map(
     unknown_value: UnknownValue = None,
     quiet: Quiet = False,
 ) -> None:
-    """Turn a labelled plan into maps as a robot would make them, with labels to train on.
+    """Turn a labelled plan into maps that a robot would make.
 
     Options that are written LOW,HIGH are ranges: each map draws a value from them.
     """
@@ -354,7 +354,7 @@ def track(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Label the places along a robot's trajectory, from a complete or a growing log."""
+    """Label the places along a trajectory. The log may be complete or growing."""
     from pgm_places.cli.track import TrackOptions, run_follow, run_track
 
     options = TrackOptions(
@@ -379,7 +379,7 @@ def reproduce(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Reproduce the paper's experiments: its figures beside ours, on a page with pictures."""
+    """Reproduce the experiments of the paper. Writes a page with its figures beside ours."""
     from pgm_places.cli.reproduce import run_reproduce
 
     run_reproduce(tuple(sections or ()), out, again=again, n_threads=threads, quiet=quiet)
@@ -391,7 +391,7 @@ def doctor(
         Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")
     ] = None,
 ) -> None:
-    """Show what is installed, where compiled code is cached, and what a map file holds."""
+    """Show what is installed, and what a map file holds."""
     from pgm_places.cli.doctor import run_doctor
 
     run_doctor(map_yaml)
