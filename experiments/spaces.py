@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
@@ -104,6 +105,9 @@ def main() -> None:
         maps = list(labelled_maps(sorted(data.glob(pattern))))
         if maps:
             print(row(kind, maps), flush=True)
+    drawn = [generate_building(seed) for seed in range(12)]
+    maps = [LabelledMap(item.grid, item.labels, name=item.name) for item in drawn]
+    print(row("generated, furnished", maps))
 
 
 if __name__ == "__main__":
