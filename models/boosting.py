@@ -1,6 +1,6 @@
 """Generalized AdaBoost with decision stumps (paper, section 3, eq. 1, 2 and Fig. 2)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
@@ -147,11 +147,6 @@ class AdaBoostStumps(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         """(N,) F = sum of alpha_t h_t (step 4 of Fig. 2); positive means ``classes_[1]``."""
         classifier = self._fitted()
         return classifier.scores(float32_matrix(self, X), n_threads=self.n_threads)
-
-    def staged_decision_function(self, X: ArrayLike) -> Iterator[NDArray[np.float64]]:
-        """(N,) F after each round."""
-        classifier = self._fitted()
-        yield from classifier.staged_scores(float32_matrix(self, X))
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """(N,) the label of the sign of F; F = 0 gives ``classes_[0]``."""

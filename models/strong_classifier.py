@@ -1,6 +1,6 @@
 """A strong classifier: the weighted vote of decision stumps (paper, eq. 1 and step 4 of Fig. 2)."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -102,13 +102,6 @@ class StrongClassifier:
     ) -> NDArray[np.float64]:
         """(N,) F of every row of a float32 matrix."""
         return score_all([self], X, n_threads=n_threads)[0]
-
-    def staged_scores(self, X: NDArray[np.float32]) -> Iterator[NDArray[np.float64]]:
-        """(N,) F after each round, the last being :meth:`scores` bit for bit."""
-        total = np.zeros(len(X))
-        for j, cut, vote in zip(self.feature, self.cut, self.vote, strict=True):
-            total = total + np.where(X[:, j] < cut, vote, -vote)
-            yield total
 
     def splits(self, t: int) -> list[Split]:
         """The split of stump t."""

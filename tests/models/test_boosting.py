@@ -211,18 +211,15 @@ def test_prediction_agrees_with_training_on_every_example() -> None:
     edges: list[float] = []
     model = AdaBoostStumps(n_rounds=40, on_round=lambda t, r: edges.append(r)).fit(X, y)
     weights = np.where(y > 0, 1 / (y > 0).sum(), 1 / (y < 0).sum()) / 2
-    before = np.zeros(len(X))
-    for t, after in enumerate(model.staged_decision_function(X)):
-        output = np.sign(after - before)
+    for t, (column, threshold, polarity) in enumerate(stumps_of(model)):
+        output = polarity * np.where(X[:, column] < threshold, 1.0, -1.0)
         assert (weights * y * output).sum() == pytest.approx(edges[t], rel=1e-9, abs=1e-12)
         weights = weights * np.exp(-model.alpha_[t] * y * output)
         weights /= weights.sum()
-        before = after
-    np.testing.assert_array_equal(before, model.decision_function(X))
     wanted = reference.score(
         [(*stump, a) for stump, a in zip(stumps_of(model), model.alpha_, strict=True)], X
     )
-    np.testing.assert_allclose(before, wanted, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(model.decision_function(X), wanted, rtol=0, atol=1e-12)
 
 
 def test_thresholds_separate_neighbouring_float32_values() -> None:
