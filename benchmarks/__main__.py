@@ -19,6 +19,7 @@ TOPICS = (
     "casting",
     "features",
     "boosting",
+    "boosted_trees",
     "labelling",
     "large_map",
     "relaxation",
