@@ -83,14 +83,17 @@ def plain_values(item: Any) -> Any:
 
 
 def option_hints(cls: Any) -> dict[str, Any]:
-    """What each option takes, as its field is annotated."""
+    """What each option takes, as its field is annotated; ``Any`` where that cannot be resolved."""
     return _hints(cls)
 
 
 @functools.cache
 def _hints(cls: Any) -> dict[str, Any]:
-    hints = typing.get_type_hints(cls, include_extras=True)
-    return {item.name: hints[item.name] for item in option_fields(cls)}
+    try:
+        hints = typing.get_type_hints(cls, include_extras=True)
+    except NameError:  # names that another package imports for type checkers only
+        hints = {}
+    return {item.name: hints.get(item.name, Any) for item in option_fields(cls)}
 
 
 def option_lines(cls: type[Any]) -> dict[str, str]:

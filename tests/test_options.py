@@ -377,6 +377,13 @@ def test_marks_of_pydantic_are_obeyed_and_told() -> None:
     assert message == ("code must be a string, got 'B' (String should match pattern '^[a-z]+$')")
 
 
+def test_annotations_for_type_checkers_only_are_passed_over() -> None:
+    fields = [("n", "OnlyForTypeCheckers", dataclasses.field(default=1))]
+    foreign = dataclasses.make_dataclass("Foreign", fields, frozen=True)
+    assert option_hints(foreign) == {"n": Any}
+    assert option_values(from_mapping(foreign, {"n": "x"})) == {"n": "x"}
+
+
 def test_the_first_sentence_describes_an_option() -> None:
     assert option_lines(Inner) == {"size_m": "How big."}
     lines = option_lines(Outer)
