@@ -60,7 +60,7 @@ def training_problem(resolution_m: float, *, quick: bool) -> tuple[str, MaxMargi
         labels, grid = coarsen_labels(labels, grid, coarse), coarse
     window = np.broadcast_to(np.arange(grid.shape[1]) * grid.resolution_m < share, grid.shape)
     known = LabelledMap(grid, labels, window)
-    _, scores = fit_unary(
+    learned = fit_unary(
         [known],
         len(NAMES),
         sensor=Sensor(),
@@ -68,6 +68,8 @@ def training_problem(resolution_m: float, *, quick: bool) -> tuple[str, MaxMargi
         learn_on="in-sample",
     )
     graph = known.graph(labelled_only=True)
+    assert learned.scores is not None  # asked for by default
+    scores = learned.scores
     problem = LabelingProblem(
         graph, NAMES, scores[0].laser, np.asarray(scores[0].node_features, np.float64)
     )

@@ -23,7 +23,7 @@ from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.topology.rules import TopologyOptions
-from pgm_places.unary.options import ClassifierOptions, ContextOptions
+from pgm_places.unary.options import ClassifierOptions, ContextOptions, SpaceOptions
 
 __all__ = [
     "ExperimentConfig",
@@ -87,8 +87,10 @@ class MethodConfig:
     """A method by name, what to call it, which unary it gets, and its options (all other keys).
 
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
-    sees its neighbourhood), or ``"auto"``: context where there is one, else laser, the same for
-    every method. AdaBoost alone, the paper's, is ``independent`` with ``unary = "laser"``.
+    sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places), or
+    ``"auto"``: space where there is a table ``[space]``, else context where there is one, else
+    laser, the same for every method. AdaBoost alone, the paper's, is ``independent`` with
+    ``unary = "laser"``.
     """
 
     name: str
@@ -115,6 +117,7 @@ class ExperimentConfig:
     sensor: Sensor = field(default_factory=Sensor)
     classifier: ClassifierOptions = field(default_factory=ClassifierOptions)
     context: ContextOptions = field(default_factory=ContextOptions)
+    space: SpaceOptions | None = None
     topology: TopologyOptions = field(default_factory=TopologyOptions)
     train: Annotated[tuple[MapConfig, ...], MinLen(1)]
     test: tuple[MapConfig, ...] = ()
@@ -135,6 +138,8 @@ def _check_methods(config: ExperimentConfig) -> None:
     wants = any(method.unary == "context" for method in config.methods)
     if wants and not config.context.half_widths_m:
         raise ConfigError("a method has unary = 'context' but [context] half_widths_m is empty")
+    if config.space is None and any(method.unary == "space" for method in config.methods):
+        raise ConfigError("a method has unary = 'space' but there is no table [space]; add one")
     ids = [method.id for method in config.methods]
     twice = sorted({name for name in ids if ids.count(name) > 1})
     if twice:

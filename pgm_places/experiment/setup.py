@@ -27,6 +27,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         classifier=settings.classifier(names),
         connectivity=config.connectivity,
         context_m=context_m,
+        space=config.space,
         learn_on=settings.learn_on,
         n_folds=settings.n_folds,
         n_node_features=settings.n_node_features,

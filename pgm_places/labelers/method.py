@@ -25,7 +25,7 @@ __all__ = [
     "unfitted",
 ]
 
-Unary = Literal["auto", "laser", "context"]
+Unary = Literal["auto", "laser", "context", "space"]
 
 
 def as_backend(method: Any) -> Backend:
@@ -50,10 +50,11 @@ class PlaceMethod:
     ----------
     backend : Backend or str
         Any method of :mod:`pgm_places.inference.backends`, or its name.
-    unary : {"auto", "laser", "context"}
-        The list on laser features alone (the paper's), or the one that also sees its neighbourhood.
-        ``auto`` is context where the labeler has windows for it (``context_m``), else laser: the
-        same for every method, so that exchanging the method changes one thing.
+    unary : {"auto", "laser", "context", "space"}
+        The list on laser features alone (the paper's), the one that also sees its neighbourhood, or
+        the one that also sees segments, gates and places. ``auto`` is space where the labeler has
+        options for it (``space``), else context where it has windows (``context_m``), else laser:
+        the same for every method, so that exchanging the method changes one thing.
     """
 
     backend: Any

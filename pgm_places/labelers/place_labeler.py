@@ -20,8 +20,10 @@ from pgm_places.labelers.method import PlaceMethod, Unary, check_labels_maps, in
 from pgm_places.labelers.place_learning import (
     LabelledNodes,
     common_resolution,
+    learn_from_scores,
     learn_methods,
     map_problem,
+    movement_of,
 )
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -35,6 +37,7 @@ from pgm_places.unary.options import (
     NumberOfExamples,
     NumberOfFolds,
     NumberOfNodeFeatures,
+    SpaceOptions,
     WindowsM,
 )
 
@@ -66,6 +69,8 @@ class PlaceLabeler(Labeler):
         Neighbours of a cell.
     context_m : tuple of float
         Half-widths of the windows of the second list; () to do without.
+    space : SpaceOptions, optional
+        The list that also sees segments, gates and places; None to do without.
     learn_on : {"out-of-fold", "in-sample"}
         Which scores the methods learn from.
     n_folds, n_node_features, max_examples_per_map : int
@@ -120,6 +125,7 @@ class PlaceLabeler(Labeler):
         classifier: "DecisionListClassifier | None" = None,
         connectivity: Connectivity = 8,
         context_m: WindowsM = (),
+        space: SpaceOptions | None = None,
         learn_on: LearnOn = "out-of-fold",
         n_folds: NumberOfFolds = 5,
         n_node_features: NumberOfNodeFeatures = 30,
@@ -132,6 +138,7 @@ class PlaceLabeler(Labeler):
         self.classifier = classifier
         self.connectivity = connectivity
         self.context_m = context_m
+        self.space = space
         self.learn_on = learn_on
         self.n_folds = n_folds
         self.n_node_features = n_node_features
@@ -175,29 +182,32 @@ class PlaceLabeler(Labeler):
         require_examples(maps, names)
         resolution_m = common_resolution(maps)
         methods = self.resolved_methods()
-        wants_context = any(method.unary == "context" for method in methods.values())
-        unary_model, scores = fit_unary(
+        wanted = {method.unary for method in methods.values()}
+        unary = fit_unary(
             maps,
             len(names),
             sensor=self.sensor,
             classifier=self.classifier or ClassifierOptions().classifier(names),
             n_node_features=self.n_node_features,
             max_examples_per_map=self.max_examples_per_map,
-            context_m=tuple(self.context_m) if wants_context else (),
+            context_m=tuple(self.context_m) if "context" in wanted else (),
+            space=self.space if "space" in wanted else None,
+            doorway=None if self.space is None else self.space.doorway(names),
             learn_on=self.learn_on,
             n_folds=self.n_folds,
             features=as_features(self.features),
+            with_scores=learn_from_scores(methods),
             n_threads=n_threads,
             progress=progress,
         )
-        problems = LabelledNodes.of_maps(maps, self.connectivity, names, scores)
-        fitted, seconds = learn_methods(methods, problems, progress)
+        nodes = LabelledNodes.of_maps(maps, self.connectivity, names, unary.scores)
+        fitted, seconds = learn_methods(methods, nodes, progress)
         return self.set_learned(
-            unary_model_=unary_model,
+            unary_model_=unary.model,
             methods_=fitted,
             learn_seconds_=seconds,
             resolution_m_=resolution_m,
-            movement_=problems.movement(maps, progress),
+            movement_=movement_of(maps, unary, len(names), progress),
             label_names_=names,
         )
 
@@ -220,7 +230,7 @@ class PlaceLabeler(Labeler):
         scores = self.unary_model_.scores(
             grid,
             graph,
-            with_context=any(method.unary == "context" for method in chosen),
+            unaries={method.unary for method in chosen},
             with_node_features=any(uses_node_features(method.backend) for method in chosen),
             n_threads=n_threads,
             progress=progress,
@@ -328,7 +338,14 @@ class PlaceLabeler(Labeler):
                     f"method {name!r} wants unary='context' but context_m is empty; give the "
                     "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
                 )
+            if method.unary == "space" and self.space is None:
+                raise ConfigError(
+                    f"method {name!r} wants unary='space' but space is None; give its options, "
+                    "for example space=SpaceOptions()"
+                )
             auto: Unary = "context" if self.context_m else "laser"
+            if self.space is not None:
+                auto = "space"
             found[name] = replace(method, unary=auto) if method.unary == "auto" else method
         return found
 

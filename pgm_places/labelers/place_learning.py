@@ -19,6 +19,7 @@ from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Stage
+from pgm_places.unary.learning import LearnedUnary
 from pgm_places.unary.map_model import CellScores
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -27,8 +28,10 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 __all__ = [
     "LabelledNodes",
     "common_resolution",
+    "learn_from_scores",
     "learn_methods",
     "map_problem",
+    "movement_of",
 ]
 
 
@@ -57,9 +60,11 @@ class LabelledNodes:
         maps: Sequence[LabelledMap],
         connectivity: int,
         label_names: tuple[str, ...],
-        scores: Sequence[CellScores],
+        scores: Sequence[CellScores] | None,
     ) -> Self:
-        """Those of maps, whose scores are in the order of their nodes."""
+        """Those of maps, whose scores are in the order of their nodes; none without scores."""
+        if scores is None:
+            return cls(label_names, (), (), ())
         graphs = tuple(item.graph(connectivity=connectivity, labelled_only=True) for item in maps)
         truths = tuple(item.truth(graph) for item, graph in zip(maps, graphs, strict=True))
         return cls(label_names, graphs, truths, tuple(scores))
@@ -71,16 +76,21 @@ class LabelledNodes:
             for graph, part in zip(self.graphs, self.scores, strict=True)
         ]
 
-    def movement(
-        self, maps: Sequence[LabelledMap], progress: Progress
-    ) -> "HiddenMarkovModel | None":
-        """How a robot moves between the places, None where it cannot get from one to the next."""
-        laser = [part.laser for part in self.scores]
-        try:
-            return learn_movement(maps, self.truths, laser, len(self.label_names))
-        except InputError as error:
-            progress.warn(f"this model will label maps, but no trajectories: {error}")
-            return None
+
+def movement_of(
+    maps: Sequence[LabelledMap], unary: LearnedUnary, n_labels: int, progress: Progress
+) -> "HiddenMarkovModel | None":
+    """How a robot moves between the places, None where it cannot get from one to the next."""
+    try:
+        return learn_movement(maps, unary.truths, unary.laser, n_labels)
+    except InputError as error:
+        progress.warn(f"this model will label maps, but no trajectories: {error}")
+        return None
+
+
+def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
+    """Whether any method learns from the scores of cells."""
+    return any(isinstance(method.backend, Learnable) for method in methods.values())
 
 
 def learn_methods(
@@ -102,10 +112,10 @@ def learn_methods(
 def map_problem(
     graph: LabelGraph, label_names: tuple[str, ...], scores: CellScores, unary: str
 ) -> LabelingProblem:
-    """The problem that a method is given: ``unary`` is ``laser`` or ``context``."""
-    values = scores.laser if unary == "laser" else scores.context
+    """The problem that a method is given: ``unary`` is ``laser``, ``context`` or ``space``."""
+    values = getattr(scores, unary)
     if values is None:
-        raise InputError("the scores hold no context; compute them with with_context=True")
+        raise InputError(f"the scores hold no {unary!r}; ask for those of a method that uses them")
     return LabelingProblem(
         graph,
         label_names,

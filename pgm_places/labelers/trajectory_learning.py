@@ -23,7 +23,6 @@ from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.learning import (
     RAREST_FIRST,
     held_out_scores,
-    training_features,
     with_explicit_order,
 )
 from pgm_places.unary.scan_model import (
@@ -33,6 +32,7 @@ from pgm_places.unary.scan_model import (
     check_scan_features,
     circles_along,
 )
+from pgm_places.unary.training_cells import training_features
 
 if TYPE_CHECKING:
     from pgm_places.models.decision_list import DecisionListClassifier

@@ -22,7 +22,10 @@ from pgm_places.persistence.unary import (
     load_list,
     load_sensor,
 )
+from pgm_places.spaces.space_spec import GATE_FEATURES, space_features_hash
 from pgm_places.unary.map_model import UnaryModel
+from pgm_places.unary.options import SpaceOptions
+from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
 
 __all__ = ["KIND", "check_savable", "dump", "load"]
 
@@ -48,6 +51,7 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         "context_m": list(unary.context_m),
         "classifier": dump_list(arrays, "classifier", unary.classifier),
         "context_classifier": None if second is None else dump_list(arrays, "context", second),
+        "space": None if unary.space is None else _dump_space(arrays, unary.space),
         "methods": [
             _dump_method(arrays, name, method) for name, method in labeler.methods_.items()
         ],
@@ -76,6 +80,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         unary.sensor,
         connectivity=manifest["connectivity"],
         context_m=unary.context_m,
+        space=None if unary.space is None else SpaceOptions(),
         features=unary.features,
         **manifest.get("options", {}),  # absent from models saved by earlier versions
     )
@@ -123,6 +128,36 @@ def _unary_model(manifest: Mapping[str, Any], arrays: Arrays) -> UnaryModel:
         context_m,
         context,
         features,
+        _load_space(manifest.get("space"), arrays, n_own, n_labels),
+    )
+
+
+def _dump_space(arrays: Arrays, space: SpaceModel) -> dict[str, Any]:
+    return {
+        "feature_set": space_features_hash(),
+        "classifier": dump_list(arrays, "space", space.classifier),
+        "gates": None if space.gates is None else dump_list(arrays, "gates", space.gates),
+        "doorway": space.doorway,
+    }
+
+
+def _load_space(
+    record: Mapping[str, Any] | None, arrays: Arrays, n_own: int, n_labels: int
+) -> SpaceModel | None:
+    if record is None:  # as in all models saved by earlier versions
+        return None
+    if record["feature_set"] != space_features_hash():
+        raise ModelFileError(
+            "it was trained with another definition of the features of spaces; train it again with "
+            "this version"
+        )
+    doorway, gates = record["doorway"], record["gates"]
+    if not (doorway is None or (type(doorway) is int and 0 <= doorway < n_labels)):
+        raise ModelFileError(f"space.doorway must be a label below {n_labels}, got {doorway!r}")
+    return SpaceModel(
+        load_list(arrays, "space", record["classifier"], n_own + N_SPACE_COLUMNS, n_labels),
+        None if gates is None else load_list(arrays, "gates", gates, len(GATE_FEATURES), 2),
+        doorway,
     )
 
 

@@ -4,6 +4,7 @@ Lengths are metres, areas square metres. "Half width" is the distance to the nea
 middle line of a passage (``half_width_m``). The building is all of the map's open space.
 """
 
+import hashlib
 from dataclasses import dataclass
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "SEGMENT_FEATURES",
     "SpaceSpec",
     "segment_feature_names",
+    "space_features_hash",
 ]
 
 
@@ -174,3 +176,13 @@ def segment_feature_names() -> tuple[str, ...]:
     (37, 'area', 'aspect')
     """
     return tuple(spec.id for spec in SEGMENT_FEATURES)
+
+
+_DEFINITIONS_VERSION = 1  # counted up where a definition changes but its words do not
+
+
+def space_features_hash() -> str:
+    """Hexadecimal digest that changes with the columns, their order or their definitions."""
+    specs = (*PLACE_FEATURES, *CELL_FEATURES, *GATE_FEATURES)
+    lines = [f"{spec.id}: {spec.definition}" for spec in specs]
+    return hashlib.sha256("\n".join((str(_DEFINITIONS_VERSION), *lines)).encode()).hexdigest()

@@ -1,21 +1,24 @@
-"""Learning the unary model: decision lists on the cells of labelled maps, and held-out scores."""
+"""Learning the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.evaluation.folds import building_folds
 from pgm_places.features.context import window_means
-from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent
-from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.map_model import CellScores, UnaryModel, aligned_log_proba
+from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.map_model import CellScores, UnaryModel
+from pgm_places.unary.options import SpaceOptions
+from pgm_places.unary.space_learning import learn_spaces
+from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -24,11 +27,36 @@ RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
 
 __all__ = [
+    "LearnedUnary",
     "fit_unary",
+    "held_out_lists",
     "held_out_scores",
-    "training_features",
     "with_explicit_order",
 ]
+
+Extra = Callable[[NDArray[np.int64]], NDArray[np.float32]]
+"""Columns (n, D) beside the cells' own features, for cells by their numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedUnary:
+    """A fitted unary model, and the scores that whatever comes behind it learns from.
+
+    Parameters
+    ----------
+    model : UnaryModel
+    truths : list of (n,) int64
+        Label index of the examples of each map.
+    laser : list of (n, K) float64
+        What laser lists say of them.
+    scores : list of CellScores or None
+        One per map, in the node order of its graph of labelled cells; only where it was asked for.
+    """
+
+    model: UnaryModel
+    truths: list[NDArray[np.int64]]
+    laser: list[NDArray[np.float64]]
+    scores: list[CellScores] | None
 
 
 def fit_unary(
@@ -39,14 +67,17 @@ def fit_unary(
     classifier: "DecisionListClassifier",
     n_node_features: int = 30,
     context_m: tuple[float, ...] = (),
+    space: SpaceOptions | None = None,
+    doorway: int | None = None,
     learn_on: str = "out-of-fold",
     n_folds: int = 5,
     max_examples_per_map: int | None = None,
     features: tuple[Any, ...] = (),
+    with_scores: bool = True,
     n_threads: int | None = None,
     progress: Progress | None = None,
-) -> tuple[UnaryModel, list[CellScores]]:
-    """A unary model fitted on the labelled cells of maps, and those cells' scores to learn from.
+) -> LearnedUnary:
+    """A unary model fitted on the labelled cells of maps, and scores to learn from.
 
     Parameters
     ----------
@@ -59,83 +90,191 @@ def fit_unary(
     n_node_features : int
         How many of the features that boosting chose first are handed to structured models.
     context_m : tuple of float
-        Half-widths in metres of the windows for the second list; () for none.
+        Half-widths in metres of the windows for the list with context; () for none.
+    space : SpaceOptions, optional
+        The list that also sees segments, gates and places; none by default.
+    doorway : int, optional
+        The label of gates, where there is one.
     learn_on : {"in-sample", "out-of-fold"}
-        Whether the returned scores come from the fitted list, or from lists that did not see the
+        Whether the returned scores come from the fitted lists, or from lists that did not see the
         building that a cell lies in, or its contiguous block where there is only one building.
     n_folds : int
         Folds for out-of-fold scores: so many blocks, or at most so many groups of buildings.
     max_examples_per_map : int, optional
-        Train the lists on a random choice of so many cells of each map; all cells are scored.
+        Train the lists on a random choice of so many cells of each map.
     features : tuple
-        Features of one's own, beside the laser's: see :mod:`pgm_places.features.own`.
-
-    Returns
-    -------
-    UnaryModel, list of CellScores
-        One CellScores per map, in the node order of its graph of labelled cells.
+        Custom features, beside the laser's: see :mod:`pgm_places.features.own`.
+    with_scores : bool
+        Whether all labelled cells are scored for structured methods to learn from.
     """
-    from sklearn.base import clone
-
     progress = progress or Silent()
-    masks = [item.labelled_cells for item in maps]
-    sizes = [int(mask.sum()) for mask in masks]
-    laser_features = training_features(maps, sensor, n_threads, progress, features)
-    truth = np.concatenate(
-        [item.labels[mask] for item, mask in zip(maps, masks, strict=True)]
-    ).astype(np.int64)
-    groups = building_folds(maps, masks, n_folds)
-    chosen = _chosen(sizes, max_examples_per_map)
+    cells = TrainingCells.of(
+        maps,
+        sensor,
+        features,
+        n_folds=n_folds,
+        limit=max_examples_per_map,
+        n_threads=n_threads,
+        progress=progress,
+    )
+    held_out = learn_on == "out-of-fold" or bool(context_m)
+    learner = _Learner(cells, n_labels, learn_on, held_out, n_threads, progress)
+    classifier = with_explicit_order(classifier, cells.truth)
 
-    classifier = with_explicit_order(classifier, truth)
-    with progress.stage("decision list"):
-        fitted = _fitted(classifier, laser_features, truth, groups, chosen)
-    node_columns = np.asarray(fitted.features_in_order_of_choice(n_node_features), np.int64)
-    in_sample = aligned_log_proba(fitted.boosted_list_, laser_features, n_labels, n_threads)
-    held_out = None
-    if context_m or learn_on == "out-of-fold":
-        held_out = held_out_scores(
-            fitted, laser_features, truth, groups, n_labels, progress, "held-out scores", chosen
+    laser = learner.learn(
+        "decision list", classifier, scored="all" if with_scores or context_m else "examples"
+    )
+    columns = np.asarray(laser.fitted.features_in_order_of_choice(n_node_features), np.int64)
+    context = None
+    if context_m:
+        means = _context_means(cells, np.exp(laser.held_out), context_m)
+        # Stumps: their votes on scans and on context can be cast apart, those of trees cannot.
+        stumps = _like(laser.fitted, order=laser.fitted.order_, max_depth=1, shrinkage=1.0)
+        context = learner.learn(
+            "list with context", stumps, lambda some: means[some], "all" if with_scores else "none"
         )
-    learn_from = in_sample if learn_on == "in-sample" or held_out is None else held_out
-
-    second, context_scores = None, None
-    if context_m and held_out is not None:
-        means = _context_means(maps, masks, np.exp(held_out), context_m)
-        both = np.concatenate([laser_features, means], axis=1)
-        with progress.stage("decision list with context"):
-            # Stumps: their votes on scans and on context can be cast apart, those of trees cannot.
-            same_order = clone(classifier).set_params(
-                order=fitted.order_, max_depth=1, shrinkage=1.0
-            )
-            second = _fitted(same_order, both, truth, groups, chosen)
-        context_scores = (
-            aligned_log_proba(second.boosted_list_, both, n_labels, n_threads)
-            if learn_on == "in-sample"
-            else held_out_scores(
-                second, both, truth, groups, n_labels, progress, "held-out context", chosen
-            )
+    spaces = None
+    if space is not None:
+        found = learn_spaces(cells, doorway, n_threads, progress)
+        spaces = learner.learn(
+            "list with spaces",
+            with_explicit_order(space.classifier(), cells.truth),
+            found.columns,
+            "all" if with_scores else "none",
         )
     model = UnaryModel(
         sensor,
-        fitted.boosted_list_,
+        laser.fitted.boosted_list_,
         n_labels,
-        node_columns,
+        columns,
         context_m,
-        None if second is None else second.boosted_list_,
+        None if context is None else context.fitted.boosted_list_,
         features,
+        None if spaces is None else found.model(spaces.fitted.boosted_list_),
     )
-    nodes = laser_features[:, node_columns]
-    ends = np.cumsum(sizes)[:-1]
-    return model, [
-        CellScores(laser, context, features)
-        for laser, context, features in zip(
-            np.split(learn_from, ends),
-            [None] * len(maps) if context_scores is None else np.split(context_scores, ends),
-            np.split(nodes, ends),
-            strict=True,
-        )
-    ]
+    starts = np.cumsum([0, *cells.sizes])
+    mine = np.searchsorted(cells.examples, starts)
+    return LearnedUnary(
+        model,
+        np.split(cells.truth[cells.examples], mine[1:-1]),
+        np.split(laser.of_examples, mine[1:-1]),
+        [
+            CellScores(*parts)
+            for parts in zip(
+                cells.by_map(laser.of_all),
+                _by_map(cells, None if context is None else context.of_all),
+                _by_map(cells, None if spaces is None else found.scores(spaces.of_all)),
+                cells.by_map(learner.node_features(columns)),
+                strict=True,
+            )
+        ]
+        if with_scores
+        else None,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Learned:
+    """A fitted list and what it, or lists of its kind that were held out, say of cells."""
+
+    fitted: "DecisionListClassifier"
+    held_out: NDArray[np.float64]
+    of_all: NDArray[np.float64]
+    of_examples: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Learner:
+    """Lists of several kinds on the same cells."""
+
+    cells: TrainingCells
+    n_labels: int
+    learn_on: str
+    held_out: bool
+    n_threads: int | None
+    progress: Progress
+
+    def learn(
+        self,
+        name: str,
+        unfitted: "DecisionListClassifier",
+        extra: Extra | None = None,
+        scored: Literal["all", "examples", "none"] = "all",
+    ) -> _Learned:
+        """A list fitted on all examples, and the scores of all cells, of the examples, or none."""
+        cells, examples = self.cells, self.cells.examples
+        values = _beside(cells.features, examples, extra)
+        truth, groups = cells.truth[examples], cells.groups[examples]
+        with self.progress.stage(name):
+            fitted = _like(unfitted).fit(values, truth, groups=groups)
+        empty = np.empty((0, self.n_labels))
+        if scored == "none":
+            return _Learned(fitted, empty, empty, empty)
+        everyone = dict.fromkeys(np.unique(cells.groups).tolist(), fitted.boosted_list_)
+        lists = everyone
+        if self.held_out:
+            stage = f"held-out scores: {name}"
+            lists = held_out_lists(fitted, values, truth, groups, self.progress, stage)
+        chosen = everyone if self.learn_on == "in-sample" else lists
+        if scored == "examples":
+            part = _scores_of(chosen, values, groups, self.n_labels, self.n_threads)
+            return _Learned(fitted, part, empty, part)
+        held_out = self._all_scores(lists, extra)
+        of_all = held_out if chosen is lists else self._all_scores(chosen, extra)
+        return _Learned(fitted, held_out, of_all, of_all[examples])
+
+    def node_features(self, columns: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(N, D) some columns of all cells."""
+        found = np.empty((len(self.cells.truth), len(columns)), np.float32)
+        for some, values in self.cells.blocks(self.n_threads):
+            found[some] = values[:, columns]
+        return found
+
+    def _all_scores(
+        self, lists: dict[int, BoostedList], extra: Extra | None
+    ) -> NDArray[np.float64]:
+        found = np.empty((len(self.cells.truth), self.n_labels))
+        for some, values in self.cells.blocks(self.n_threads):
+            part = _beside(values, some, extra)
+            groups = self.cells.groups[some]
+            found[some] = _scores_of(lists, part, groups, self.n_labels, self.n_threads)
+        return found
+
+
+def _like(estimator: "DecisionListClassifier", **options: Any) -> "DecisionListClassifier":
+    """The same estimator, not fitted, with some options changed."""
+    from sklearn.base import clone
+
+    found: DecisionListClassifier = clone(estimator).set_params(**options)
+    return found
+
+
+def _beside(
+    values: NDArray[np.float32], cells: NDArray[np.int64], extra: Extra | None
+) -> NDArray[np.float32]:
+    return values if extra is None else np.concatenate([values, extra(cells)], axis=1)
+
+
+def _by_map(cells: TrainingCells, values: NDArray[np.float64] | None) -> Sequence[Any]:
+    return [None] * len(cells.maps) if values is None else cells.by_map(values)
+
+
+def _scores_of(
+    lists: dict[int, BoostedList],
+    values: NDArray[np.float32],
+    groups: NDArray[np.int64],
+    n_labels: int,
+    n_threads: int | None = None,
+) -> NDArray[np.float64]:
+    """(n, K) log z of rows, each from the list of its group."""
+    folds = np.unique(groups).tolist()
+    if len({id(lists[fold]) for fold in folds}) == 1:
+        return aligned_log_proba(lists[folds[0]], values, n_labels, n_threads)
+    found = np.empty((len(values), n_labels))
+    for fold in folds:
+        rows = groups == fold
+        found[rows] = aligned_log_proba(lists[fold], values[rows], n_labels, n_threads)
+    return found
 
 
 def with_explicit_order(
@@ -146,67 +285,37 @@ def with_explicit_order(
     Asked first, a rare label is separated from everything by one classifier; asked last, it gets
     what the others leave. The paper's heuristic puts it last, since it is the hardest.
     """
-    from sklearn.base import clone
-
     if not (isinstance(classifier.order, str) and classifier.order == RAREST_FIRST):
         return classifier
     labels, counts = np.unique(truth, return_counts=True)
     order = labels[np.argsort(counts, kind="stable")].tolist()
-    return clone(classifier).set_params(order=order)
+    return _like(classifier, order=order)
 
 
-def training_features(
-    maps: Sequence[LabelledMap],
-    sensor: Sensor,
-    n_threads: int | None,
-    progress: Progress,
-    own: tuple[Any, ...] = (),
-) -> NDArray[np.float32]:
-    """All laser and own features of all labelled cells, map after map in node order."""
-    total = sum(int(item.labelled_cells.sum()) for item in maps)
-    features = np.empty((total, n_columns(own)), np.float32)
-    start = 0
-    with progress.stage("scans and features") as stage:
-        for item in maps:
-            mask = item.labelled_cells
-            of_cells = values_on_map(own, item.grid, np.argwhere(mask))
-            for block in iter_cast(item.grid, sensor, mask=mask, n_threads=n_threads):
-                values = feature_values(
-                    block.ranges,
-                    own,
-                    max_range_m=sensor.max_range_m,
-                    from_map={place: rows[block.nodes] for place, rows in of_cells.items()},
-                    n_threads=n_threads,
-                )
-                features[start + block.nodes] = values
-                stage.update((start + int(block.nodes[-1])) / max(total, 1))
-            start += int(mask.sum())
-    return features
-
-
-def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_] | None:
-    """(N,) the cells to train on, at most ``limit`` of each map by chance; None for all."""
-    if limit is None or max(sizes) <= limit:
-        return None
-    rng = np.random.default_rng(0)
-    return np.concatenate([rng.permutation(size) < limit for size in sizes])
-
-
-def _fitted(
-    classifier: "DecisionListClassifier",
+def held_out_lists(
+    fitted: "DecisionListClassifier",
     features: NDArray[np.float32],
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
-    chosen: NDArray[np.bool_] | None,
-) -> "DecisionListClassifier":
-    """The list fitted on the chosen cells."""
-    from sklearn.base import clone
-
-    some = slice(None) if chosen is None else chosen  # a slice copies nothing
-    fitted: DecisionListClassifier = clone(classifier).fit(
-        features[some], truth[some], groups=groups[some]
-    )
-    return fitted
+    progress: Progress,
+    name: str,
+) -> dict[int, BoostedList]:
+    """For each group a list of the same order that has not seen it."""
+    lists = {}
+    folds = np.unique(groups).tolist()
+    with progress.stage(name) as stage:
+        for count, fold in enumerate(folds, start=1):
+            seen = groups != fold
+            order = [label for label in fitted.order_ if (truth[seen] == label).any()]
+            if len(order) < 2:
+                raise InputError(
+                    "out-of-fold scores need at least two labels outside every group; "
+                    "use fewer folds or learn_on='in-sample'"
+                )
+            part = _like(fitted, order=order).fit(features[seen], truth[seen])
+            lists[fold] = part.boosted_list_
+            stage.update(count / len(folds))
+    return lists
 
 
 def held_out_scores(
@@ -217,43 +326,17 @@ def held_out_scores(
     n_labels: int,
     progress: Progress,
     name: str,
-    chosen: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.float64]:
-    """Log z of every cell from a list of the same order that did not see the cell's group.
-
-    The lists are trained on the cells of the mask ``chosen``, by default on all.
-    """
-    from sklearn.base import clone
-
-    scores = np.empty((len(truth), n_labels))
-    folds = np.unique(groups)
-    with progress.stage(name) as stage:
-        for count, fold in enumerate(folds, start=1):
-            out = groups == fold
-            seen = ~out if chosen is None else chosen & ~out
-            order = [label for label in fitted.order_ if (truth[seen] == label).any()]
-            if len(order) < 2:
-                raise InputError(
-                    "out-of-fold scores need at least two labels outside every group; "
-                    "use fewer folds or learn_on='in-sample'"
-                )
-            part = clone(fitted).set_params(order=order).fit(features[seen], truth[seen])
-            scores[out] = aligned_log_proba(part.boosted_list_, features[out], n_labels)
-            stage.update(count / len(folds))
-    return scores
+    """(N, K) log z of every row from a list of the same order that did not see its group."""
+    lists = held_out_lists(fitted, features, truth, groups, progress, name)
+    return _scores_of(lists, features, groups, n_labels)
 
 
 def _context_means(
-    maps: Sequence[LabelledMap],
-    masks: Sequence[NDArray[np.bool_]],
-    scores: NDArray[np.float64],
-    context_m: tuple[float, ...],
+    cells: TrainingCells, scores: NDArray[np.float64], context_m: tuple[float, ...]
 ) -> NDArray[np.float32]:
-    parts, start = [], 0
-    for item, mask in zip(maps, masks, strict=True):
-        cells = np.argwhere(mask).astype(np.int32)
-        layout = GridLayout(item.grid.shape, cells)
-        part = scores[start : start + len(cells)]
+    parts = []
+    for item, places, part in zip(cells.maps, cells.cells_rc(), cells.by_map(scores), strict=True):
+        layout = GridLayout(item.grid.shape, places.astype(np.int32))
         parts.append(window_means(layout, part, context_m, item.grid.resolution_m))
-        start += len(cells)
     return np.concatenate(parts)

@@ -1,6 +1,6 @@
 """From scans to unary potentials: what the boosted decision list says of every cell of a map."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,8 +18,13 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
+from pgm_places.unary.space_model import SpaceModel
 
-__all__ = ["CellScores", "UnaryModel", "aligned_log_proba"]
+__all__ = ["UNARIES", "CellScores", "UnaryModel"]
+
+UNARIES = ("laser", "context", "space")
+"""What a method can be given, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +33,19 @@ class CellScores:
 
     Parameters
     ----------
-    laser : (N, K) float
+    laser : (N, K) float or None
         Logarithm of the histogram z of the list on a cell's own features (paper eq. 8).
     context : (N, K) float or None
         The same from the list that also sees the neighbourhood's z, where there is one.
+    space : (N, K) float or None
+        The same from the list that also sees segments, gates and places, where there is one.
     node_features : (N, D) float32 or None
         The features that boosting chose first, for models that learn their own unary.
     """
 
-    laser: NDArray[np.float64]
+    laser: NDArray[np.float64] | None
     context: NDArray[np.float64] | None
+    space: NDArray[np.float64] | None
     node_features: NDArray[np.float32] | None
 
 
@@ -60,7 +68,9 @@ class UnaryModel:
     context_classifier : BoostedList or None
         The second list, on the same columns followed by context features.
     features : tuple
-        Features of one's own: see :mod:`pgm_places.features.own`.
+        Custom features: see :mod:`pgm_places.features.own`.
+    space : SpaceModel or None
+        The list that also sees segments, gates and places.
     """
 
     sensor: Sensor
@@ -70,56 +80,69 @@ class UnaryModel:
     context_m: tuple[float, ...] = ()
     context_classifier: BoostedList | None = field(default=None, repr=False)
     features: tuple[Any, ...] = ()
+    space: SpaceModel | None = field(default=None, repr=False)
 
     def scores(
         self,
         grid: OccupancyGrid,
         graph: LabelGraph,
         *,
-        with_context: bool = True,
+        unaries: Collection[str] = ("laser", "context", "space"),
         with_node_features: bool = True,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> CellScores:
-        """The scores of a grid graph's nodes: scans, features and list, streamed in tiles.
+        """The scores of a grid graph's nodes: scans, features and lists, streamed in tiles.
 
         Only the features that the lists and the result need are computed. Memory beyond the result
         is bounded by the ray caster's tiles and by bands of rows, whatever the map's size.
-        """
-        layout = _grid_layout(graph)
-        progress = progress or Silent()
-        second = self.context_classifier if with_context else None
-        later = np.zeros(0, np.int64) if second is None else self._columns_of(second)
-        handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
-        needed = np.unique(np.concatenate([self.classifier.used_features, later, handed]))
-        first_list = self.classifier.restricted(needed)
-        laser_part = None if second is None else second.part(needed)
 
-        n = graph.n_nodes
-        laser = np.empty((n, self.n_labels))
+        Parameters
+        ----------
+        grid : OccupancyGrid
+        graph : LabelGraph
+            Made by ``LabelGraph.from_grid``.
+        unaries : collection of str
+            The scores that are wanted, as far as the model has them.
+        with_node_features : bool
+            Whether structured models want features of their own.
+        """
+        layout, n = _grid_layout(graph), graph.n_nodes
+        progress = progress or Silent()
+        handed = self.node_columns if with_node_features else np.zeros(0, np.int64)
         features = np.empty((n, len(handed)), np.float32) if with_node_features else None
-        context = None if second is None else np.empty((n, self.n_labels))
+        second = self.context_classifier if "context" in unaries else None
+        n_own = n_columns(self.features)
+        lists: list[CellList] = []
+        if "laser" in unaries or second is not None:
+            lists.append(LaserList(self.classifier, n, self.n_labels))
+        if second is not None:
+            lists.append(ContextPart(second, n_own, n, self.n_labels))
+        if self.space is not None and "space" in unaries:
+            with progress.stage("segments, gates and places"):
+                spaces = self.space.spaces(grid, n_threads=n_threads)
+            lists.append(SpaceList(self.space, spaces, layout, n_own, self.n_labels))
+        needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
+        for item in lists:
+            item.expect(needed)
 
         def take(nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
-            laser[nodes] = aligned_log_proba(first_list, values, self.n_labels, n_threads)
+            for item in lists:
+                item.take(nodes, values, n_threads)
             if features is not None:
                 features[nodes] = values[:, np.searchsorted(needed, handed)]
-            if context is not None and laser_part is not None:
-                # The second list waits for the first one's results all around: its stumps on the
-                # scans vote now, so that the scans' features need not be kept.
-                votes = laser_part.scores(values, n_threads=n_threads)
-                context[nodes, : len(votes)] = votes.T
 
         with progress.stage("scans, features and list") as stage:
             self._stream(grid, layout, needed, take, n_threads, stage)
-        if second is not None and context is not None:
+        for item in lists:
+            if isinstance(item, SpaceList):
+                item.finish()
+        found = {item.unary: item.found for item in lists}
+        if second is not None:
             with progress.stage("spatial context"):
-                self._add_context(second, grid, layout, laser, context)
-        return CellScores(
-            sealed(laser),
-            None if context is None else sealed(context),
-            None if features is None else sealed(features),
-        )
+                self._add_context(second, grid, layout, found["laser"], found["context"])
+        laser, context, space = (sealed(found[name]) if name in found else None for name in UNARIES)
+        return CellScores(laser, context, space, None if features is None else sealed(features))
 
     def _stream(
         self,
@@ -166,28 +189,7 @@ class UnaryModel:
         for nodes, means in bands:
             scores = context_part.scores(means)
             scores += context[nodes, : len(scores)].T
-            context[nodes] = _aligned(second, second.log_histogram_of(scores), self.n_labels)
-
-    def _columns_of(self, second: BoostedList) -> NDArray[np.int64]:
-        """The columns besides context that the second list uses."""
-        used = second.used_features
-        return np.asarray(used[used < n_columns(self.features)], np.int64)
-
-
-def aligned_log_proba(
-    fitted: BoostedList, values: NDArray[np.float32], n_labels: int, n_threads: int | None = None
-) -> NDArray[np.float64]:
-    """(N, K) log z with one column per label index, also for labels the list never saw."""
-    return _aligned(fitted, fitted.log_histogram(values, n_threads=n_threads), n_labels)
-
-
-def _aligned(fitted: BoostedList, found: NDArray[np.float64], n_labels: int) -> NDArray[np.float64]:
-    classes = np.asarray(fitted.classes, np.int64)
-    if len(classes) == n_labels:
-        return found
-    full = np.full((len(found), n_labels), found.min(initial=0.0))
-    full[:, classes] = found
-    return full
+            context[nodes] = on_labels(second, second.log_histogram_of(scores), self.n_labels)
 
 
 def _grid_layout(graph: LabelGraph) -> GridLayout:

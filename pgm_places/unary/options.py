@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
 from pgm_places.models.list_options import ListOptions, PriorWeight
 from pgm_places.options import Positive, check_options, option_values, taken_from
@@ -13,12 +13,14 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
     from pgm_places.models.decision_list import DecisionListClassifier
 
 __all__ = [
+    "GATE_OPTIONS",
     "ClassifierOptions",
     "ContextOptions",
     "LearnOn",
     "NumberOfExamples",
     "NumberOfFolds",
     "NumberOfNodeFeatures",
+    "SpaceOptions",
     "WindowsM",
 ]
 
@@ -87,3 +89,46 @@ class ContextOptions:
 
     def __post_init__(self) -> None:
         check_options(self)
+
+
+@dataclass(frozen=True)
+class SpaceOptions(ListOptions):
+    """The list of trees that sees the space around a cell besides its scan.
+
+    It serves the methods with ``unary = "space"``. Its columns are the shape of the segments of
+    free space at three scales, and of the places between doorways (docs/spaces.md); which openings
+    are doorways is learned first.
+
+    Parameters
+    ----------
+    doorway_label : str
+        The label of doorways; without one among the labels, no opening is taken for a doorway.
+    """
+
+    n_rounds: Annotated[int, Ge(1), Le(100_000)] = 150
+    max_depth: Annotated[int, Ge(1), Le(4)] = 3
+    shrinkage: Annotated[float, Gt(0), Le(1)] = 0.3
+    prior_weight: PriorWeight = 0.5
+    doorway_label: str = "doorway"
+
+    def classifier(self) -> "DecisionListClassifier":
+        """The unfitted list, which asks for the rarest label first."""
+        from pgm_places.models.decision_list import DecisionListClassifier
+
+        return DecisionListClassifier(
+            order="rarest-first", **option_values(taken_from(ListOptions, self))
+        )
+
+    def doorway(self, label_names: Sequence[str]) -> int | None:
+        """The number of the label of doorways among these names, None where there is none."""
+        names = list(label_names)
+        return names.index(self.doorway_label) if self.doorway_label in names else None
+
+
+GATE_OPTIONS: dict[str, Any] = {
+    "n_rounds": 100,
+    "max_depth": 3,
+    "shrinkage": 0.2,
+    "prior_weight": 1.0,
+}
+"""The list that tells doorways from other openings; chosen on buildings held out."""

@@ -20,7 +20,7 @@ from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
-from pgm_places.unary.map_model import aligned_log_proba
+from pgm_places.unary.cell_lists import aligned_log_proba
 
 __all__ = ["BeamOptions", "ScanModel", "ScanScorer", "circles_along"]
 

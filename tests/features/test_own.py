@@ -149,6 +149,7 @@ def test_lists_learn_from_them_and_a_model_keeps_them_by_name(
     _, after = loaded.scores(known.grid)
     np.testing.assert_array_equal(before.laser, after.laser)
     truth = known.truth(known.graph())
+    assert before.laser is not None
     assert (before.laser.argmax(axis=1) == truth).mean() > 0.95
 
 
@@ -198,6 +199,7 @@ def test_a_scan_feature_serves_trajectories(
     labeler = TrajectoryLabeler.from_places(places)
     _, on_map = places.scores(known.grid)
     scores = labeler.scores(path, known_map=known.grid)
+    assert on_map.laser is not None
     np.testing.assert_allclose(scores, on_map.laser[::40], rtol=0, atol=1e-6)
 
     fitted = TrajectoryLabeler(

@@ -1,0 +1,153 @@
+"""Learning from the spaces of maps: which gates are doorways, and what cells see of spaces."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.progress import Progress
+from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.gate_features import gate_features
+from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.options import GATE_OPTIONS
+from pgm_places.unary.space_model import (
+    N_SPACE_COLUMNS,
+    MapSpaces,
+    SpaceModel,
+    gate_probabilities,
+    with_gates,
+)
+from pgm_places.unary.training_cells import TrainingCells
+
+__all__ = ["LearnedSpaces", "learn_spaces"]
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedSpaces:
+    """The spaces of training maps, from gates that were judged by lists which had not seen them.
+
+    Parameters
+    ----------
+    cells : TrainingCells
+    spaces : list of MapSpaces
+        One per map.
+    gates : BoostedList or None
+        The list that learned from all gates.
+    doorway : int or None
+        The label of doorways.
+    """
+
+    cells: TrainingCells
+    spaces: list[MapSpaces]
+    gates: BoostedList | None
+    doorway: int | None
+
+    def columns(self, some: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(n, F) what some cells see of their spaces."""
+        found = np.empty((len(some), N_SPACE_COLUMNS), np.float32)
+        starts = np.cumsum([0, *self.cells.sizes])
+        for number, (item, spaces) in enumerate(zip(self.cells.maps, self.spaces, strict=True)):
+            mine = (some >= starts[number]) & (some < starts[number + 1])
+            if mine.any():
+                cells = np.argwhere(item.labelled_cells)[some[mine] - starts[number]]
+                found[mine] = spaces.features.lookup(cells)
+        return found
+
+    def scores(self, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, K) the scores of all cells, those of doorways weighed by the gates."""
+        if self.gates is None or self.doorway is None:
+            return log_z
+        at_gate = [
+            spaces.at_gates(_layout(item))
+            for item, spaces in zip(self.cells.maps, self.spaces, strict=True)
+        ]
+        return with_gates(log_z, np.concatenate(at_gate), self.doorway)
+
+    def model(self, classifier: BoostedList) -> SpaceModel:
+        """The model of all that was learned."""
+        return SpaceModel(classifier, self.gates, self.doorway)
+
+
+def learn_spaces(
+    cells: TrainingCells,
+    doorway: int | None,
+    n_threads: int | None,
+    progress: Progress,
+) -> LearnedSpaces:
+    """The spaces of all maps of some training cells, and the list of gates."""
+    found = []
+    with progress.stage("segments and gates") as stage:
+        for count, item in enumerate(cells.maps, start=1):
+            found.append(gate_candidates(Segmentation.of(item.grid)))
+            stage.update(count / len(cells.maps), item.name)
+    gates, judged = None, [np.zeros(len(item)) for item in found]
+    if doorway is not None:
+        with progress.stage("gates"):
+            gates, judged = _learn_gates(cells, found, doorway, n_threads)
+    spaces = [MapSpaces.of(item, part) for item, part in zip(found, judged, strict=True)]
+    return LearnedSpaces(cells, spaces, gates, doorway)
+
+
+def _learn_gates(
+    cells: TrainingCells, gates: list[Gates], doorway: int, n_threads: int | None
+) -> tuple[BoostedList | None, list[NDArray[np.float64]]]:
+    """The list of all gates, and (G,) what lists say that were learned without a gate's fold."""
+    matches = [
+        match_doors(item, known.labels, doorway)
+        for item, known in zip(gates, cells.maps, strict=True)
+    ]
+    truth = np.concatenate([match.is_doorway for match in matches]).astype(np.int64)
+    known = np.concatenate([match.known | match.is_doorway for match in matches])
+    values = np.concatenate([gate_features(item) for item in gates]).astype(np.float32)
+    fold = _folds(cells, gates)
+    probability = np.zeros(len(truth))
+    for number in np.unique(fold):
+        out = fold == number
+        part = _gate_list(values, truth, fold, known & ~out, n_threads)
+        probability[out] = gate_probabilities(part, values[out], n_threads)
+    ends = np.cumsum([len(item) for item in gates])[:-1]
+    whole = _gate_list(values, truth, fold, known, n_threads)
+    return whole, np.split(probability, ends)
+
+
+def _gate_list(
+    values: NDArray[np.float32],
+    truth: NDArray[np.int64],
+    fold: NDArray[np.int64],
+    seen: NDArray[np.bool_],
+    n_threads: int | None,
+) -> BoostedList | None:
+    """The list learned from some gates; None where all of them are doorways, or none is."""
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+    if len(np.unique(truth[seen])) < 2:
+        return None
+    several = len(np.unique(fold[seen])) > 2
+    unfitted = DecisionListClassifier(order=[1, 0], n_threads=n_threads, **GATE_OPTIONS)
+    unfitted.set_params(calibration="platt" if several else "none")
+    groups = fold[seen] if several else None
+    found: BoostedList = unfitted.fit(values[seen], truth[seen], groups=groups).boosted_list_
+    return found
+
+
+def _folds(cells: TrainingCells, gates: list[Gates]) -> NDArray[np.int64]:
+    """(G,) the fold of the labelled cell that is nearest to each gate."""
+    from scipy.spatial import cKDTree
+
+    found = []
+    for item, groups, known in zip(gates, cells.by_map(cells.groups), cells.maps, strict=True):
+        if len(item) and len(groups):
+            centres = known.grid.cell_centres_m(np.argwhere(known.labelled_cells))
+            nearest = cKDTree(centres).query(item.centre_m)[1]
+            found.append(groups[nearest])
+        else:
+            found.append(np.full(len(item), -1))
+    return np.concatenate(found)
+
+
+def _layout(item: LabelledMap) -> GridLayout:
+    return GridLayout(item.grid.shape, np.argwhere(item.labelled_cells).astype(np.int32))

@@ -1,0 +1,132 @@
+"""What the spaces of a map say of its cells: segments, gates, and the places between them."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
+from pgm_places.spaces.gate_features import gate_features
+from pgm_places.spaces.gates import Gate, Gates, gate_candidates
+from pgm_places.spaces.places import Places, places_between
+from pgm_places.spaces.segmentation import RATIOS, Segmentation
+
+__all__ = ["N_SPACE_COLUMNS", "MapSpaces", "SpaceModel", "with_gates"]
+
+N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
+"""Columns that cells get from segments and places."""
+
+_REACH_M = 0.6
+"""A doorway's label reaches at least so far before and behind its gate."""
+
+_BESIDE_M = 0.1
+
+_GAIN, _FLOOR = 1.2, 0.02
+"""A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
+probability of its gate; chosen on buildings held out (docs/results.md)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapSpaces:
+    """The spaces of one map.
+
+    Parameters
+    ----------
+    gates : Gates
+        The candidates.
+    probability : (G,) float64
+        Of being a doorway.
+    places : Places
+        Between those that are one rather than not.
+    features : CellFeatures
+        Columns of any cell.
+    """
+
+    gates: Gates
+    probability: NDArray[np.float64]
+    places: Places
+    features: CellFeatures
+
+    @classmethod
+    def of(cls, gates: Gates, probability: NDArray[np.float64]) -> Self:
+        """Those that follow from the probabilities of a map's gates."""
+        places = places_between(gates, probability)
+        return cls(gates, probability, places, CellFeatures.of(gates.segmentation, places))
+
+    @property
+    def doorways(self) -> list[Gate]:
+        """The accepted gates."""
+        return [gate for gate, taken in zip(self.gates, self.places.accepted, strict=True) if taken]
+
+    def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
+        """(N,) the largest probability of the gates that each node of a layout lies at, 0 for none.
+
+        A node lies at a gate where it is in its rectangle, 0.1 m wider at either end and at least
+        0.6 m deep on either side.
+        """
+        grid = self.gates.segmentation.watershed.grid
+        found = np.zeros(len(layout.cells_rc), np.float32)
+        for gate, probability in zip(self.gates, self.probability.tolist(), strict=True):
+            deeper_m = max(_REACH_M - gate.depth_m / 2, 0.0)
+            r, c = gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m).T
+            node = layout.node_of_cell[r, c]
+            node = node[node >= 0]
+            found[node] = np.maximum(found[node], probability)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceModel:
+    """A list that sees the spaces around cells, and one that tells doorways from other gates.
+
+    Parameters
+    ----------
+    classifier : BoostedList
+        On laser and custom columns, followed by those of spaces.
+    gates : BoostedList or None
+        On the features of gates: 1 for doorways, else 0. None where training had none to learn
+        from; no gate is a doorway then.
+    doorway : int or None
+        The label of doorways, where there is one.
+    """
+
+    classifier: BoostedList
+    gates: BoostedList | None
+    doorway: int | None
+
+    def spaces(self, grid: OccupancyGrid, *, n_threads: int | None = None) -> MapSpaces:
+        """The spaces of a map."""
+        candidates = gate_candidates(Segmentation.of(grid))
+        probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
+        return MapSpaces.of(candidates, probability)
+
+    def with_gates(
+        self, log_z: NDArray[np.float64], spaces: MapSpaces, layout: GridLayout
+    ) -> NDArray[np.float64]:
+        """(N, K) the scores of a map's nodes, those of doorways weighed by the gates."""
+        if self.gates is None or self.doorway is None:
+            return log_z
+        return with_gates(log_z, spaces.at_gates(layout), self.doorway)
+
+
+def gate_probabilities(
+    gates: BoostedList | None, features: ArrayLike, n_threads: int | None = None
+) -> NDArray[np.float64]:
+    """(G,) how likely each gate is a doorway, by its features; 0 where there is no list."""
+    values = np.asarray(features, np.float32)
+    if gates is None or not len(values):
+        return np.zeros(len(values))
+    return np.exp(gates.log_histogram(values, n_threads=n_threads)[:, 1])
+
+
+def with_gates(
+    log_z: NDArray[np.float64], at_gate: NDArray[np.float32], doorway: int
+) -> NDArray[np.float64]:
+    """(N, K) log z with the odds of the doorway times max(1.2 g, 0.02), normalised again."""
+    found = log_z.copy()
+    found[:, doorway] += np.log(np.maximum(_GAIN * at_gate, _FLOOR))
+    return np.asarray(found - np.logaddexp.reduce(found, axis=1, keepdims=True))

@@ -1,0 +1,178 @@
+"""The labelled cells of maps: those that lists are trained on, and all of them in blocks."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.evaluation.folds import building_folds
+from pgm_places.features.own import feature_values, n_columns, values_on_map
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.progress import Progress
+from pgm_places.sensing.ray_casting import iter_cast
+from pgm_places.sensing.sensor import Sensor
+
+__all__ = ["TrainingCells", "training_features"]
+
+_AT_ONCE = 65_536
+
+Block = tuple[NDArray[np.int64], NDArray[np.float32]]
+"""Numbers of cells, and their features (n, F)."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingCells:
+    """All labelled cells of maps, numbered map after map in node order, and which are examples.
+
+    Where every cell is an example the features of all are kept; where examples are a choice, those
+    of the other cells are computed whenever they are wanted, so that memory grows with the choice.
+
+    Parameters
+    ----------
+    maps : tuple of LabelledMap
+    sensor : Sensor
+        What the laser features are simulated with.
+    own : tuple
+        Custom features: see :mod:`pgm_places.features.own`.
+    truth, groups : (N,) int64
+        Label index of each cell, and the number of the fold that it is held out with.
+    chosen : (N,) bool
+        The examples.
+    features : (n, F) float32
+        Laser and custom features of the examples.
+    """
+
+    maps: tuple[LabelledMap, ...]
+    sensor: Sensor
+    own: tuple[Any, ...]
+    truth: NDArray[np.int64]
+    groups: NDArray[np.int64]
+    chosen: NDArray[np.bool_]
+    features: NDArray[np.float32]
+
+    @classmethod
+    def of(
+        cls,
+        maps: Sequence[LabelledMap],
+        sensor: Sensor,
+        own: tuple[Any, ...] = (),
+        *,
+        n_folds: int = 5,
+        limit: int | None = None,
+        n_threads: int | None = None,
+        progress: Progress,
+    ) -> Self:
+        """Those of some maps, with at most ``limit`` examples of each, drawn by chance."""
+        masks = [item.labelled_cells for item in maps]
+        truth = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
+        chosen = _chosen([int(mask.sum()) for mask in masks], limit)
+        examples = _split_mask(masks, chosen)
+        return cls(
+            tuple(maps),
+            sensor,
+            own,
+            truth.astype(np.int64),
+            building_folds(maps, masks, n_folds),
+            chosen,
+            training_features(maps, sensor, n_threads, progress, own, masks=examples),
+        )
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of labelled cells of each map."""
+        return [int(item.labelled_cells.sum()) for item in self.maps]
+
+    @property
+    def examples(self) -> NDArray[np.int64]:
+        """(n,) numbers of the examples, ascending."""
+        return np.flatnonzero(self.chosen)
+
+    def cells_rc(self) -> list[NDArray[np.int64]]:
+        """(N_m, 2) row and column of each map's cells."""
+        return [np.argwhere(item.labelled_cells) for item in self.maps]
+
+    def blocks(self, n_threads: int | None = None) -> Iterator[Block]:
+        """All cells with their features, some at a time."""
+        if self.chosen.all():
+            for first in range(0, len(self.truth), _AT_ONCE):
+                part = slice(first, first + _AT_ONCE)
+                yield np.arange(len(self.truth))[part], self.features[part]
+            return
+        first = 0
+        for item, size in zip(self.maps, self.sizes, strict=True):
+            mask = item.labelled_cells
+            for nodes, values in _map_features(item, mask, self.sensor, self.own, n_threads):
+                yield first + nodes, values
+            first += size
+
+    def by_map(self, values: NDArray[Any]) -> list[NDArray[Any]]:
+        """The rows of all cells as those of each map."""
+        return np.split(values, np.cumsum(self.sizes)[:-1])
+
+
+def training_features(
+    maps: Sequence[LabelledMap],
+    sensor: Sensor,
+    n_threads: int | None,
+    progress: Progress,
+    own: tuple[Any, ...] = (),
+    *,
+    masks: Sequence[NDArray[np.bool_]] | None = None,
+) -> NDArray[np.float32]:
+    """(N, F) laser and custom features of cells, map after map in node order.
+
+    By default of all labelled cells; ``masks`` (H, W) names others.
+    """
+    masks = [item.labelled_cells for item in maps] if masks is None else masks
+    total = sum(int(mask.sum()) for mask in masks)
+    features = np.empty((total, n_columns(own)), np.float32)
+    start = 0
+    with progress.stage("scans and features") as stage:
+        for item, mask in zip(maps, masks, strict=True):
+            for nodes, values in _map_features(item, mask, sensor, own, n_threads):
+                features[start + nodes] = values
+                stage.update((start + int(nodes[-1])) / max(total, 1))
+            start += int(mask.sum())
+    return features
+
+
+def _map_features(
+    item: LabelledMap,
+    mask: NDArray[np.bool_],
+    sensor: Sensor,
+    own: tuple[Any, ...],
+    n_threads: int | None,
+) -> Iterator[Block]:
+    of_cells = values_on_map(own, item.grid, np.argwhere(mask))
+    for block in iter_cast(item.grid, sensor, mask=mask, n_threads=n_threads):
+        values = feature_values(
+            block.ranges,
+            own,
+            max_range_m=sensor.max_range_m,
+            from_map={place: rows[block.nodes] for place, rows in of_cells.items()},
+            n_threads=n_threads,
+        )
+        yield block.nodes, values
+
+
+def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_]:
+    """(N,) the examples: all, or at most ``limit`` of each map by chance."""
+    if limit is None or max(sizes) <= limit:
+        return np.ones(sum(sizes), np.bool_)
+    rng = np.random.default_rng(0)
+    return np.concatenate([rng.permutation(size) < limit for size in sizes])
+
+
+def _split_mask(
+    masks: Sequence[NDArray[np.bool_]], chosen: NDArray[np.bool_]
+) -> list[NDArray[np.bool_]]:
+    """Of each map's cells those that are chosen."""
+    parts = np.split(chosen, np.cumsum([int(mask.sum()) for mask in masks])[:-1])
+    found = []
+    for mask, part in zip(masks, parts, strict=True):
+        examples = np.zeros(mask.shape, np.bool_)
+        examples[mask] = part
+        found.append(examples)
+    return found
