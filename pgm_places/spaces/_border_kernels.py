@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import inlined, njit
 
-__all__ = ["highest_passes", "places_of_borders"]
+__all__ = ["border_sites", "highest_passes"]
 
 
 @njit
@@ -14,7 +14,7 @@ def highest_passes(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Pairs (E, 2) of basins that touch, the smaller first, and the height (E,) of the pass.
 
-    The pass is the highest way from one to the other: over all places where they touch, the larger
+    The pass is the highest way from one to the other: over all sites where they touch, the larger
     of the lower of two cells. Numbers from ``count`` on are lines that part basins; there the pass
     is the cell of the line itself.
     """
@@ -106,7 +106,7 @@ def _apart(segment_of: NDArray[np.int32], a: int, b: int) -> bool:
 
 
 @njit
-def places_of_borders(
+def border_sites(
     basin: NDArray[np.int32],
     relief: NDArray[np.int32],
     steps: NDArray[np.int64],
@@ -122,7 +122,7 @@ def places_of_borders(
     on the map, whose ``cells`` have no frame.
     """
     width = -steps[0]
-    places = np.empty((1024, 6), np.int32)
+    sites = np.empty((1024, 6), np.int32)
     height = np.empty(1024, np.int32)
     n = 0
     for i in range(width, basin.size - width):
@@ -138,16 +138,16 @@ def places_of_borders(
                 if k & 1 == 0 or a == here or not _apart(segment_of, here, a):
                     continue
                 if n == len(height):
-                    places, height = _longer_rows(places), _longer(height)
+                    sites, height = _longer_rows(sites), _longer(height)
                 other = i + steps[k]
-                places[n, 0] = row + other // width - 1
-                places[n, 1] = column + other % width - 1
-                places[n, 2] = min(here, a)
-                places[n, 3] = max(here, a)
-                places[n, 4] = k < 4
+                sites[n, 0] = row + other // width - 1
+                sites[n, 1] = column + other % width - 1
+                sites[n, 2] = min(here, a)
+                sites[n, 3] = max(here, a)
+                sites[n, 4] = k < 4
                 there_row, there_column = other // width - 1, other % width - 1
                 is_free = cells[row, column] == free and cells[there_row, there_column] == free
-                places[n, 5] = is_free
+                sites[n, 5] = is_free
                 height[n] = min(relief[i], relief[other])
                 n += 1
                 continue
@@ -156,13 +156,13 @@ def places_of_borders(
                 if b < 0 or b >= count or b == a or not _apart(segment_of, a, b):
                     continue
                 if n == len(height):
-                    places, height = _longer_rows(places), _longer(height)
-                places[n, 0] = 2 * row
-                places[n, 1] = 2 * column
-                places[n, 2] = min(a, b)
-                places[n, 3] = max(a, b)
-                places[n, 4] = True
-                places[n, 5] = cells[row, column] == free
+                    sites, height = _longer_rows(sites), _longer(height)
+                sites[n, 0] = 2 * row
+                sites[n, 1] = 2 * column
+                sites[n, 2] = min(a, b)
+                sites[n, 3] = max(a, b)
+                sites[n, 4] = True
+                sites[n, 5] = cells[row, column] == free
                 height[n] = min(relief[i], min(relief[i + steps[k]], relief[i + steps[m]]))
                 n += 1
-    return places[:n].copy(), height[:n].copy()
+    return sites[:n].copy(), height[:n].copy()

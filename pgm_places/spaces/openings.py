@@ -11,12 +11,12 @@ from pgm_places.spaces.relief import half_width_m
 __all__ = ["Borders", "Openings", "find_openings"]
 
 _REACH = 2
-"""Places of one border are at most a cell apart: two halves."""
+"""Sites of one border are at most a cell apart: two halves."""
 
 
 @dataclass(frozen=True, eq=False)
 class Borders:
-    """Every place where basins of different segments touch.
+    """Every site where basins of different segments touch.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Borders:
     is_free: NDArray[np.bool_]
 
     def free_ones(self) -> Self:
-        """The places without those at obstacles that were filled."""
+        """The sites without those at obstacles that were filled."""
         return type(self)(*(getattr(self, field.name)[self.is_free] for field in fields(self)))
 
 
@@ -97,7 +97,7 @@ def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m:
         Segment of each basin.
     resolution_m : float
 
-    Places of one pair of segments belong to one opening where they are at most a cell apart, so
+    Sites of one pair of segments belong to one opening where they are at most a cell apart, so
     that a pillar or a wall between two doors parts two openings.
     """
     both = np.sort(segment_of[borders.basins], axis=1)
@@ -106,18 +106,18 @@ def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m:
     opening = _pieces(both, borders.halves_rc[kept])
     first = np.unique(opening, return_index=True)[1]
     count = len(first)
-    places = borders.halves_rc[kept] / 2.0
+    sites = borders.halves_rc[kept] / 2.0
     relief = borders.relief[kept]
     top = np.zeros(count, np.int32)
     np.maximum.at(top, opening, relief)
     at_saddle = np.flatnonzero(relief == top[opening])
-    centre = _means(opening, places, count)
-    direction, extent = _directions(opening, places - centre[opening], count)
+    centre = _means(opening, sites, count)
+    direction, extent = _directions(opening, sites - centre[opening], count)
     saddle = at_saddle[np.unique(opening[at_saddle], return_index=True)[1]]
     return Openings(
         segments=both[first],
         half_width_m=half_width_m(top, resolution_m),
-        saddle_rc=_means(opening[at_saddle], places[at_saddle], count),
+        saddle_rc=_means(opening[at_saddle], sites[at_saddle], count),
         centre_rc=centre,
         direction_rc=direction,
         length_m=(extent + 1) * resolution_m,
@@ -127,15 +127,15 @@ def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m:
 
 
 def _pieces(both: NDArray[np.int32], halves_rc: NDArray[np.int32]) -> NDArray[np.int64]:
-    """(M,) number of the connected piece of border that each place lies on, sorted by pair."""
+    """(M,) number of the connected piece of border that each site lies on, sorted by pair."""
     from scipy import sparse
 
     if not len(both):
         return np.zeros(0, np.int64)
     span = halves_rc.max(axis=0).astype(np.int64) + 2 * _REACH + 1
     _, pair = np.unique(both, axis=0, return_inverse=True)
-    place = halves_rc + _REACH
-    key = (pair.reshape(-1) * span[0] + place[:, 0]) * span[1] + place[:, 1]
+    site = halves_rc + _REACH
+    key = (pair.reshape(-1) * span[0] + site[:, 0]) * span[1] + site[:, 1]
     known, index = np.unique(key, return_inverse=True)
     joined: list[NDArray[np.int64]] = []
     for dr in range(_REACH + 1):
@@ -147,18 +147,16 @@ def _pieces(both: NDArray[np.int32], halves_rc: NDArray[np.int32]) -> NDArray[np
     i, j = np.concatenate(joined, axis=1)
     matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(len(known), len(known)))
     _, piece = sparse.csgraph.connected_components(matrix, directed=False)
-    # numbered in the order of the pairs, then of the first place
+    # numbered in the order of the pairs, then of the first site
     _, start = np.unique(piece, return_index=True)
     order = np.empty(len(start), np.int64)
     order[np.argsort(start)] = np.arange(len(start))
     return np.asarray(order[piece][index.reshape(-1)])
 
 
-def _means(
-    group: NDArray[np.int64], places: NDArray[np.float64], count: int
-) -> NDArray[np.float64]:
+def _means(group: NDArray[np.int64], sites: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     n = np.bincount(group, minlength=count)
-    return np.stack([np.bincount(group, axis, count) / n for axis in places.T], axis=1)
+    return np.stack([np.bincount(group, axis, count) / n for axis in sites.T], axis=1)
 
 
 def _directions(

@@ -238,9 +238,9 @@ def _borders(
     grid: OccupancyGrid,
 ) -> Borders:
     """Where basins touch that lie in different segments of any division."""
-    from pgm_places.spaces._border_kernels import places_of_borders
+    from pgm_places.spaces._border_kernels import border_sites
 
-    places, height = places_of_borders(
+    sites, height = border_sites(
         basins.raster.reshape(-1),
         relief.reshape(-1),
         neighbour_steps(relief.shape[1]),
@@ -249,5 +249,5 @@ def _borders(
         grid.cells,
         FREE,
     )
-    is_side, is_free = places[:, 4:].astype(np.bool_).T
-    return Borders(places[:, :2], places[:, 2:4], height, is_side, is_free)
+    is_side, is_free = sites[:, 4:].astype(np.bool_).T
+    return Borders(sites[:, :2], sites[:, 2:4], height, is_side, is_free)

@@ -214,6 +214,18 @@ def test_maps_without_open_space_have_no_segments(shape: tuple[int, int]) -> Non
         assert (scale.raster() == -1).all()
 
 
+def test_threads_at_once_give_the_same_bits() -> None:
+    """Kernels release the interpreter lock and share nothing."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    generator = np.random.default_rng(11)
+    grids = [grid_of(generator.random((120, 150)) > 0.03) for _ in range(4)]
+    alone = [Segmentation.of(grid).scales[0].raster() for grid in grids]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda grid: Segmentation.of(grid).scales[0].raster(), grids))
+    assert all((a == b).all() for a, b in zip(alone, together, strict=True))
+
+
 # ------------------------------------------------------------------ turned and mirrored: exactly
 
 
