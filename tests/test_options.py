@@ -201,6 +201,23 @@ def test_flags_of_the_robot_are_named_where_it_refuses(flag: str, option: str) -
     assert str(found.exception) == message.replace(option, flag, 1)
 
 
+@pytest.mark.parametrize(
+    ("flag", "value", "message"),
+    [
+        ("--mode", "best", "--mode must be 'filter', 'smooth' or 'viterbi', got 'best'"),
+        ("--beams", "none", "--beams must be 'local-map', 'known-map', 'mirror' or 'max-range'"),
+        ("--every", "-1", "--every must be a number of at least 0, got -1.0"),
+    ],
+)
+def test_flags_of_track_are_named_where_the_labeler_refuses(
+    flag: str, value: str, message: str
+) -> None:
+    arguments = ["track", "drive.log", "--out", "out", f"{flag}={value}"]
+    found = typer.testing.CliRunner().invoke(app, arguments)
+    assert isinstance(found.exception, ConfigError)
+    assert str(found.exception).startswith(message)
+
+
 def test_flags_of_the_robot_show_its_own_defaults() -> None:
     from pgm_places.cli import main
 
