@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.forward import best_path, filtered_beliefs, smoothed_beliefs
+from pgm_places.solvers.forward import filtered_beliefs, smoothed_beliefs, viterbi
 
 N_LABELS = 6
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     few = n_steps // 20
 
     def path() -> None:
-        best_path(*arguments)
+        viterbi(*arguments)
 
     methods: list[Method] = [
         ("filter", "ours", n_steps, lambda: filtered_beliefs(*arguments).beliefs),

@@ -21,7 +21,7 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight
 from pgm_places.options import AtLeastZero, check_options
-from pgm_places.solvers.forward import ForwardFilter, best_path, filtered_beliefs, smoothed_beliefs
+from pgm_places.solvers.forward import ForwardFilter, filtered_beliefs, smoothed_beliefs, viterbi
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["HiddenMarkovModel"]
@@ -241,7 +241,7 @@ class HiddenMarkovModel:
         start, tables = self._start(), self._transitions
         info: dict[str, Any] = {}
         if self.mode == "viterbi":
-            path = best_path(start, tables, observed, actions=actions)
+            path = viterbi(start, tables, observed, actions=actions)
             labels, beliefs, status = path.labels, None, Status.EXACT
             impossible = path.impossible
             potentials = _potentials(start, tables, observed, actions, impossible)

@@ -1,4 +1,4 @@
-"""Kernels of the minimum cut: two search trees that grow, meet, push flow and mend themselves.
+"""Kernels of the minimum cut: two search trees that grow, meet, push flow and adopt orphans.
 
 Boykov and Kolmogorov, "An experimental comparison of min-cut/max-flow algorithms for energy
 minimization in vision" (PAMI 2004), with their time stamps and distances, on float64 capacities.
@@ -36,9 +36,9 @@ class CutSpace(NamedTuple):
     parent: NDArray[np.uint32]
     """(N,) arc that leads to the parent, or one of the marks above all arcs."""
     stamp: NDArray[np.int32]
-    """(N,) when the way to the root was last known to be sound."""
+    """(N,) when the path to the root was last known to be sound."""
     depth: NDArray[np.int32]
-    """(N,) length of that way."""
+    """(N,) length of that path."""
     active: NDArray[np.uint32]
     """(N,) ring of nodes that may grow."""
     waiting: NDArray[np.bool_]
@@ -233,9 +233,9 @@ def _adopt(
         for slot in range(start[i], start[i + _ONE]):
             j = head[slot]
             if side[j] == tree and capacity[arc[slot] ^ against] > 0.0:
-                way = _depth_if_rooted(j, clock, ends, parent, stamp, depth)
-                if 0 < way < best_depth:
-                    best_depth = way
+                distance = _depth_if_rooted(j, clock, ends, parent, stamp, depth)
+                if 0 < distance < best_depth:
+                    best_depth = distance
                     best = arc[slot]
         if best != _NONE:
             parent[i] = best
@@ -266,12 +266,12 @@ def _depth_if_rooted(
     stamp: NDArray[np.int32],
     depth: NDArray[np.int32],
 ) -> int:
-    """How far ``i`` is from its root, 0 if its way ends at an orphan; marks the way when sound."""
-    way = 0
+    """How far ``i`` is from its root, 0 if its path ends at an orphan; marks a sound path."""
+    distance = 0
     j = i
     while stamp[j] != clock:
         up = parent[j]
-        way += 1
+        distance += 1
         if up == _ROOT:
             stamp[j] = clock
             depth[j] = 1
@@ -280,12 +280,12 @@ def _depth_if_rooted(
             return 0
         j = ends[up ^ REVERSE]
     else:
-        way += depth[j]
-    found = way
+        distance += depth[j]
+    found = distance
     j = i
     while stamp[j] != clock:
         stamp[j] = clock
-        depth[j] = way
-        way -= 1
+        depth[j] = distance
+        distance -= 1
         j = ends[parent[j] ^ REVERSE]
     return found

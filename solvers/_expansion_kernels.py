@@ -192,16 +192,16 @@ def extract_cut(n_members: int, arcs: Arcs, move: Move, cut: Cut) -> int:
             if not undecided[j]:
                 continue
             edge = arc[slot] >> _ONE
-            way = np.int64(arc[slot] & _ONE)
+            side = np.int64(arc[slot] & _ONE)
             if j > i:
                 edge_number[edge] = n_edges
-                cut_ends[2 * n_edges + way] = m
-                cut_ends[2 * n_edges + 1 - way] = number[j]
+                cut_ends[2 * n_edges + side] = m
+                cut_ends[2 * n_edges + 1 - side] = number[j]
                 capacity[2 * n_edges] = 0.5 * weight[edge]
                 capacity[2 * n_edges + 1] = 0.5 * weight[edge]
                 n_edges += 1
             cut_head[n_slots] = number[j]
-            cut_arc[n_slots] = 2 * edge_number[edge] + way
+            cut_arc[n_slots] = 2 * edge_number[edge] + side
             n_slots += 1
     cut_start[n_left] = n_slots
     return n_left

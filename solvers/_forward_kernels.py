@@ -140,7 +140,7 @@ def smooth_steps(
 
 
 @njit
-def best_steps(
+def viterbi_steps(
     log_initial: NDArray[np.float64],
     log_arrival: NDArray[np.float64],
     action: NDArray[np.int64],

@@ -216,7 +216,7 @@ class _Moves:
     def sweep(
         self, max_sweeps: int, on_iteration: Callable[[int, float], None] | None
     ) -> Expansion:
-        """Labels in turn until each was tried on the same labelling in vain."""
+        """Labels in turn until each was tried on the same labelling without improvement."""
         idle = 0
         score = total_score(self.model, self.labels) if on_iteration is not None else 0.0
         for sweep in range(1, max_sweeps + 1):

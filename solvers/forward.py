@@ -17,10 +17,10 @@ __all__ = [
     "ChainBeliefs",
     "ChainPath",
     "ForwardFilter",
-    "best_path",
     "filter_step",
     "filtered_beliefs",
     "smoothed_beliefs",
+    "viterbi",
 ]
 
 STEPS_AT_ONCE = 4096  # likelihoods of so many steps stay in cache between exponential and filter
@@ -124,7 +124,7 @@ def smoothed_beliefs(
     return found
 
 
-def best_path(
+def viterbi(
     initial: ArrayLike,
     transition: ArrayLike,
     log_likelihood: ArrayLike,
@@ -138,15 +138,15 @@ def best_path(
     Examples
     --------
     >>> stay = [[0.9, 0.1], [0.1, 0.9]]
-    >>> best_path([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
+    >>> viterbi([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
     [0, 0, 0]
     """
-    from pgm_places.solvers._forward_kernels import best_steps
+    from pgm_places.solvers._forward_kernels import viterbi_steps
 
     start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
-        raise InputError(f"best_path takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
+        raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
     labels = np.zeros(n_steps, np.int64)
     impossible = np.zeros(n_steps, np.bool_)
     with np.errstate(divide="ignore"):
@@ -154,7 +154,7 @@ def best_path(
     origin = np.zeros((n_steps, n_labels), np.int16)
     total = 0.0
     if n_steps:
-        total = best_steps(log_start, log_arrival, led, observed, origin, labels, impossible)
+        total = viterbi_steps(log_start, log_arrival, led, observed, origin, labels, impossible)
     return ChainPath(labels, float(total), np.flatnonzero(impossible))
 
 

@@ -158,7 +158,7 @@ def _call_highs(*args: Any, **options: Any) -> Any:
 
 
 def associative_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
-    """The dual's value with the edge duals mended to be feasible: holds whatever HiGHS left.
+    """The dual's value with the edge duals corrected to be feasible: holds whatever HiGHS left.
 
     Each edge splits its reward between its ends, ``a + b >= agreement``, ``a, b >= 0``.
     """

@@ -14,7 +14,7 @@ from pgm_places.kernels.lanes import LANES, load, select, splat, store, transpos
 def load_tiles(
     ranges: Any, first: int, last: int, limit: float, rows: Any, block: Any, rho: Any
 ) -> None:
-    """Write scans ``first..last - 1`` to planes; a beam without an answer becomes ``limit``.
+    """Write scans ``first..last - 1`` to planes; a beam without a return becomes ``limit``.
 
     The last scan is repeated in the lanes that remain of the last tile. ``rows`` (32 integers, the
     last sixteen 0..15) and ``block`` (16 rows of the type of ``ranges``) are room to work in.
@@ -29,8 +29,8 @@ def load_tiles(
             transpose_block(ranges, rows, start, block, rows[LANES:], 0)
             for i in range(LANES):
                 length = widen(load(block, i))
-                answered = (length >= 0.0) & (length < limit)  # false for NaN
-                store(rho, top + start + i, select(answered, length, splat(limit)))
+                returned = (length >= 0.0) & (length < limit)  # false for NaN
+                store(rho, top + start + i, select(returned, length, splat(limit)))
         store(rho, top + N_BEAMS, load(rho, top))
 
 

@@ -1,4 +1,4 @@
-"""Beams made ready for the features: readings without an answer replaced, their number changed."""
+"""Beams made ready for the features: readings without a return replaced, their number changed."""
 
 from typing import Any, Literal, get_args
 
@@ -50,7 +50,7 @@ def clean_beams(
 ) -> NDArray[Any]:
     """(N, M) ranges in which every beam lies in [0, ``max_range_m``].
 
-    A reading without an answer is NaN, infinite, negative, or at least ``max_range_m``.
+    A reading without a return is NaN, infinite, negative, or at least ``max_range_m``.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def clean_beams(
         The sensor's maximum range.
     invalid : {"max-range", "interpolate"}
         ``"max-range"`` makes such a beam ``max_range_m`` long; ``"interpolate"`` draws a straight
-        line, over the beam's number, between the nearest beams with an answer on both sides. A
+        line, over the beam's number, between the nearest beams with a return on both sides. A
         scan without any answer becomes ``max_range_m`` everywhere.
 
     Raises
@@ -78,12 +78,12 @@ def clean_beams(
     array = check_ranges(ranges)
     limit = array.dtype.type(check_max_range(max_range_m))
     check_invalid(invalid)
-    answered = (array >= 0) & (array < limit)
-    clean = np.where(answered, array, limit)
+    returned = (array >= 0) & (array < limit)
+    clean = np.where(returned, array, limit)
     if invalid == "interpolate":
         beams = np.arange(array.shape[1])
-        for scan in np.flatnonzero(answered.any(axis=1) & ~answered.all(axis=1)):
-            kept = answered[scan]
+        for scan in np.flatnonzero(returned.any(axis=1) & ~returned.all(axis=1)):
+            kept = returned[scan]
             clean[scan, ~kept] = np.interp(
                 beams[~kept], beams[kept], array[scan, kept], period=array.shape[1]
             )
@@ -91,7 +91,7 @@ def clean_beams(
 
 
 def check_invalid(invalid: str) -> None:
-    """Refuse an unknown way of treating beams without an answer."""
+    """Refuse an unknown way of treating beams without a return."""
     if invalid not in get_args(InvalidBeams):
         raise InputError(f"invalid must be one of {get_args(InvalidBeams)}, got {invalid!r}")
 

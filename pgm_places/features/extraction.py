@@ -79,7 +79,7 @@ def extract(
         Scans of other than 360 beams are resampled to 360 first: see ``resample_beams``.
     max_range_m : float
         The sensor's maximum range. Beams that are NaN, infinite, negative or at least as long have
-        no answer.
+        no return.
     columns : sequence of F int, optional
         Which columns of ``LASER_FEATURES`` to compute, without repetition, in any order; all 321
         if not given. Only what they need is computed, and a value has the same bits whether it is
@@ -89,8 +89,8 @@ def extract(
     out : (N, F) float32, optional
         Where to write the result.
     invalid : {"max-range", "interpolate"}
-        Beams without an answer count as ``max_range_m`` long, or lie on a straight line between
-        their neighbours with an answer: see ``clean_beams``.
+        Beams without a return count as ``max_range_m`` long, or lie on a straight line between
+        their neighbours with a return: see ``clean_beams``.
 
     Raises
     ------

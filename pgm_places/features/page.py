@@ -51,7 +51,7 @@ def _parameters(specs: Sequence[FeatureSpec]) -> str:
 
 
 def updated_page(text: str) -> str:
-    """The page with its table made anew.
+    """The page with its table renewed.
 
     Raises
     ------

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.sensing.full_circle import FullCircle
+from pgm_places.sensing.scan_completion import ScanCompletion
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
 from pgm_places.unary.scan_model import ScanModel, ScanScorer
@@ -84,7 +84,7 @@ class OnlineLabeler:
     def __init__(
         self,
         model: ScanModel,
-        circle: FullCircle,
+        circle: ScanCompletion,
         belief_filter: BeliefFilter,
         label_names: tuple[str, ...],
     ) -> None:

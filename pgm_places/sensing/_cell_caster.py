@@ -102,7 +102,7 @@ class CellCaster:
         region = self._region(box)
         if region != self._region_seen:
             self._surroundings = {}
-            self._blocked = np.empty((0, 0), np.uint8)  # let go of the old ones first
+            self._blocked = np.empty((0, 0), np.uint8)  # free the old ones first
             self._blocked = blocked_window(self._grid, region, self._sensor.stop_at_unknown)
             self._region_seen = region
         blocked = self._blocked

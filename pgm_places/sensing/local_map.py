@@ -116,7 +116,7 @@ class LocalMap:
         pose : (3,) float
             x, y in metres and heading in radians of the laser, in any frame that stays the same.
         ranges_m : (M,) float
-            Beam lengths. NaN, infinite, not positive, or at least ``max_range_m``: no answer, which
+            Beam lengths. NaN, infinite, not positive, or at least ``max_range_m``: no return, which
             says nothing about the map.
         angles_rad : (M,) float
             Beam angles against the heading, counter-clockwise.
@@ -150,8 +150,8 @@ class LocalMap:
                 f"ranges_m must have one value per angle ({len(angles)}), got {ranges.shape}"
             )
         with np.errstate(invalid="ignore"):
-            answered = (ranges > 0) & (ranges < max_range_m)
-        lengths = np.where(answered, ranges / self.resolution_m, 0.0)
+            returned = (ranges > 0) & (ranges < max_range_m)
+        lengths = np.where(returned, ranges / self.resolution_m, 0.0)
         x, y, window = self._place(where)
         steps = Steps(HIT, MISS, LOWEST, HIGHEST)
         write_scan(window, Pose(x, y, float(where[2])), lengths, angles, steps, self._next_scan())

@@ -14,9 +14,9 @@ from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.options import AtLeastZeroOrInfinite, Positive, check_options
-from pgm_places.sensing.full_circle import FullCircle, MissingBeams, check_missing
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion, check_missing
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
@@ -33,7 +33,7 @@ class BeamOptions:
     ----------
     missing : {"local-map", "known-map", "mirror", "max-range"}
         Where beams come from that the laser does not have: see
-        :class:`pgm_places.sensing.full_circle.FullCircle`.
+        :class:`pgm_places.sensing.scan_completion.ScanCompletion`.
     all_from_map : bool
         Take every beam from the map.
     local_size_m, local_resolution_m : float
@@ -54,7 +54,7 @@ class BeamOptions:
 
     def circle(
         self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
-    ) -> FullCircle:
+    ) -> ScanCompletion:
         """A fresh completion for one robot; a known map is used only if ``missing`` asks for it.
 
         Raises
@@ -74,7 +74,7 @@ class BeamOptions:
                 self.local_resolution_m,
                 through_unknown_m=self.through_unknown_m,
             )
-        return FullCircle(
+        return ScanCompletion(
             geometry,
             sensor.max_range_m,
             self.missing,

@@ -8,10 +8,10 @@ from pgm_places.errors import InputError
 from pgm_places.solvers import forward
 from pgm_places.solvers.forward import (
     ForwardFilter,
-    best_path,
     filter_step,
     filtered_beliefs,
     smoothed_beliefs,
+    viterbi,
 )
 from tests.reference.chains import joint, marginals
 
@@ -62,7 +62,7 @@ def test_everything_is_the_full_enumeration(
     arguments = (initial, transition, observed)
     filtered = filtered_beliefs(*arguments, actions=actions)
     smoothed = smoothed_beliefs(*arguments, actions=actions)
-    path = best_path(*arguments, actions=actions)
+    path = viterbi(*arguments, actions=actions)
     if table.sum() == 0:
         assert len(filtered.impossible)
         assert filtered.log_evidence == -np.inf
@@ -118,9 +118,9 @@ def test_constants_per_step_only_shift_the_evidence() -> None:
         two = function(initial, transition, logs(likelihood) + shift)
         np.testing.assert_allclose(two.beliefs, one.beliefs, rtol=0, atol=1e-9)
         np.testing.assert_array_equal(two.impossible, one.impossible)
-    path = best_path(initial, transition, logs(likelihood) + shift)
+    path = viterbi(initial, transition, logs(likelihood) + shift)
     np.testing.assert_array_equal(
-        path.labels, best_path(initial, transition, logs(likelihood)).labels
+        path.labels, viterbi(initial, transition, logs(likelihood)).labels
     )
 
 
@@ -132,7 +132,7 @@ def test_an_impossible_observation_is_reported_and_left_out() -> None:
         assert found.impossible.tolist() == [2]
         assert found.log_evidence == -np.inf
         np.testing.assert_array_equal(found.beliefs, np.tile([1.0, 0.0], (4, 1)))
-    path = best_path([0.5, 0.5], fixed, observed)
+    path = viterbi([0.5, 0.5], fixed, observed)
     assert path.impossible.tolist() == [2]
     assert path.labels.tolist() == [0, 0, 0, 0]
     np.testing.assert_allclose(path.log_probability, np.log(0.5 * 0.5 * 0.9), rtol=1e-12)
@@ -167,7 +167,7 @@ def test_rare_arrivals_do_not_overflow_the_smoother() -> None:
 def test_no_steps_and_a_single_label() -> None:
     assert filtered_beliefs([0.5, 0.5], STAY, np.zeros((0, 2))).beliefs.shape == (0, 2)
     assert smoothed_beliefs([0.5, 0.5], STAY, np.zeros((0, 2))).log_evidence == 0
-    assert len(best_path([0.5, 0.5], STAY, np.zeros((0, 2))).labels) == 0
+    assert len(viterbi([0.5, 0.5], STAY, np.zeros((0, 2))).labels) == 0
     one = filtered_beliefs([1.0], [[1.0]], [[-3.0], [-4.0]])
     assert one.beliefs.tolist() == [[1.0], [1.0]]
     assert one.log_evidence == -7
@@ -177,7 +177,7 @@ def test_inputs_are_left_alone() -> None:
     initial, observed = np.array([0.5, 0.5]), np.log([[0.7, 0.3], [0.2, 0.8]])
     before = observed.copy()
     smoothed_beliefs(initial, STAY, observed)
-    best_path(initial, STAY, observed)
+    viterbi(initial, STAY, observed)
     np.testing.assert_array_equal(observed, before)
     np.testing.assert_array_equal(initial, [0.5, 0.5])
 
@@ -203,7 +203,7 @@ def test_bad_input(change: dict[str, object], message: str) -> None:
         "transition": STAY,
         "log_likelihood": np.zeros((2, 2)),
     }
-    for function in (filtered_beliefs, smoothed_beliefs, best_path):
+    for function in (filtered_beliefs, smoothed_beliefs, viterbi):
         with pytest.raises(InputError, match=message):
             function(**{**arguments, **change})  # type: ignore[arg-type]
 

@@ -5,9 +5,9 @@ import pytest
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.sensing.full_circle import FullCircle, MissingBeams
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion
 from pgm_places.trajectories.scan import ScanGeometry
 
 FRONT = ScanGeometry.half_circle(360, range_max_m=80.0)
@@ -33,21 +33,21 @@ def test_directions_that_the_laser_sees_keep_its_readings() -> None:
     poses, ranges = drive()
     true = cast_poses(corridor(), poses, CANONICAL, max_range_m=30.0)
     for missing in ("local-map", "mirror", "max-range"):
-        found = FullCircle(FRONT, max_range_m=30.0, missing=missing).complete(poses, ranges)
+        found = ScanCompletion(FRONT, max_range_m=30.0, missing=missing).complete(poses, ranges)
         np.testing.assert_allclose(found[:, :89], true[:, :89], atol=1e-5)
         np.testing.assert_allclose(found[:, 271:], true[:, 271:], atol=1e-5)
 
 
 def test_the_known_map_gives_the_full_circle() -> None:
     poses, ranges = drive()
-    circle = FullCircle(FRONT, max_range_m=30.0, missing="known-map", known_map=corridor())
+    circle = ScanCompletion(FRONT, max_range_m=30.0, missing="known-map", known_map=corridor())
     true = cast_poses(corridor(), poses, CANONICAL, max_range_m=30.0)
     np.testing.assert_allclose(circle.complete(poses, ranges), true, atol=1e-3)
 
 
 def test_the_local_map_gives_what_lies_behind_once_it_was_seen() -> None:
     poses, ranges = drive()
-    found = FullCircle(FRONT, max_range_m=30.0).complete(poses, ranges)
+    found = ScanCompletion(FRONT, max_range_m=30.0).complete(poses, ranges)
     true = cast_poses(corridor(), poses, CANONICAL, max_range_m=30.0)
     wrong = np.abs(found - true)[-1, BEHIND]
     assert np.median(wrong) <= 0.05
@@ -59,8 +59,8 @@ def test_scan_by_scan_is_the_same_as_all_at_once() -> None:
     options: dict[MissingBeams, OccupancyGrid | None]
     options = {"local-map": None, "known-map": corridor(), "mirror": None, "max-range": None}
     for missing, known in options.items():
-        first = FullCircle(FRONT, max_range_m=12.0, missing=missing, known_map=known)
-        second = FullCircle(FRONT, max_range_m=12.0, missing=missing, known_map=known)
+        first = ScanCompletion(FRONT, max_range_m=12.0, missing=missing, known_map=known)
+        second = ScanCompletion(FRONT, max_range_m=12.0, missing=missing, known_map=known)
         at_once = first.complete(poses, ranges)
         one_by_one = [second.add(pose, row) for pose, row in zip(poses, ranges, strict=True)]
         np.testing.assert_array_equal(at_once, one_by_one)
@@ -72,12 +72,12 @@ def test_a_beam_without_an_answer_takes_the_obstacle_that_the_map_knows() -> Non
     poses, ranges = drive()
     blind = ranges.copy()
     blind[-1, 100:200] = 80.0  # glass, say
-    found = FullCircle(FRONT, max_range_m=30.0).complete(poses, blind)
+    found = ScanCompletion(FRONT, max_range_m=30.0).complete(poses, blind)
     true = cast_poses(corridor(), poses, CANONICAL, max_range_m=30.0)
     seen = ~BEHIND
     assert np.quantile(np.abs(found - true)[-1, seen], 0.9) <= 0.1
     # Where nothing is known, no answer means free space as far as the sensor looks.
-    alone = FullCircle(FRONT, max_range_m=30.0).add(poses[0], np.full(360, 80.0))
+    alone = ScanCompletion(FRONT, max_range_m=30.0).add(poses[0], np.full(360, 80.0))
     assert (alone[:89] == 30.0).all()
 
 
@@ -85,13 +85,15 @@ def test_a_beam_without_an_answer_takes_the_obstacle_that_the_map_knows() -> Non
 def test_no_answer_is_no_wall_at_the_longest_range_whatever_its_rounding(reach_m: float) -> None:
     geometry = ScanGeometry.half_circle(361, range_max_m=reach_m)
     local = LocalMap(size_m=200.0, resolution_m=0.5, robot_radius_m=0.0)
-    FullCircle(geometry, max_range_m=30.0, local_map=local).add([0, 0, 0], np.full(361, reach_m))
+    ScanCompletion(geometry, max_range_m=30.0, local_map=local).add(
+        [0, 0, 0], np.full(361, reach_m)
+    )
     assert local.to_grid().unknown.all()
 
 
 def test_all_beams_may_come_from_the_local_map() -> None:
     poses, ranges = drive()
-    circle = FullCircle(FRONT, max_range_m=30.0, all_from_map=True)
+    circle = ScanCompletion(FRONT, max_range_m=30.0, all_from_map=True)
     crowded = ranges.copy()
     crowded[-1, 150:160] = 0.4  # somebody passes in front of the robot, seen once
     found = circle.complete(poses, crowded)[-1]
@@ -102,7 +104,7 @@ def test_all_beams_may_come_from_the_local_map() -> None:
 def test_a_full_circle_laser_needs_nothing_else() -> None:
     geometry = ScanGeometry.full_circle(720, range_max_m=20.0)
     ranges = np.random.default_rng(0).uniform(1.0, 10.0, 720)
-    found = FullCircle(geometry, max_range_m=30.0, missing="max-range").add([0, 0, 0], ranges)
+    found = ScanCompletion(geometry, max_range_m=30.0, missing="max-range").add([0, 0, 0], ranges)
     np.testing.assert_allclose(found, ranges[::2], rtol=1e-6)
 
 
@@ -118,11 +120,11 @@ def test_a_full_circle_laser_needs_nothing_else() -> None:
 )
 def test_options_that_do_not_go_together_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(ConfigError):
-        FullCircle(FRONT, max_range_m=30.0, **options)  # type: ignore[arg-type]
+        ScanCompletion(FRONT, max_range_m=30.0, **options)  # type: ignore[arg-type]
 
 
 def test_scans_of_other_beams_are_refused() -> None:
-    circle = FullCircle(FRONT, max_range_m=30.0)
+    circle = ScanCompletion(FRONT, max_range_m=30.0)
     with pytest.raises(InputError, match="360 beams"):
         circle.add([0.0, 0.0, 0.0], np.ones(180))
     with pytest.raises(InputError, match="2 poses but 1 scans"):

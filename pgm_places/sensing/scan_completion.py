@@ -1,4 +1,4 @@
-"""Scans of any laser as the full circle of beams that the features expect."""
+"""Scan completion: scans of any laser as the full circle of beams that the features expect."""
 
 from dataclasses import dataclass, field
 from math import pi
@@ -14,7 +14,7 @@ from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import PoseCaster
 from pgm_places.trajectories.scan import ScanGeometry
 
-__all__ = ["FullCircle", "MissingBeams"]
+__all__ = ["MissingBeams", "ScanCompletion"]
 
 MissingBeams = Literal["local-map", "known-map", "mirror", "max-range"]
 
@@ -23,11 +23,11 @@ SPACINGS_AWAY = 0.75
 
 
 @dataclass(eq=False)
-class FullCircle:
+class ScanCompletion:
     """Turns the scans of one laser, one after the other, into beams all around.
 
     The 321 features are defined on beams at ``2 pi i / n_beams`` against the heading. A direction
-    that the laser looks into takes its nearest beam; the others, and beams without an answer, are
+    that the laser looks into takes its nearest beam; the others, and beams without a return, are
     filled in.
 
     Parameters
@@ -58,8 +58,8 @@ class FullCircle:
     Examples
     --------
     >>> geometry = ScanGeometry.half_circle(181, range_max_m=30.0)
-    >>> circle = FullCircle(geometry, max_range_m=12.0, missing="mirror", n_beams=4)
-    >>> circle.add([0.0, 0.0, 0.0], np.linspace(1.0, 3.0, 181)).tolist()
+    >>> completion = ScanCompletion(geometry, max_range_m=12.0, missing="mirror", n_beams=4)
+    >>> completion.add([0.0, 0.0, 0.0], np.linspace(1.0, 3.0, 181)).tolist()
     [2.0, 3.0, 2.0, 1.0]
     """
 
@@ -106,9 +106,9 @@ class FullCircle:
         where = finite_array("pose", pose, (3,))
         ranges = self.geometry.cleaned(ranges_m)
         if self.local_map is not None:
-            answered = np.where(self.geometry.returned(ranges), ranges, np.nan)
+            returned = np.where(self.geometry.returned(ranges), ranges, np.nan)
             reach = self.geometry.range_max_m
-            self.local_map.update(where, answered, self.geometry.angles_rad, max_range_m=reach)
+            self.local_map.update(where, returned, self.geometry.angles_rad, max_range_m=reach)
         return self._completed(where[None], ranges[None])[0]
 
     def complete(self, poses: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float32]:
@@ -142,13 +142,13 @@ class FullCircle:
         reach = np.float32(self.max_range_m)
         seen = self._seen
         found = np.where(seen, ranges[:, self._beam_of], reach)
-        answered = seen & self.geometry.returned(ranges)[:, self._beam_of]
-        wanted = np.ones_like(answered) if self.all_from_map else ~answered
+        returned = seen & self.geometry.returned(ranges)[:, self._beam_of]
+        wanted = np.ones_like(returned) if self.all_from_map else ~returned
         for row, pose in enumerate(poses):
             beams = np.flatnonzero(wanted[row])
             simulated, met = self._cast(pose, self._angles[beams])
             # No answer from a beam that the laser has says that there is no obstacle, unless the
-            # map knows one: glass and black things give no answer either.
+            # map knows one: glass and black surfaces give no return either.
             open_space = seen[beams] & ~met & (not self.all_from_map)
             found[row, beams] = np.where(open_space, reach, simulated)
         return np.minimum(found, reach)
