@@ -43,10 +43,12 @@ def _search(
     start: int,
     came_from: NDArray[np.int64],
     queue: NDArray[np.int64],
-) -> int:
-    """The wanted cell that is reached in the fewest steps to the four sides, or -1."""
+) -> tuple[int, int]:
+    """The wanted cell that is reached in the fewest steps to the four sides, or -1.
+
+    Also how many cells of ``queue`` were met: those of which ``came_from``, -1 before, was set.
+    """
     height, width = drivable.shape
-    came_from[:] = -1
     came_from[start] = start
     queue[0] = start
     head, tail = 0, 1
@@ -55,7 +57,7 @@ def _search(
         head += 1
         row, column = divmod(cell, width)
         if wanted[row, column]:
-            return cell
+            return cell, tail
         for side in range(4):
             y = row + (side == 0) - (side == 1)
             x = column + (side == 2) - (side == 3)
@@ -65,7 +67,7 @@ def _search(
                     came_from[other] = cell
                     queue[tail] = other
                     tail += 1
-    return -1
+    return -1, tail
 
 
 @njit
@@ -82,14 +84,14 @@ def drive(
     goes on while ``stops`` (H, W), which are taken out as they are reached, can be reached and
     ``out`` has space.
     """
-    came_from = np.empty(drivable.size, np.int64)
+    came_from = np.full(drivable.size, -1)
     queue = np.empty(drivable.size, np.int64)
     path = np.empty(drivable.size, np.int64)
     width = drivable.shape[1]
     out[0] = start
     n_out, driven, here = 1, 0, start
     while True:
-        there = _search(drivable, stops, here, came_from, queue)
+        there, n_met = _search(drivable, stops, here, came_from, queue)
         if there < 0:
             return n_out
         stops[there // width, there % width] = False
@@ -98,6 +100,8 @@ def drive(
             path[n_path] = cell
             n_path += 1
             cell = came_from[cell]
+        for met in queue[:n_met]:
+            came_from[met] = -1
         for step in range(n_path - 1, -1, -1):
             driven += 1
             if driven % spacing == 0 or step == 0:
@@ -111,11 +115,11 @@ def drive(
 @njit
 def steps_from(drivable: NDArray[np.bool_], start: int) -> NDArray[np.int64]:
     """(H, W) least steps to the four sides from a flat index, -1 where there is no way."""
-    came_from = np.empty(drivable.size, np.int64)
+    came_from = np.full(drivable.size, -1)
     queue = np.empty(drivable.size, np.int64)
-    _search(drivable, np.zeros_like(drivable), start, came_from, queue)
+    _, n_met = _search(drivable, np.zeros_like(drivable), start, came_from, queue)
     steps = np.full(drivable.size, -1, np.int64)
     steps[start] = 0
-    for cell in queue[1 : np.count_nonzero(came_from >= 0)]:
+    for cell in queue[1:n_met]:
         steps[cell] = steps[came_from[cell]] + 1
     return steps.reshape(drivable.shape)

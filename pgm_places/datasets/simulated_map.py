@@ -36,6 +36,7 @@ def simulate_map(
     *,
     seed: int = 0,
     options: MapSimulation | None = None,
+    resolution_m: float | None = None,
 ) -> LabelledMap:
     """What a robot would have mapped of a floor that was drawn, with the plan's labels.
 
@@ -53,6 +54,8 @@ def simulate_map(
         Which of the maps that may come of the plan; not negative.
     options : MapSimulation, optional
         How the maps may differ.
+    resolution_m : float, optional
+        Side of a cell; by default that of the plan's, times ``scale`` and ``cell`` as drawn.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def simulate_map(
     Raises
     ------
     InputError
-        The seed is negative, or the robot fits nowhere.
+        The seed is negative, the resolution is not positive, or the robot fits nowhere.
     LabelError
         The plan has no labels, or labels without a name.
 
@@ -76,8 +79,8 @@ def simulate_map(
     True
     """
     options = options or MapSimulation()
-    _check(plan, label_names, seed)
-    cells, labels, resolution_m = _resampled(Dice(seed, 20), plan, options)
+    _check(plan, label_names, seed, resolution_m)
+    cells, labels, resolution_m = _resampled(Dice(seed, 20), plan, options, resolution_m)
     scale = Scale(max(1, round(1000 * resolution_m)))
     solid = cells != FREE
     passages, doorways = (
@@ -99,9 +102,13 @@ def simulate_map(
     )
 
 
-def _check(plan: LabelledMap, label_names: Sequence[str], seed: int) -> None:
+def _check(
+    plan: LabelledMap, label_names: Sequence[str], seed: int, resolution_m: float | None
+) -> None:
     if seed < 0:
         raise InputError(f"seed must not be negative, got {seed}")
+    if resolution_m is not None and not (np.isfinite(resolution_m) and resolution_m > 0):
+        raise InputError(f"resolution_m must be positive metres, got {resolution_m}")
     if not plan.labelled_cells.any():
         raise LabelError(f"{plan.name}: no free cell has a label; the plan's places are needed")
     most = int(plan.labels.max())
@@ -119,13 +126,17 @@ def _between(dice: Dice, limits: tuple[float, float]) -> float:
 
 
 def _resampled(
-    dice: Dice, plan: LabelledMap, options: MapSimulation
+    dice: Dice, plan: LabelledMap, options: MapSimulation, resolution_m: float | None
 ) -> tuple[NDArray[np.int8], NDArray[np.int16], float]:
     """Cells and labels of the scaled plan with other cells, a margin around them, and their side.
 
     A cell is that of the plan at its centre; no occupied cell of the plan gets lost.
     """
     larger, factor = _between(dice, options.scale), _between(dice, options.cell)
+    if resolution_m is None:
+        resolution_m = plan.grid.resolution_m * larger * factor
+    else:
+        factor = resolution_m / (plan.grid.resolution_m * larger)
     cells, labels = plan.grid.cells, np.where(plan.labelled_cells, plan.labels, -1)
     at = [_centres(length, factor) for length in cells.shape]
     grid = np.ix_(*at)
@@ -136,7 +147,6 @@ def _resampled(
     to = np.minimum(to, last)
     fine[to[:, 0], to[:, 1]] = OCCUPIED
     found[fine != FREE] = -1
-    resolution_m = plan.grid.resolution_m * larger * factor
     return (
         np.pad(fine, _PADDING, constant_values=UNKNOWN),
         np.pad(found, _PADDING, constant_values=-1).astype(np.int16),

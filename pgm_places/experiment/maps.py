@@ -41,34 +41,48 @@ def _load_map(experiment: Experiment, source: MapConfig, where: str) -> Labelled
         grid, labels, origin, split = _generated(experiment, source.generated, source.drawn)
         if source.half is not None:
             limits["columns"] = (0, split) if source.half == "left" else (split, None)
-    window = window_mask(grid, **limits)
-    target_m = experiment.config.resolution_m
-    if target_m is not None and not np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
-        coarse = coarsen(grid, target_m)
-        labels = coarsen_labels(labels, grid, coarse)
-        # A coarse cell belongs to the window that holds its centre.
-        centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
-        cells = grid.cells_at_m(centres)
-        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-        chosen = np.zeros(len(cells), np.bool_)
-        chosen[inside] = window[cells[inside, 0], cells[inside, 1]]
-        window, grid = chosen.reshape(coarse.shape), coarse
     name = source.name or _default_name(source, origin)
+    window = window_mask(grid, **limits)
     found = LabelledMap(grid, labels, window, name, source.building or str(origin))
+    adapt = _coarsened if source.simulated is None else _simulated
+    found = adapt(experiment, source, found)
     if not found.labelled_cells.any():
         raise LabelError(
             f"{where} ({name}): no free cell inside the window has a label; check that the labels "
             "belong to this map and that the window covers them"
         )
-    return found if source.simulated is None else _simulated(experiment, source, found)
+    return found
+
+
+def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) -> LabelledMap:
+    """A map with cells of the configured size."""
+    grid, target_m = fine.grid, experiment.config.resolution_m
+    if target_m is None or np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
+        return fine
+    coarse = coarsen(grid, target_m)
+    # A coarse cell belongs to the window that holds its centre.
+    centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
+    cells = grid.cells_at_m(centres)
+    inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+    chosen = np.zeros(len(cells), np.bool_)
+    if fine.window is not None:
+        chosen[inside] = fine.window[cells[inside, 0], cells[inside, 1]]
+    labels = coarsen_labels(fine.labels, grid, coarse)
+    return replace(fine, grid=coarse, labels=labels, window=chosen.reshape(coarse.shape))
 
 
 def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> LabelledMap:
-    """What a robot would have mapped of a configured map."""
+    """What a robot would have mapped of a map, with cells of the configured size."""
     from pgm_places.datasets.simulated_map import simulate_map
 
-    names, seed = experiment.config.labels.names, source.simulated or 0
-    made = simulate_map(plan, names, seed=seed, options=source.simulation)
+    config = experiment.config
+    made = simulate_map(
+        plan,
+        config.labels.names,
+        seed=source.simulated or 0,
+        options=source.simulation,
+        resolution_m=config.resolution_m,
+    )
     return made if source.name is None else replace(made, name=source.name)
 
 

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from pgm_places.datasets import MapSimulation, simulate_map
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
@@ -56,3 +58,17 @@ def test_a_configuration_takes_simulated_maps(building: Path) -> None:
     assert (robot.name, robot.building) == ("robot", "one")
     assert (robot.grid.cells == expected.grid.cells).all()
     assert upright.building == str(building / "map.yaml")
+
+
+def test_simulated_maps_have_the_cells_of_the_configuration(building: Path) -> None:
+    plan = {"map": str(building / "map.yaml"), "labels": str(building / "labels.png")}
+    config = parse_config(
+        {
+            "resolution_m": 0.23,
+            "labels": {"names": list(NAMES)},
+            "train": [plan, {**plan, "simulated": 1}, {**plan, "simulated": 2}],
+            "methods": [{"name": "independent"}],
+        }
+    )
+    maps = load_maps(Experiment(config, building), "train")
+    assert [item.grid.resolution_m for item in maps] == pytest.approx([0.23] * 3)

@@ -149,6 +149,14 @@ def test_cells_become_larger_or_smaller_and_the_building_stays(plan: LabelledMap
             assert square_metres(made, label) == pytest.approx(square_metres(plan, label), rel=0.12)
 
 
+def test_the_side_of_a_cell_can_be_given(plan: LabelledMap) -> None:
+    for seed in (1, 2):  # whatever scale and side are drawn
+        made = simulate_map(plan, NAMES, seed=seed, resolution_m=0.15)
+        assert made.grid.resolution_m == 0.15
+        share = square_metres(made, HALL) / square_metres(plan, HALL)
+        assert 0.7 * 0.84**2 < share < 1.1 * 1.19**2
+
+
 def test_a_thin_wall_survives_larger_cells() -> None:
     cells = np.full((60, 80), 100, np.int8)
     cells[2:-2, 2:-2] = 0
@@ -208,6 +216,7 @@ def test_a_wide_or_a_slanted_doorway_gets_no_leaf() -> None:
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [
+        ({"resolution_m": 0.0}, InputError, "resolution_m must be positive metres, got 0.0"),
         ({"seed": -1}, InputError, "seed must not be negative, got -1"),
         ({"label_names": ("corridor", "room")}, LabelError, "clinic: label index 3 but there are"),
     ],
