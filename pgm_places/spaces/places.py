@@ -16,6 +16,10 @@ from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 __all__ = ["Places", "place_features", "places_between"]
 
 
+_SLIVER_M2 = 2.0
+"""Smaller segments behind a gap that nobody passes are corners of a place, not places."""
+
+
 @dataclass(frozen=True, eq=False)
 class Places:
     """The segments of the finest scale, joined wherever no accepted gate parts them.
@@ -55,8 +59,10 @@ class Places:
 def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5) -> Places:
     """The places of a map between the gates that are accepted.
 
-    Two segments of the finest scale that touch are one place, unless an accepted gate lies between
-    them and every opening between them is narrow enough to be a gate.
+    Two segments of the finest scale are one place where an opening between them is too wide for a
+    gate, or where there are candidates between them and none is accepted. Gaps under 0.2 m, which
+    are no candidates, join nothing, be it cracks in a wall or a row of chairs; but segments under
+    2 m2 that have no other way out join the neighbour behind their widest gap.
 
     Parameters
     ----------
@@ -81,7 +87,7 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     taken = _accepted(accepted, len(gates), threshold)
     finest = gates.segmentation.scales[0]
     n_basins = finest.watershed.basins.count
-    home = _joined(finest, gates.segments[taken])
+    home = _joined(finest, gates, taken)
     segments = divided(finest.watershed, home[finest.segment_of[:n_basins]])
     return Places(gates, sealed(taken), segments, home[gates.segments])
 
@@ -122,16 +128,31 @@ def _accepted(accepted: ArrayLike, n_gates: int, threshold: float) -> NDArray[np
     return np.asarray(values > threshold)
 
 
-def _joined(finest: Segments, parted: NDArray[np.int32]) -> NDArray[np.int32]:
+def _joined(finest: Segments, gates: Gates, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
     """(S,) place of each segment of the finest scale."""
     from scipy import sparse
 
     count, openings = finest.count, finest.openings
-    key = openings.segments[:, 0].astype(np.int64) * count + openings.segments[:, 1]
-    shut = parted[:, 0].astype(np.int64) * count + parted[:, 1]
-    kept = ~np.isin(key, shut) | (openings.half_width_m >= MOST_HALF_WIDTH_M)
-    i, j = openings.segments[kept].T
-    matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(count, count))
     if not count:
         return np.zeros(0, np.int32)
+    weights = np.array([count, 1])
+    key, with_gate = openings.segments @ weights, gates.segments @ weights
+    wide = openings.half_width_m >= MOST_HALF_WIDTH_M
+    passable = wide | np.isin(key, with_gate)
+    kept = wide | (passable & ~np.isin(key, with_gate[taken]))
+    kept |= _ways_out_of_slivers(finest, passable)
+    i, j = openings.segments[kept].T
+    matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(count, count))
     return sparse.csgraph.connected_components(matrix, directed=False)[1].astype(np.int32)
+
+
+def _ways_out_of_slivers(finest: Segments, passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(O,) the widest gaps of small segments that have no passable opening."""
+    openings = finest.openings
+    has_way_out = np.zeros(finest.count, np.bool_)
+    has_way_out[openings.segments[passable]] = True
+    sliver = (finest.area_m2 < _SLIVER_M2) & ~has_way_out
+    widest = np.zeros(finest.count)
+    np.maximum.at(widest, openings.segments.reshape(-1), np.repeat(openings.half_width_m, 2))
+    is_widest = openings.half_width_m[:, None] == widest[openings.segments]
+    return np.asarray((sliver[openings.segments] & is_widest).any(axis=1))

@@ -81,6 +81,25 @@ def test_a_wide_opening_joins_in_spite_of_a_door() -> None:
     assert place_features(found)[0, NAMES.index("gates")] == 0
 
 
+def cracked_wall(right: int) -> np.ndarray:
+    """Two rooms of 4 m, the second ``right`` cells wide, and a crack of 10 cm in their wall."""
+    free = two_rooms(wall=2, right=right, door=1)
+    free[21, 41:43] = True
+    return free
+
+
+def test_a_crack_in_a_wall_joins_nothing() -> None:
+    gates = gate_candidates(Segmentation.of(grid_of(cracked_wall(40))))
+    assert len(gates) == 0 and len(gates.segmentation.scales[0].openings) == 1
+    assert places_between(gates, []).count == 2
+
+
+def test_a_corner_behind_a_crack_is_no_place() -> None:
+    gates = gate_candidates(Segmentation.of(grid_of(cracked_wall(4))))
+    assert len(gates) == 0 and gates.segmentation.scales[0].count == 2
+    assert places_between(gates, []).count == 1
+
+
 def test_cells_look_places_up(gates: Gates) -> None:
     found = places_between(gates, [True, False, False])
     features = CellFeatures.of(gates.segmentation, found)
