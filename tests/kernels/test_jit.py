@@ -5,9 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pgm_places.kernels.cache import cache_folder
+from pgm_places.kernels.jit import fused, njit
 
 
 def test_named_folder_is_used_and_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,3 +56,21 @@ def test_kernels_run_without_compiling() -> None:
     )
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-c", code], check=True, env=environment)
+
+
+@fused
+def _last(array: NDArray[np.float64]) -> float:
+    if array.ndim == 1:
+        return array[-1]
+    return array[-1, -1]
+
+
+@njit
+def _twice_the_last(array: NDArray[np.float64]) -> float:
+    return 2.0 * _last(array)
+
+
+def test_a_fused_helper_may_treat_arrays_by_their_number_of_axes() -> None:
+    """The other branch would not even compile."""
+    assert _twice_the_last(np.array([1.0, 2.0])) == 4.0
+    assert _twice_the_last(np.array([[1.0, 2.0], [3.0, 5.0]])) == 10.0
