@@ -184,9 +184,11 @@ class Segmentation:
         Raises
         ------
         InputError
-            If a ratio is not in (0, 1], there is none, or they do not fall.
+            If a ratio is not in (0, 1], there is none, or they do not fall; or if the map has more
+            than 2^31 cells.
         """
         _require_ratios(ratios)
+        _require_numbers(grid.shape)
         relief = relief_of(open_space(grid))
         basins = find_basins(relief)
         divisions = _divisions(basins, relief, ratios, grid.resolution_m)
@@ -207,6 +209,15 @@ def _require_ratios(ratios: tuple[float, ...]) -> None:
     falling = all(a > b for a, b in pairwise(ratios))
     if not ratios or not falling or not all(0 < ratio <= 1 for ratio in ratios):
         raise InputError(f"ratios must be falling numbers in (0, 1], at least one, got {ratios}")
+
+
+def _require_numbers(shape: tuple[int, int]) -> None:
+    """Cells are numbered in 32 bits, a frame of one cell included."""
+    if (shape[0] + 2) * (shape[1] + 2) > np.iinfo(np.int32).max:
+        raise InputError(
+            f"segments need a map of less than 2^31 cells, got {shape[0]} x {shape[1]}; "
+            "coarsen it, or cut it into parts"
+        )
 
 
 def _divisions(

@@ -13,7 +13,7 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.spaces.basins import find_basins, neighbour_steps
 from pgm_places.spaces.open_space import open_space
 from pgm_places.spaces.relief import UNIT, half_width_m, relief_of
-from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.spaces.segmentation import Segmentation, _require_numbers
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
 from tests.spaces.floors import TURNS, grid_of, partition, two_rooms
@@ -204,6 +204,12 @@ def test_cells_are_looked_up() -> None:
 def test_ratios_must_fall(ratios: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="falling numbers"):
         Segmentation.of(grid_of(two_rooms()), ratios)
+
+
+def test_maps_of_too_many_cells_are_refused() -> None:
+    _require_numbers((46_000, 46_000))
+    with pytest.raises(InputError, match="less than 2\\^31 cells, got 46400 x 46400; coarsen"):
+        _require_numbers((46_400, 46_400))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 30), (30, 1), (20, 20)])
