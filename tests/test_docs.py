@@ -1,10 +1,14 @@
-"""Every Python block of the README and of the documentation runs, page by page."""
+"""The documentation: its Python blocks run, its lists of names and layers are those of the code."""
 
 import re
+import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import pgm_places
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -51,3 +55,30 @@ def test_the_blocks_of_a_page_run_one_after_the_other(
     exec(compile(SETUP.get(page, ""), "setup", "exec"), names)
     for number, block in enumerate(PAGES[page], start=1):
         exec(compile(block, f"{page}, block {number}", "exec"), names)
+
+
+def listed(page: str, first: str) -> list[str]:
+    """The entries of a page's lists of names that start with ``first``."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return re.findall(rf"^   {first}(pgm_places\.\S+)$", text, re.MULTILINE)
+
+
+def test_the_api_page_lists_every_public_name_once() -> None:
+    names = [path.rpartition(".")[2] for path in listed("api.md", "~")]
+    assert sorted(names) == sorted(set(pgm_places.__all__) - {"__version__"})
+
+
+def test_the_api_pages_list_modules_that_exist_once_each_and_solvers_apart() -> None:
+    modules, solvers = listed("api.md", ""), listed("solvers.md", "")
+    assert len({*modules, *solvers}) == len(modules) + len(solvers)
+    assert not any("solvers" in name for name in modules)
+    for name in modules + solvers:
+        import_module(name)
+
+
+def test_the_architecture_page_has_the_layers_that_are_checked() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    layers = next(item["layers"] for item in contracts if item["type"] == "layers")
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    assert "```text\n" + "\n".join(layers) + "\n```" in page
