@@ -2,11 +2,11 @@
 An image: which pixels are coins?
 =================================
 
-Coins lie on a background whose brightness changes from corner to corner, so no threshold tells
-them apart, and a classifier that looks at one pixel at a time leaves holes and specks.
-An associative Markov network learns from the left half of the picture how much neighbours that
-look alike should agree, and labels the right half.
-The truth is the segmentation of scikit-image's own tutorial (watershed on the gradient).
+The coins lie on an unevenly lit background, so no threshold separates them, and a classifier that
+looks at one pixel at a time leaves holes and specks.
+An associative Markov network learns on the left half of the picture how strongly similar
+neighbours should agree, and labels the right half.
+The ground truth is the segmentation from scikit-image's own tutorial (watershed on the gradient).
 """
 
 import time
@@ -26,7 +26,7 @@ coins = ndi.binary_fill_holes(segmentation.watershed(filters.sobel(image), seeds
 image, coins = image[::2, ::2] / 255, coins[::2, ::2].astype(int)
 
 # %%
-# A graph over the pixels, and what each looks like: brightness at three scales, and its gradient.
+# A graph over the pixels; features are brightness at three scales, its gradient and contrast.
 smooth = [ndi.gaussian_filter(image, sigma) for sigma in (0, 1, 3)]
 looks = np.stack([*smooth, filters.sobel(image), np.abs(image - smooth[2])], axis=-1)
 names, middle = ["background", "coin"], image.shape[1] // 2
@@ -41,7 +41,7 @@ train, test = problem(looks[:, :middle]), problem(looks[:, middle:])
 truth = coins[:, middle:]
 
 # %%
-# The same classifier alone and in front of the network; ``certify`` asks for a proof.
+# The same classifier alone and in front of the network; ``certify`` adds a proof of optimality.
 found, rows = {}, []
 for name, backend in [("pixel by pixel", "independent"), ("learned AMN", "amn")]:
     model = StructuredLabeler(backend, LogisticRegression())
@@ -66,7 +66,7 @@ for name, seconds, proof in rows:
     print(f"{name:15} {100 * accuracy:5.1f} %  {seconds:5.2f} s  {proof}")
 
 # %%
-# Wrong pixels are red.
+# Misclassified pixels are red.
 figure, axes = plt.subplots(1, 5, figsize=(13, 4.6), layout="constrained")
 axes[0].imshow(image[:, middle:], cmap="gray")
 for axis, (name, labels) in zip(axes[1:], {"truth": truth, **found}.items(), strict=True):

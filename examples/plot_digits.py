@@ -1,12 +1,12 @@
 """
-A chain: a counter written by hand
-==================================
+A chain: a handwritten counter
+==============================
 
-Somebody writes down a counter over and over; it stays at a digit for some steps and then goes on to
-the next. Each digit is a real handwritten one, spoiled by noise, and the labels form a chain.
+A counter stays at one digit for some steps and then moves on to the next. Each digit is a real
+handwritten one with added noise, and the labels form a chain.
 A hidden Markov model learns from labelled chains which digit follows which; an associative network
-learns only that digits tend to stay.
-hmmlearn, which does not learn from labels, is handed a Gaussian per digit and the same transitions.
+learns only that digits tend to stay the same.
+hmmlearn cannot be trained on labels, so it is given a Gaussian per digit and the same transitions.
 """
 
 import time
@@ -28,7 +28,7 @@ names = [str(digit) for digit in range(10)]
 
 
 def chain(examples, n_steps=150):
-    """A counter's digits, and for each a noisy picture of it from the examples."""
+    """A counter's digits, each with a noisy picture drawn from the examples."""
     truth = np.cumsum(rng.random(n_steps) < 0.25) % 10
     looks = np.stack([pictures[rng.choice(examples[digits[examples] == d])] for d in truth])
     looks = looks + rng.normal(scale=6.0, size=looks.shape)
@@ -40,7 +40,7 @@ train = [chain(examples[:900]) for _ in range(12)]
 test = [chain(examples[900:]) for _ in range(6)]  # digits not seen in training
 
 # %%
-# One classifier, four ways to use what it says.
+# One classifier, and four ways to use its scores.
 classifier = make_pipeline(StandardScaler(), LogisticRegression(C=0.01))
 models = {
     "digit by digit": "independent",
@@ -70,7 +70,7 @@ for name, (labels, seconds) in found.items():
     print(f"{name:24} {100 * accuracy:5.1f} %  {1000 * seconds:6.1f} ms")
 
 # %%
-# The first chain of the test; crosses are wrong.
+# The first test chain; crosses mark errors.
 figure, axes = plt.subplots(6, 1, figsize=(10, 7.5), sharex=True, sharey=True, layout="constrained")
 axes[0].plot(test[0][1], drawstyle="steps-mid", color="#2d2d2d")
 axes[0].set_title("truth", loc="left")

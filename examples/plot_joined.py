@@ -2,11 +2,11 @@
 A map and a robot's path, labelled together
 ===========================================
 
-A robot drives through a building whose map is known. The map's cells want labels, and so do the
-robot's steps, of which each has a scan of its own, noisier than the map's.
-``LabelGraph.joined`` makes one graph of both: a step is linked to the cell where the robot stands,
-so that the map tells the path and the path the map.
-The network learns how much a link is worth, besides neighbours in the map and in time.
+A robot drives through a building whose map is known. Both the map's cells and the robot's steps are
+to be labelled; each step has its own scan, noisier than the map's.
+``LabelGraph.joined`` combines both in one graph: each step is linked to the cell where the robot
+stands, so that the map informs the path and the path informs the map.
+The network learns the weight of a link along with those of neighbours in the map and in time.
 """
 
 from itertools import pairwise
@@ -35,7 +35,7 @@ labeler = PlaceLabeler(
 
 
 def drive(cells, rng):
-    # the nodes on the ways between some random cells of the map, every second one
+    # every second node on the paths between some random cells of the map
     places = cells.to_networkx()
     stops = rng.choice(sorted(max(nx.connected_components(places), key=len)), 25)
     legs = [nx.shortest_path(places, a, b)[:-1] for a, b in pairwise(stops)]
@@ -43,7 +43,7 @@ def drive(cells, rng):
 
 
 def joined_problem(building, rng):
-    # the problem on cells and steps, its truth, and the cells of the path
+    # the problem on cells and steps, its ground truth, and the cells of the path
     cells = labeler.problem(building.grid)
     path = drive(cells.graph, rng)
     where = cells.graph.positions_m[path]
@@ -67,7 +67,7 @@ was_step = np.arange(len(known)) >= len(known) - len(before)
 is_step = np.arange(len(truth)) >= len(truth) - len(path)
 
 # %%
-# Each alone, then both together; a subproblem keeps the edges inside it.
+# First each on its own, then both jointly; a subproblem keeps the edges inside it.
 found = {"each step, each cell": test.unary.argmax(axis=1)}
 network = build("amn", {"edge_features": ("given",), "loss": "hamming", "certify": True})
 apart = np.empty(len(truth), int)

@@ -2,11 +2,12 @@
 Points in space: floor, motorcycle, garage
 ==========================================
 
-A stereo camera saw a motorcycle in a garage; each pixel with a disparity is a point in space.
-The truth comes from where the points are: on the floor's plane, in front of the wall, or neither.
-The classifier is told only what the surroundings of a point look like, its colour and shape, and
-not where it is; the network adds that points near each other belong together.
-It learns on the left half, rear wheel and all, and labels the right half.
+A stereo camera recorded a motorcycle in a garage; each pixel with a disparity is a point in space.
+The ground truth follows from the points' positions: on the floor plane, in front of the wall, or
+neither.
+The classifier sees only the colour and the local shape of a point's surroundings, not its position;
+the network adds that nearby points belong together.
+Training uses the left half, which includes the rear wheel; the right half is labelled.
 """
 
 import time
@@ -32,7 +33,7 @@ points = (
 )
 
 # %%
-# The floor is a plane, in disparities too, fitted where nothing stands; what else is near, stands.
+# The floor is a plane in disparity space too, fitted where it is empty; other near points stand.
 plain = (rows > 340) & ((columns < 80) | (columns > 695))
 flat = np.stack([rows, columns, np.ones(len(rows))], axis=1)
 floor = np.abs(shift - flat @ np.linalg.lstsq(flat[plain], shift[plain])[0]) < 1.2
@@ -41,7 +42,7 @@ names = ["floor", "motorcycle", "garage"]
 
 
 def problem(part):
-    """Nearest neighbours joined; colour and the shape of the nearest 20 points as features."""
+    """Nearest neighbours connected; features: colour and the shape of the nearest 20 points."""
     cloud = points[part]
     near = cloud[cKDTree(cloud).query(cloud, k=20)[1]]
     around = near - near.mean(axis=1, keepdims=True)
@@ -54,7 +55,7 @@ left, right = columns < 370, columns >= 370
 train, test = problem(left), problem(right)
 
 # %%
-# The classifier alone, its log-probabilities averaged over the neighbours, and the learned network.
+# The classifier alone, its log-probabilities averaged over neighbours, and the trained network.
 classifier = make_pipeline(StandardScaler(), LogisticRegression())
 start = time.perf_counter()
 model = StructuredLabeler("amn", classifier).set_params(backend__certify=True)

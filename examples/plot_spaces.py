@@ -2,9 +2,9 @@
 A floor: segments, gates and places
 ===================================
 
-A floor is cut where it is narrow, at three scales; the narrow openings become gates, and what lies
-between the gates that are doorways are the rooms and corridors that a person would draw.
-Here the truth says which gates are doorways, and how many of the doors were found at all.
+A floor is cut at its narrow passages, at three scales. The narrow openings become gates, and the
+areas between those gates that are doorways are the rooms and corridors that a person would draw.
+Here the ground truth decides which gates are doorways, and shows how many of the doors were found.
 """
 
 import matplotlib.pyplot as plt
@@ -25,14 +25,14 @@ for ratio, scale in zip(found.ratios, found.scales, strict=True):
     print(f"scale {ratio:4}: {scale.count:3} segments, {len(scale.openings):3} openings")
 
 # %%
-# Gates are rectangles in the map frame. If every candidate were taken for a doorway:
+# Gates are rectangles in the map frame. This is the score if every candidate counts as a doorway:
 gates = gate_candidates(found)
 truth = match_doors(gates, building.labels, building.label_names.index("doorway"))
 scores = truth.scores(np.ones(len(gates), bool))
 print(f"{scores.found} of {scores.doors} doors, {100 * scores.precision:.0f} % of the candidates")
 
 # %%
-# Colours are drawn at random; doorways are outlined in black, the other candidates in red.
+# Colours are random; doorways are outlined in black, all other candidates in red.
 places = places_between(gates, truth.is_doorway)
 colours = np.random.default_rng(1).uniform(0.35, 0.95, (found.scales[0].count, 3))
 height, width = np.array(grid.shape) * grid.resolution_m

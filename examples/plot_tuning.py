@@ -2,15 +2,15 @@
 Tuning: what the options do to a map
 ====================================
 
-Three small buildings are learned from, a fourth is labelled, and each row turns one knob.
-Few boosting rounds leave the classifier with errors, so that there is something to see.
+The model is trained on three small buildings and labels a fourth; each row varies one option.
+With few boosting rounds the classifier makes enough errors to show the effects.
 
-* Relaxation: more iterations take away specks first and doorways next.
-* Potts: the weight of agreement, the same everywhere; too much of it closes doorways.
-* AMN: the loss decides who pays. Plain Hamming loss counts cells and gives doorways up where they
-  are in doubt; a class-weighted loss keeps them, at the price of some false ones.
+* Relaxation: more iterations remove specks first and doorways next.
+* Potts: one weight of agreement for all edges; too large a weight closes doorways.
+* AMN: the loss sets the priorities. Plain Hamming loss counts cells and gives up uncertain
+  doorways; a class-weighted loss keeps them, at the price of some false ones.
 
-Doorways are few, so accuracy tells little of them: look at their recall and their precision.
+Doorways cover few cells, so accuracy says little about them: look at recall and precision.
 """
 
 import matplotlib.pyplot as plt
