@@ -129,8 +129,19 @@ class GridLayout:
             )
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
         found = np.full(len(cells), -1, np.int64)
-        found[inside] = self.node_of_cell[cells[inside, 0], cells[inside, 1]]
+        if len(self.cells_rc):
+            found[inside] = self._searched(cells[inside])
         return found
+
+    def _searched(self, cells: NDArray[Any]) -> NDArray[np.int64]:
+        """(M,) node of each cell of the raster, -1 for none: by bisection, without a raster."""
+        row = np.array([self.shape[1], 1], np.int64)
+        wanted, size = cells @ row, len(self.cells_rc)
+        last = np.full(len(cells), -1, np.int64)  # of the nodes that do not lie behind the cell
+        for step in 1 << np.arange(size.bit_length())[::-1]:
+            further = np.minimum(last + step, size - 1)
+            last = np.where(self.cells_rc[further] @ row <= wanted, further, last)
+        return np.where(self.cells_rc[last] @ row == wanted, last, -1)
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""

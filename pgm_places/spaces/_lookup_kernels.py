@@ -1,45 +1,123 @@
-"""The nearest opening of the segment that a cell lies in."""
+"""The features of cells from the segment that each lies in, run by run."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, njit
 
-__all__ = ["nearest_openings"]
+__all__ = ["CELL_COLUMNS", "FARTHEST_M", "write_features"]
+
+CELL_COLUMNS = 3
+"""What a cell adds to the columns of its segment: its depth, its way out, and the width of that."""
+
+FARTHEST_M = 10.0
+"""No way out is longer."""
+
+_RUN = 16
+"""Cells of a row that share a search: openings far behind the nearest one are left out for all."""
+
+_ROUNDING = 1e-6
+
+
+@fused
+def _away(row: float, column: float, lines: NDArray[np.float64], e: int) -> float:
+    """The distance to line ``e``, from ``middle - half`` to ``middle + half``."""
+    y, x = row - lines[e, 0], column - lines[e, 1]
+    length = lines[e, 2] ** 2 + lines[e, 3] ** 2
+    if length > 0:
+        share = min(1.0, max(-1.0, (y * lines[e, 2] + x * lines[e, 3]) / length))
+        y -= share * lines[e, 2]
+        x -= share * lines[e, 3]
+    return np.sqrt(y * y + x * x)
+
+
+@fused
+def _run_end(cells_rc: NDArray[np.int32], segment: NDArray[np.int32], first: int) -> int:
+    """Where the cells from ``first`` on leave its row, its segment, or the next few columns."""
+    end = first + 1
+    while (
+        end < len(cells_rc)
+        and segment[end] == segment[first]
+        and cells_rc[end, 0] == cells_rc[first, 0]
+        and cells_rc[end - 1, 1] < cells_rc[end, 1] < cells_rc[first, 1] + _RUN
+    ):
+        end += 1
+    return end
+
+
+@fused
+def _lines_near(
+    row: int,
+    low: int,
+    high: int,
+    lines: NDArray[np.float64],
+    first: int,
+    end: int,
+    near: NDArray[np.int64],
+    away: NDArray[np.float64],
+) -> int:
+    """Write to ``near`` the lines that may be the nearest of a cell in a run; how many they are.
+
+    The run goes from column ``low`` to ``high``. From its middle no distance is off by more than
+    half its length.
+    """
+    nearest = np.inf
+    for e in range(first, end):
+        away[e - first] = _away(row, (low + high) / 2, lines, e)
+        nearest = min(nearest, away[e - first])
+    count = 0
+    for e in range(first, end):
+        if away[e - first] <= nearest + (high - low) + _ROUNDING:
+            near[count] = e
+            count += 1
+    return count
 
 
 @njit
-def nearest_openings(
-    cells_rc: NDArray[np.int64],
+def write_features(
+    cells_rc: NDArray[np.int32],
     segment: NDArray[np.int32],
+    clearance: NDArray[np.float64],
+    table: NDArray[np.float32],
+    radius: NDArray[np.float64],
     start: NDArray[np.int64],
-    opening: NDArray[np.int64],
-    middle_rc: NDArray[np.float64],
-    half_rc: NDArray[np.float64],
-    half_width: NDArray[np.float64],
-    distance: NDArray[np.float64],
-    width: NDArray[np.float64],
+    lines: NDArray[np.float64],
+    most: int,
+    resolution_m: float,
+    source: NDArray[np.int64],
+    target: NDArray[np.int64],
+    found: NDArray[np.float32],
 ) -> None:
-    """Write the distance in cells to the nearest opening of each cell's segment, and its width.
+    """Write some columns of some cells: ``found[n, target[k]]`` is column ``source[k]`` of cell n.
 
-    Openings are line segments from ``middle - half`` to ``middle + half``; those of segment s are
-    ``opening[start[s]:start[s + 1]]``. Where two are as near the wider one counts; infinite and 0
-    where there is none.
+    The columns are those of the segment in ``table`` (S, F), followed by the distance to the wall
+    over the segment's radius, the distance in metres to the nearest opening of the segment, at most
+    10, and its half width; where two are as near the wider one counts. Openings are straight lines,
+    rows of middle, half of it, and half width; those of segment s are
+    ``lines[start[s]:start[s + 1]]``, and ``most`` bounds their number.
     """
-    for n in range(len(cells_rc)):
-        distance[n], width[n] = np.inf, 0.0
-        if segment[n] < 0:
-            continue
-        for e in range(start[segment[n]], start[segment[n] + 1]):
-            o = opening[e]
-            y, x = cells_rc[n, 0] - middle_rc[o, 0], cells_rc[n, 1] - middle_rc[o, 1]
-            length = half_rc[o, 0] ** 2 + half_rc[o, 1] ** 2
-            share = 0.0
-            if length > 0:
-                share = (y * half_rc[o, 0] + x * half_rc[o, 1]) / length
-                share = min(1.0, max(-1.0, share))
-            y -= share * half_rc[o, 0]
-            x -= share * half_rc[o, 1]
-            away = np.sqrt(y * y + x * x)
-            if away < distance[n] or (away == distance[n] and half_width[o] > width[n]):
-                distance[n], width[n] = away, half_width[o]
+    n_own = table.shape[1]
+    values = np.zeros(n_own + CELL_COLUMNS, np.float32)
+    searched = len(source) > 0 and source.max() > n_own
+    near, away = np.empty(most, np.int64), np.empty(most)
+    first = 0
+    while first < len(cells_rc):
+        end, s = _run_end(cells_rc, segment, first), segment[first]
+        for k in range(n_own):
+            values[k] = table[s, k]
+        row, count = cells_rc[first, 0], 0
+        if searched:
+            low, high = cells_rc[first, 1], cells_rc[end - 1, 1]
+            count = _lines_near(row, low, high, lines, start[s], start[s + 1], near, away)
+        for n in range(first, end):
+            distance, width = np.inf, 0.0
+            for m in range(count):
+                to_it = _away(row, cells_rc[n, 1], lines, near[m])
+                if to_it < distance or (to_it == distance and lines[near[m], 4] > width):
+                    distance, width = to_it, lines[near[m], 4]
+            values[n_own] = clearance[n] / radius[s]
+            values[n_own + 1] = min(distance * resolution_m, FARTHEST_M)
+            values[n_own + 2] = width
+            for k in range(len(source)):
+                found[n, target[k]] = values[source[k]]
+        first = end

@@ -2,19 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._checks import integer_array
+from pgm_places.kernels.threads import run_tasks
 from pgm_places.spaces.places import Places, place_features
 from pgm_places.spaces.segment_features import segment_features
+from pgm_places.spaces.segment_lookup import SegmentLookup
 from pgm_places.spaces.segmentation import Segmentation, Segments
 from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_FEATURES
 
-__all__ = ["CellFeatures", "nearest_opening", "space_feature_names"]
+__all__ = ["CellFeatures", "space_feature_names"]
 
-_FARTHEST_M = 10.0
+_CELLS_PER_TASK = 8192
+"""Cells that one thread looks up at a time: what is read of them stays in a near cache."""
 
 
 def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tuple[str, ...]:
@@ -71,53 +76,76 @@ class CellFeatures:
             (*segmentation.scales, places.segments), (*tables, place_features(places)), names
         )
 
-    def lookup(self, cells_rc: ArrayLike) -> NDArray[np.float32]:
-        """(n, F) features of cells (n, 2), row and column, in the order of ``names``.
+    def lookup(
+        self,
+        cells_rc: ArrayLike,
+        columns: ArrayLike | None = None,
+        *,
+        n_threads: int | None = None,
+    ) -> NDArray[np.float32]:
+        """(n, F) features of cells: those of ``columns``, by default all of ``names``.
 
         Of cells that lie in no segment the columns of that scale are 0, the distance to the
-        nearest opening excepted, which is 10 m as wherever there is none.
+        nearest opening excepted, which is 10 m as wherever there is none. Openings are taken as
+        straight lines.
+
+        Parameters
+        ----------
+        cells_rc : (n, 2) int
+            Row and column. Neighbours in a row that follow each other are looked up fastest.
+        columns : (F,) int, optional
+            Indices into ``names``.
+        n_threads : int, optional
+            All cores by default; the bits are the same for any number.
+
+        Raises
+        ------
+        InputError
+            If a cell lies outside the map, or there is no such column.
         """
-        cells = np.asarray(cells_rc)
-        basin, clearance = self.divisions[0].watershed.at(cells)
-        found = np.empty((len(cells), len(self.names)), np.float32)
-        found[:, 0] = clearance
-        first = 1
+        chosen = range(len(self.names)) if columns is None else columns
+        found = np.empty((len(np.asarray(cells_rc)), len(np.asarray(chosen))), np.float32)
+        self.write(cells_rc, chosen, found, n_threads=n_threads)
+        return found
+
+    def write(
+        self,
+        cells_rc: ArrayLike,
+        columns: ArrayLike,
+        found: NDArray[np.float32],
+        first: int = 0,
+        *,
+        n_threads: int | None = None,
+    ) -> None:
+        """Write what :meth:`lookup` gives to ``found[:, first:first + F]``, C-contiguous."""
+        cells, size = np.asarray(cells_rc), len(self.names)
+        chosen = integer_array("columns", columns, ("F",), low=0, high=size)
+        cells = self.divisions[0].watershed.checked(cells_rc)
+        groups = [(lookup, *_within(chosen, part)) for lookup, part in self._lookups]
+
+        def take(task: int) -> None:
+            some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
+            places = cells[some].copy()  # never read-only: one type, one kernel to compile
+            basin, clearance = self.divisions[0].watershed.read(places)
+            found[some, first + np.flatnonzero(chosen == 0)] = clearance[:, None]
+            for lookup, source, target in groups:
+                if len(source):
+                    lookup.write(places, basin, clearance, source, first + target, found[some])
+
+        run_tasks(take, -(-len(cells) // _CELLS_PER_TASK), n_threads=n_threads)
+
+    @cached_property
+    def _lookups(self) -> list[tuple[SegmentLookup, slice]]:
+        """Each division's lookup, and where its columns are among all."""
+        found, first = [], 1
         for division, table in zip(self.divisions, self.tables, strict=True):
-            segment = division.of_basins(basin)
-            last = first + table.shape[1]
-            found[:, first:last] = np.append(table, np.zeros((1, table.shape[1])), axis=0)[segment]
-            radius = np.append(division.radius_m, np.inf)[segment]
-            distance, width = nearest_opening(division, cells, segment)
-            found[:, last : last + 3] = np.stack([clearance / radius, distance, width], axis=1)
-            first = last + 3
+            lookup = SegmentLookup.of(division, table)
+            found.append((lookup, slice(first, first + lookup.n_columns)))
+            first += lookup.n_columns
         return found
 
 
-def nearest_opening(
-    division: Segments, cells_rc: ArrayLike, segment: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n,) distance to the nearest opening of each cell's segment, and (n,) its half width.
-
-    Metres; at most 10 m, and 0 wide where there is none. Openings are straight lines.
-    """
-    from pgm_places.spaces._lookup_kernels import nearest_openings
-
-    openings, resolution_m = division.openings, division.watershed.grid.resolution_m
-    ends = openings.segments.reshape(-1)
-    order = np.argsort(ends, kind="stable")
-    start = np.searchsorted(ends[order], np.arange(division.count + 1))
-    half = (openings.length_m / resolution_m - 1) / 2
-    cells = np.ascontiguousarray(cells_rc, np.int64)
-    distance, width = np.empty(len(cells)), np.empty(len(cells))
-    nearest_openings(
-        cells,
-        segment,
-        start,
-        order // 2,
-        openings.centre_rc,
-        openings.direction_rc * half[:, None],
-        openings.half_width_m,
-        distance,
-        width,
-    )
-    return np.minimum(distance * resolution_m, _FARTHEST_M), width
+def _within(columns: NDArray[np.int64], part: slice) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of the columns that lie in a part: their numbers within it, and their places."""
+    places = np.flatnonzero((columns >= part.start) & (columns < part.stop))
+    return columns[places] - part.start, places

@@ -65,19 +65,27 @@ class Watershed:
         InputError
             If a cell lies outside the map.
         """
-        cells = np.asarray(cells_rc)
+        return self.read(self.checked(cells_rc))
+
+    def checked(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
+        """Cells (n, 2) as C-contiguous integers; refused where they are none of the map's."""
+        cells, shape = np.asarray(cells_rc), self.grid.shape
         if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
             raise InputError(
                 f"cells_rc must be integers of shape (n, 2), row and column, got {cells.dtype} of "
                 f"shape {cells.shape}"
             )
-        outside = ((cells < 0) | (cells >= self.grid.shape)).any(axis=1)
-        if outside.any():
+        if cells.size and (cells.min() < 0 or (cells.max(axis=0) >= shape).any()):
+            outside = ((cells < 0) | (cells >= shape)).any(axis=1)
             raise InputError(
-                f"cells_rc must lie on the map of {self.grid.shape} cells, got "
+                f"cells_rc must lie on the map of {shape} cells, got "
                 f"{tuple(cells[outside][0].tolist())} at index {int(outside.argmax())}"
             )
-        r, c = cells[:, 0] + 1, cells[:, 1] + 1
+        return np.ascontiguousarray(cells, np.int32)
+
+    def read(self, cells_rc: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """What :meth:`at` gives, of cells that were checked."""
+        r, c = cells_rc[:, 0] + 1, cells_rc[:, 1] + 1
         return self.basins.raster[r, c], clearance_m(self.relief[r, c], self.grid.resolution_m)
 
 

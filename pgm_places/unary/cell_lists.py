@@ -6,10 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.layout import GridLayout
+from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.unary.space_model import MapSpaces, SpaceModel
+from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
 __all__ = ["CellList", "ContextPart", "LaserList", "SpaceList", "aligned_log_proba", "on_labels"]
+
+
+_CELLS_PER_TASK = 4096
+"""Cells whose columns of both kinds are put side by side at a time, by one thread."""
 
 
 class CellList(Protocol):
@@ -95,7 +100,8 @@ class SpaceList:
         self, model: SpaceModel, spaces: MapSpaces, layout: GridLayout, n_own: int, n_labels: int
     ) -> None:
         used = model.classifier.used_features
-        self.model, self.spaces, self.layout, self.n_labels = model, spaces, layout, n_labels
+        self.features, self.layout, self.n_labels = spaces.features, layout, n_labels
+        self.at_gate, self.doorway = model.at_gates(spaces, layout), model.doorway
         self.columns = np.asarray(used[used < n_own], np.int64)
         self.of_spaces = np.asarray(used[used >= n_own], np.int64) - n_own
         self.part = model.classifier.restricted(used)
@@ -109,13 +115,24 @@ class SpaceList:
         self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
     ) -> None:
         """Score some nodes, doorways weighed by their gates."""
-        around = self.spaces.features.lookup(self.layout.cells_rc[nodes])[:, self.of_spaces]
-        both = np.concatenate([values[:, self.places], around], axis=1)
-        self.found[nodes] = aligned_log_proba(self.part, both, self.n_labels, n_threads)
 
-    def finish(self) -> None:
-        """Weigh doorways by the gates, once all nodes are scored."""
-        self.found = self.model.with_gates(self.found, self.spaces, self.layout)
+        def score(task: int) -> None:
+            some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
+            self.found[nodes[some]] = self._scores(nodes[some], values[some])
+
+        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
+
+    def _scores(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> NDArray[np.float64]:
+        """(n, K) what the list says of a few nodes, on one thread."""
+        n_own = len(self.places)
+        both = np.empty((len(nodes), n_own + len(self.of_spaces)), np.float32)
+        both[:, :n_own] = values if n_own == values.shape[1] else values[:, self.places]
+        cells = self.layout.cells_rc[nodes]
+        self.features.write(cells, self.of_spaces, both, n_own, n_threads=1)
+        found = aligned_log_proba(self.part, both, self.n_labels, 1)
+        if self.at_gate is None or self.doorway is None:
+            return found
+        return with_gates(found, self.at_gate[nodes], self.doorway)
 
 
 def aligned_log_proba(

@@ -134,9 +134,6 @@ class UnaryModel:
 
         with progress.stage("scans, features and list") as stage:
             self._stream(grid, layout, needed, take, n_threads, stage)
-        for item in lists:
-            if isinstance(item, SpaceList):
-                item.finish()
         found = {item.unary: item.found for item in lists}
         if second is not None:
             with progress.stage("spatial context"):

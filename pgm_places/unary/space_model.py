@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._checks import ROWS_AT_ONCE
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
@@ -69,13 +70,14 @@ class MapSpaces:
         0.6 m deep on either side.
         """
         grid = self.gates.segmentation.watershed.grid
-        found = np.zeros(len(layout.cells_rc), np.float32)
-        for gate, probability in zip(self.gates, self.probability.tolist(), strict=True):
+        cells = [np.empty((0, 2), np.int64)]
+        for gate in self.gates:
             deeper_m = max(_REACH_M - gate.depth_m / 2, 0.0)
-            r, c = gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m).T
-            node = layout.node_of_cell[r, c]
-            node = node[node >= 0]
-            found[node] = np.maximum(found[node], probability)
+            cells.append(gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m))
+        node = layout.nodes_at(np.concatenate(cells))
+        probability = np.repeat(self.probability, [len(item) for item in cells[1:]])
+        found = np.zeros(len(layout.cells_rc), np.float32)
+        np.maximum.at(found, node[node >= 0], probability[node >= 0].astype(np.float32))
         return found
 
 
@@ -104,13 +106,11 @@ class SpaceModel:
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
         return MapSpaces.of(candidates, probability)
 
-    def with_gates(
-        self, log_z: NDArray[np.float64], spaces: MapSpaces, layout: GridLayout
-    ) -> NDArray[np.float64]:
-        """(N, K) the scores of a map's nodes, those of doorways weighed by the gates."""
+    def at_gates(self, spaces: MapSpaces, layout: GridLayout) -> NDArray[np.float32] | None:
+        """(N,) the gates' probabilities at each node; None where scores are not weighed by them."""
         if self.gates is None or self.doorway is None:
-            return log_z
-        return with_gates(log_z, spaces.at_gates(layout), self.doorway)
+            return None
+        return spaces.at_gates(layout)
 
 
 def gate_probabilities(
@@ -127,6 +127,10 @@ def with_gates(
     log_z: NDArray[np.float64], at_gate: NDArray[np.float32], doorway: int
 ) -> NDArray[np.float64]:
     """(N, K) log z with the odds of the doorway times max(1.2 g, 0.02), normalised again."""
-    found = log_z.copy()
-    found[:, doorway] += np.log(np.maximum(_GAIN * at_gate, _FLOOR))
-    return np.asarray(found - np.logaddexp.reduce(found, axis=1, keepdims=True))
+    found = np.empty_like(log_z)
+    for first in range(0, len(log_z), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        found[some] = log_z[some]
+        found[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
+        found[some] -= np.logaddexp.reduce(found[some].T, axis=0)[:, None]
+    return found

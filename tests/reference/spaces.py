@@ -3,6 +3,8 @@
 import numpy as np
 from scipy import ndimage
 
+from pgm_places.spaces.cell_features import CellFeatures
+
 AROUND = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0)]
 UNIT = 9 * 1024
 
@@ -244,3 +246,47 @@ def shape(
         "unknown": unknown * resolution_m,
         "furniture": float((cells[segment == number] != 0).mean()),
     }
+
+
+def nearest_opening(
+    ends_rc: list[tuple[np.ndarray, np.ndarray, float]], cell: np.ndarray
+) -> tuple[float, float]:
+    """Distance in cells to the nearest of some lines, and its half width: the wider of equal ones.
+
+    Each line is its middle, half of it as a vector, and the half width.
+    """
+    best = (np.inf, -0.0)
+    for middle, half, width in ends_rc:
+        y, x = cell - middle
+        length = half[0] * half[0] + half[1] * half[1]
+        if length > 0:
+            share = min(1.0, max(-1.0, (y * half[0] + x * half[1]) / length))
+            y, x = y - share * half[0], x - share * half[1]
+        best = min(best, (np.sqrt(y * y + x * x), -width))
+    return best[0], -best[1]
+
+
+def cell_features(features: CellFeatures, cells_rc: np.ndarray) -> np.ndarray:
+    """Every column of some cells, one cell after the other."""
+    watershed = features.divisions[0].watershed
+    resolution_m = watershed.grid.resolution_m
+    found = np.zeros((len(cells_rc), len(features.names)))
+    for row, cell in zip(found, cells_rc, strict=True):
+        height = watershed.relief[cell[0] + 1, cell[1] + 1]
+        row[0] = max(height / UNIT - 0.5, 0.0) * resolution_m
+        first = 1
+        for division, table in zip(features.divisions, features.tables, strict=True):
+            openings, size = division.openings, table.shape[1]
+            half = openings.direction_rc * ((openings.length_m / resolution_m - 1) / 2)[:, None]
+            segment = int(division.raster()[tuple(cell)])
+            row[first + size + 1] = 10.0
+            if segment >= 0:
+                own = np.flatnonzero((openings.segments == segment).any(axis=1))
+                lines = [(openings.centre_rc[o], half[o], openings.half_width_m[o]) for o in own]
+                distance, width = nearest_opening(lines, cell)
+                row[first : first + size] = table[segment]
+                row[first + size] = row[0] / division.radius_m[segment]
+                row[first + size + 1] = min(distance * resolution_m, 10.0)
+                row[first + size + 2] = width
+            first += size + 3
+    return found.astype(np.float32)

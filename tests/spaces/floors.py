@@ -49,3 +49,14 @@ def corridor_with_rooms() -> np.ndarray:
         free[30:70, first : first + 42] = True
         free[25:30, first + 16 : first + 25] = True
     return free
+
+
+def corridor_with_doors() -> np.ndarray:
+    """Small rooms on both sides of a corridor, with doors of several widths; cells of 10 cm."""
+    free = np.zeros((60, 200), np.bool_)
+    free[20:35, 2:198] = True
+    for k, first in enumerate(range(2, 178, 22)):
+        for rows, wall in ((slice(2, 18), slice(18, 20)), (slice(37, 58), slice(35, 37))):
+            free[rows, first : first + 20] = True
+            free[wall, first + 4 + k % 3 : first + 11 + 2 * (k % 3)] = True
+    return free

@@ -7,11 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces import position
-from pgm_places.spaces.cell_features import CellFeatures, nearest_opening, space_feature_names
+from pgm_places.spaces import cell_features, position
+from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
+from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.places import places_between
 from pgm_places.spaces.position import area_cut_off, betweenness
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segmentation, Segments
@@ -19,7 +22,7 @@ from pgm_places.spaces.shapes import shapes_of
 from pgm_places.spaces.space_spec import segment_feature_names
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
-from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of
+from tests.spaces.floors import TURNS, corridor_with_doors, corridor_with_rooms, grid_of, two_rooms
 
 NAMES = segment_feature_names()
 maps = arrays(
@@ -100,23 +103,59 @@ def test_what_is_cut_off_is_what_hangs_apart(drawn: tuple[LabelGraph, np.ndarray
 
 
 @given(
-    free=arrays(np.bool_, st.tuples(st.integers(10, 24), st.integers(10, 24)), fill=st.just(True))
+    free=arrays(np.bool_, st.tuples(st.integers(10, 24), st.integers(10, 24)), fill=st.just(True)),
+    order=st.sampled_from(["rows", "columns", "any"]),
 )
 @settings(max_examples=40)
-def test_the_nearest_opening_is_found(free: np.ndarray) -> None:
-    scale = Segmentation.of(grid_of(free, 1.0)).scales[0]
-    cells = np.argwhere(free)
-    segment, o = scale.at(cells), scale.openings
-    distance, width = nearest_opening(scale, cells, segment)
-    for k, cell in enumerate(cells):
+def test_cells_are_looked_up_as_one_by_one(free: np.ndarray, order: str) -> None:
+    gates = gate_candidates(Segmentation.of(grid_of(free, 0.5)))
+    places = places_between(gates, np.arange(len(gates)) % 2 == 0)
+    features = CellFeatures.of(gates.segmentation, places)
+    cells = np.argwhere(np.ones_like(free))
+    if order == "columns":
+        cells = cells[np.lexsort(cells.T)]
+    elif order == "any":
+        cells = np.random.default_rng(0).permutation(cells)[:200]
+    wanted = reference.cell_features(features, cells)
+    assert np.array_equal(features.lookup(cells), wanted)
+
+
+def test_the_nearest_opening_changes_within_a_run_of_cells() -> None:
+    """Doors all along a corridor, and cells of each row in any order."""
+    features = CellFeatures.of(Segmentation.of(grid_of(corridor_with_doors())))
+    cells = np.random.default_rng(2).permutation(np.argwhere(corridor_with_doors()))
+    for one in (cells[np.lexsort((cells[:, 1], cells[:, 0]))], cells[np.argsort(cells[:, 0])]):
+        rows, wanted = features.lookup(one), reference.cell_features(features, one[::37])
+        assert np.array_equal(rows[::37], wanted)
+        width = rows[:, features.names.index("way_out_width[0.9]")]
+        assert len(np.unique(width[one[:, 0] == 27])) > 2
+
+
+def test_cells_on_a_line_between_segments_have_no_depth() -> None:
+    free = two_rooms(wall=3)
+    features = CellFeatures.of(Segmentation.of(grid_of(free)))
+    on_line = np.argwhere((features.divisions[0].raster() < 0) & free)
+    assert len(on_line) and np.array_equal(
+        features.lookup(on_line), reference.cell_features(features, on_line)
+    )
+    assert (features.lookup(on_line)[:, features.names.index("depth[0.9]")] == 0).all()
+
+
+def test_the_way_out_is_that_to_points_along_the_openings() -> None:
+    free = corridor_with_rooms()
+    scale = Segmentation.of(grid_of(free)).scales[0]
+    features, o = CellFeatures.of(Segmentation.of(grid_of(free))), scale.openings
+    cells = np.argwhere(free)[::97]
+    columns = [features.names.index(f"{name}[0.9]") for name in ("way_out", "way_out_width")]
+    for cell, (distance, width) in zip(cells, features.lookup(cells, columns), strict=True):
         best = (10.0, 0.0)
-        for m in np.flatnonzero((o.segments == segment[k]).any(axis=1)):
-            steps = np.linspace(-1, 1, 201)[:, None] * (o.length_m[m] - 1) / 2
+        for m in np.flatnonzero((o.segments == scale.at([cell])).any(axis=1)):
+            steps = np.linspace(-0.5, 0.5, 201)[:, None] * (o.length_m[m] - 0.1) / 0.1
             line = o.centre_rc[m] + steps * o.direction_rc[m]
-            best = min(best, (np.sqrt(((line - cell) ** 2).sum(axis=1)).min(), o.half_width_m[m]))
-        assert distance[k] == pytest.approx(best[0], abs=0.06)
-        if len(o) == 1 and segment[k] in o.segments:
-            assert width[k] == o.half_width_m[0]
+            away = 0.1 * np.sqrt(((line - cell) ** 2).sum(axis=1)).min()
+            best = min(best, (away, o.half_width_m[m]))
+        assert distance == pytest.approx(best[0], abs=0.006)
+        assert width == pytest.approx(best[1])
 
 
 # ------------------------------------------------------------------ a floor that is easily seen
@@ -165,6 +204,45 @@ def test_a_chunk_has_the_same_rows() -> None:
     grid = grid_of(corridor_with_rooms())
     features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
     assert (features.lookup(cells)[70:90] == features.lookup(cells[70:90])).all()
+
+
+def test_some_columns_in_any_order_on_any_number_of_threads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cell_features, "_CELLS_PER_TASK", 100)
+    grid = grid_of(corridor_with_rooms())
+    features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
+    every = features.lookup(cells, n_threads=1)
+    columns = np.random.default_rng(1).permutation(len(features.names))
+    for chosen in (
+        columns,
+        columns[:7],
+        np.array([features.names.index("way_out[0.9]")]),
+        np.array([3, 0, 0, 120]),
+        columns[:0],
+    ):
+        found = features.lookup(cells, chosen, n_threads=3)
+        assert found.dtype == np.float32
+        assert np.array_equal(found, every[:, chosen])
+
+
+def test_columns_are_written_beside_others() -> None:
+    grid = grid_of(corridor_with_rooms())
+    features, cells = CellFeatures.of(Segmentation.of(grid)), np.argwhere(grid.free)
+    room = np.full((len(cells), 6), -7.0, np.float32)
+    features.write(cells, [5, 0, 40], room, 2)
+    assert np.array_equal(room[:, 2:5], features.lookup(cells, [5, 0, 40]))
+    assert (room[:, [0, 1, 5]] == -7).all()
+
+
+def test_unknown_columns_and_cells_are_refused() -> None:
+    features = CellFeatures.of(Segmentation.of(grid_of(corridor_with_rooms())))
+    with pytest.raises(InputError, match=r"columns must hold integers from 0 to 120, got 121"):
+        features.lookup([[1, 1]], [121])
+    with pytest.raises(InputError, match=r"must lie on the map .* got \(80, 3\) at index 1"):
+        features.lookup([[79, 3], [80, 3]])
+    with pytest.raises(InputError, match=r"integers of shape \(n, 2\)"):
+        features.lookup([1, 2, 3])
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (20, 20)])

@@ -1,0 +1,97 @@
+"""One division's features, laid out for looking up many cells."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.spaces.segmentation import Segments
+
+__all__ = ["SegmentLookup"]
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentLookup:
+    """What the features of a cell are put together from, by the segment that it lies in.
+
+    Cells that lie in none have one of their own, S, whose features are 0 and which has no opening.
+
+    Parameters
+    ----------
+    segment_of : (B + n_lines + 1,) int32
+        Segment of each basin and line, and at last of cells that are not open.
+    table : (S + 1, F) float32
+        The segments' own features.
+    radius_m : (S + 1,) float64
+    start : (S + 2,) int64
+        Where the openings of each segment start.
+    lines : (2 O, 5) float64
+        Openings as straight lines, those of a segment together: row and column of the middle, half
+        the line as a vector, in cells, and the half width in metres.
+    most : int
+        The largest number of openings that a segment has.
+    resolution_m : float
+    """
+
+    segment_of: NDArray[np.int32]
+    table: NDArray[np.float32]
+    radius_m: NDArray[np.float64]
+    start: NDArray[np.int64]
+    lines: NDArray[np.float64]
+    most: int
+    resolution_m: float
+
+    @classmethod
+    def of(cls, division: Segments, table: NDArray[np.float64]) -> Self:
+        """That of a scale, or of places, with the features (S, F) of its segments."""
+        openings, resolution_m = division.openings, division.watershed.grid.resolution_m
+        ends, count = openings.segments.reshape(-1), division.count
+        order = np.argsort(ends, kind="stable")
+        start = np.searchsorted(ends[order], np.arange(count + 2))
+        half = openings.direction_rc * ((openings.length_m / resolution_m - 1) / 2)[:, None]
+        lines = np.column_stack([openings.centre_rc, half, openings.half_width_m])
+        segment_of = np.append(division.segment_of, -1)
+        return cls(
+            np.where(segment_of < 0, count, segment_of).astype(np.int32),
+            np.append(table, np.zeros((1, table.shape[1])), axis=0).astype(np.float32),
+            np.append(division.radius_m, np.inf),
+            start.astype(np.int64),
+            np.ascontiguousarray(lines[order // 2], np.float64),
+            int(np.diff(start).max()),
+            resolution_m,
+        )
+
+    @property
+    def n_columns(self) -> int:
+        """F + 3: those of the segment, and the three that a cell adds."""
+        from pgm_places.spaces._lookup_kernels import CELL_COLUMNS
+
+        return self.table.shape[1] + CELL_COLUMNS
+
+    def write(
+        self,
+        cells_rc: NDArray[np.int32],
+        basin: NDArray[np.int32],
+        clearance_m: NDArray[np.float64],
+        source: NDArray[np.int64],
+        target: NDArray[np.int64],
+        found: NDArray[np.float32],
+    ) -> None:
+        """Write the columns ``source`` of cells (n, 2) to the columns ``target`` of ``found``."""
+        from pgm_places.spaces._lookup_kernels import write_features
+
+        write_features(
+            cells_rc,
+            self.segment_of[basin],
+            clearance_m,
+            self.table,
+            self.radius_m,
+            self.start,
+            self.lines,
+            self.most,
+            self.resolution_m,
+            source,
+            target,
+            found,
+        )
