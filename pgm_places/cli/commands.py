@@ -24,7 +24,7 @@ __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
 
 @contextmanager
 def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "Iterator[Experiment]":
-    """The experiment of a configuration; what it will need is compiled meanwhile."""
+    """The experiment of a configuration; a second process compiles what it will need."""
     from pgm_places.experiment.config import load_config
 
     config = load_config(config_path)
@@ -60,7 +60,7 @@ def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: b
 
 
 def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> None:
-    """``pgm-places demo``: writes a building as files, then compares as with any other map."""
+    """``pgm-places demo``: writes a building as files, then compares methods as on any map."""
     from pgm_places.datasets.demo import write_demo
     from pgm_places.io.atomic import check_writable_folder
 
@@ -149,7 +149,7 @@ def _label(
     result = label_map(labeler, loaded.grid, method=method, n_threads=n_threads, progress=progress)
     for message in result.warnings:
         progress.warn(message)
-    with progress.stage("files and picture"):
+    with progress.stage("writing files"):
         written = write_labels(result, loaded, out)
     typer.echo(result.summary())
     title = f"{loaded.yaml_path.stem}: {result.method}"

@@ -1,4 +1,4 @@
-"""``pgm-places doctor``: what is installed, where compiled code is kept, what a map holds."""
+"""``pgm-places doctor``: checks the installation, the cache of compiled code, and a map."""
 
 import importlib.metadata
 import importlib.util
@@ -34,14 +34,14 @@ OPTIONAL = ("clarabel", "piqp", "ortools", "rosbags", "opencv-python-headless")
 
 
 def run_doctor(map_yaml: Path | None) -> None:
-    """Print what matters when something does not work."""
+    """Print what helps to find out why something does not work."""
     rows = [["package", "version"], ["pgm-places", __version__]]
     rows += [["python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"]]
     rows += [[name, _version(name)] for name in REQUIRED]
     rows += [[f"{name} (optional)", _version(name)] for name in OPTIONAL]
     typer.echo(text_table(rows))
     typer.echo(f"\nmethods: {', '.join(backend_names())}")
-    typer.echo(f"features besides the laser's: {', '.join(FEATURES.names()) or 'none installed'}")
+    typer.echo(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
     _kernels()
     if map_yaml is not None:
         _map(map_yaml)
@@ -59,8 +59,8 @@ def _kernels() -> None:
     from pgm_places.kernels.threads import resolve_threads
 
     folder = cache_folder()
-    where = folder if folder is not None else "nowhere (compiled anew in every process)"
-    typer.echo(f"compiled kernels are kept in: {where}")
+    where = folder if folder is not None else "nowhere (recompiled in every process)"
+    typer.echo(f"compiled kernels are cached in: {where}")
     typer.echo(f"threads: {resolve_threads()}")
 
 
@@ -79,4 +79,4 @@ def _map(map_yaml: Path) -> None:
     for message in loaded.warnings:
         typer.echo(f"warning: {message}")
     if not loaded.warnings:
-        typer.echo("nothing suspicious")
+        typer.echo("no problems found")

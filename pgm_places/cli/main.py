@@ -25,13 +25,17 @@ app = typer.Typer(
     rich_markup_mode=None,  # plain help starts faster and reads the same everywhere
 )
 
-Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results; made if needed.")]
+Out = Annotated[
+    Path, typer.Option("--out", "-o", help="Folder for the results; created if needed.")
+]
 Threads = Annotated[
     int | None, typer.Option("--threads", min=1, help="Number of threads; all cores by default.")
 ]
 Model = Annotated[
     str,
-    typer.Option("--model", "-m", help="Folder made by 'train', or the name of a shipped model."),
+    typer.Option(
+        "--model", "-m", help="Folder written by 'train', or the name of a shipped model."
+    ),
 ]
 UnknownValue = Annotated[
     int | None,
@@ -125,7 +129,8 @@ def label(
 @option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"})
 def topology(
     labels: Annotated[
-        Path, typer.Argument(metavar="LABELS.png", help="Label image, with its names file beside.")
+        Path,
+        typer.Argument(metavar="LABELS.png", help="Label image, with its names file next to it."),
     ],
     map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map it belongs to.")],
     out: Out,
@@ -135,12 +140,15 @@ def topology(
     *,
     rules: TopologyOptions,
     propose_splits: Annotated[
-        float, typer.Option(min=0, help="Only list the places that --split-rooms would split.")
+        float,
+        typer.Option(
+            min=0, help="List the places that --split-rooms would split, without splitting."
+        ),
     ] = 0.0,
     unknown_value: UnknownValue = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find the places of a labelled map and their connections."""
+    """Find the places in a labelled map and their connections."""
     from pgm_places.cli.places import run_topology
 
     run_topology(
@@ -189,7 +197,7 @@ def where(
     x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
     y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
 ) -> None:
-    """Show which place a position lies in. Exit code 1 if there is none."""
+    """Show the place at a position. The exit code is 1 if there is none."""
     from pgm_places.cli.places import run_where
 
     run_where(folder, x, y)
@@ -210,7 +218,7 @@ def simulate(
         Path | None, typer.Argument(metavar="MAP.yaml", help="The map_server map to drive in.")
     ] = None,
     demo: Annotated[
-        bool, typer.Option("--demo", help="Drive in a generated building, and write that too.")
+        bool, typer.Option("--demo", help="Drive in a generated building and write its map too.")
     ] = False,
     labels: Annotated[
         Path | None, typer.Option(help="Label image of the map, for the true place of every step.")
@@ -231,12 +239,16 @@ def simulate(
     ] = False,
     length: Annotated[
         float | None,
-        typer.Option(min=0.5, help="Distance to drive (m); past all places by default."),
+        typer.Option(
+            min=0.5, help="Distance to drive (m); by default, far enough to pass every place."
+        ),
     ] = None,
     speed: Annotated[float, typer.Option(help="Driving speed (m/s).")] = 0.4,
     every: Annotated[float, typer.Option(help="Time between scans (s).")] = 0.2,
     radius: Annotated[float, typer.Option(help="Radius of the robot (m).")] = 0.25,
-    seed: Annotated[int, typer.Option(help="Seed of the start, the noise and the building.")] = 0,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the starting point, the noise and the building.")
+    ] = 0,
     unknown_value: UnknownValue = None,
     threads: Threads = None,
     quiet: Quiet = False,
@@ -283,9 +295,9 @@ def simulate_map(
     unknown_value: UnknownValue = None,
     quiet: Quiet = False,
 ) -> None:
-    """Turn a labelled plan into maps that a robot would make.
+    """Turn a labelled plan into maps like those a robot would make.
 
-    Options that are written LOW,HIGH are ranges: each map draws a value from them.
+    Options written LOW,HIGH are ranges; each map draws a value from them.
     """
     from pgm_places.cli.simulate_map import run_simulate_map
 
@@ -310,14 +322,14 @@ def track(
     ],
     model: Model = "default",
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results; made if needed.")
+        Path | None, typer.Option("--out", "-o", help="Folder for the results; created if needed.")
     ] = None,
     map_yaml: Annotated[
         Path | None,
         typer.Option("--map", metavar="MAP.yaml", help="Map in the frame of the log's poses."),
     ] = None,
     mode: Annotated[
-        str, typer.Option(help="filter (as online), smooth or viterbi (complete logs).")
+        str, typer.Option(help="filter (as online), or smooth or viterbi (complete logs only).")
     ] = "filter",
     beams: Annotated[
         str | None,
@@ -374,12 +386,12 @@ def reproduce(
     ] = None,
     out: Out = Path("reproduced"),
     again: Annotated[
-        bool, typer.Option("--again", help="Rerun sections that are already there.")
+        bool, typer.Option("--again", help="Rerun sections that have already been run.")
     ] = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Reproduce the experiments of the paper. Writes a page with its figures beside ours."""
+    """Reproduce the experiments of the paper. Writes a page comparing its figures with ours."""
     from pgm_places.cli.reproduce import run_reproduce
 
     run_reproduce(tuple(sections or ()), out, again=again, n_threads=threads, quiet=quiet)
@@ -388,10 +400,10 @@ def reproduce(
 @app.command()
 def doctor(
     map_yaml: Annotated[
-        Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check as well.")
+        Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check.")
     ] = None,
 ) -> None:
-    """Show what is installed, and what a map file holds."""
+    """Check the installation and, optionally, a map file."""
     from pgm_places.cli.doctor import run_doctor
 
     run_doctor(map_yaml)

@@ -93,7 +93,7 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
         f"at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
         for split in found
     ]
-    return lines or [f"no possible split: no constriction is narrower than {narrower_than_m:g} m"]
+    return lines or [f"no split proposed: no constriction is narrower than {narrower_than_m:g} m"]
 
 
 def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:
@@ -112,7 +112,7 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
     for text in texts:
         name, equals, number = text.rpartition("=")
         if not equals or not name or not number.strip().isdecimal():
-            raise InputError(f"--set takes NAME=NUMBER, such as room=100, got {text!r}")
+            raise InputError(f"--set expects NAME=NUMBER, such as room=100, got {text!r}")
         values[name.strip()] = int(number)
     return values
 

@@ -29,7 +29,7 @@ __all__ = ["beams", "robot_of", "run_simulate"]
 
 
 def beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
-    """A laser with so many beams over so wide a view, its middle ahead."""
+    """A forward-looking laser with a number of beams and a field of view."""
     from pgm_places.trajectories.scan import ScanGeometry
 
     if view_degrees == 360:
@@ -103,7 +103,7 @@ def run_simulate(
         )
         if names:
             driven = driven.labelled_by(place, names)
-    with progress.stage("files"):
+    with progress.stage("writing files"):
         written.append(write_trajectory(out, _as_recorded(driven, wheels_only)))
         if out.suffix != ".csv":
             written.append(write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven))
@@ -133,7 +133,7 @@ def _users_map(
 
 
 def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list[Path]]":
-    """A generated building, written beside the log for whoever wants to label it."""
+    """A generated building, also written as files next to the log."""
     from pgm_places.datasets.building import generate_building
     from pgm_places.io.maps.label_image import save_labels
     from pgm_places.io.maps.map_server import save_map
@@ -148,12 +148,12 @@ def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list
 
 
 def _stem(out: Path) -> str:
-    """A log's name without its endings."""
+    """A log's name without its suffixes."""
     return out.name.removesuffix(".gz").removesuffix(".log") if ".log" in out.name else out.stem
 
 
 def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
-    """What the robot would know: with the true poses beside its odometry, or odometry alone."""
+    """What gets recorded: the true poses together with odometry, or odometry alone."""
     from dataclasses import replace
 
     if wheels_only and driven.odometry is not None:

@@ -1,4 +1,4 @@
-"""The command simulate-map: maps that a robot would make of a labelled plan."""
+"""``pgm-places simulate-map``: robot-like maps of a labelled plan."""
 
 from collections.abc import Sequence
 from pathlib import Path

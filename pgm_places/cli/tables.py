@@ -52,16 +52,16 @@ def comparison_table(comparison: "Comparison") -> str:
 
 
 def _selected(comparison: "Comparison") -> str:
-    """What was chosen on held-out training cells, and how good it was there."""
+    """The options chosen on held-out training data, and their score there."""
     found = comparison.selection
     if found is None:
         return ""
     best = max(found["candidates"], key=lambda item: float(item["score"]))
     options = ", ".join(f"{key} = {value}" for key, value in found["chosen"].items())
     return (
-        f"\nselected on held-out training cells: {options} ({found['criterion']} of "
+        f"\nselected on held-out training data: {options} ({found['criterion']} of "
         f"{found['method']} {_percent(best['score'])} ± {_percent(best['spread'])} there; "
-        f"{len(found['candidates'])} tried)"
+        f"{len(found['candidates'])} combinations tried)"
     )
 
 

@@ -31,7 +31,7 @@ __all__ = ["TrackOptions", "run_follow", "run_track"]
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """What the command line says besides the log and the folder."""
+    """The options of the command, besides the log and the folder."""
 
     model: str
     map_yaml: Path | None = None
@@ -45,15 +45,15 @@ class TrackOptions:
 
 
 def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
-    """Label a log that is complete."""
+    """Label a complete log."""
     from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.logs.trajectories import read_trajectory
     from pgm_places.labelers.tracking import Track
 
     if out is None:
-        raise ConfigError("track needs a folder for its results: give --out DIR")
+        raise ConfigError("track needs a folder for its results: pass --out DIR")
     if str(log) == "-":
-        raise ConfigError("standard input is read with --follow; without it, name a log")
+        raise ConfigError("standard input requires --follow; without it, name a log file")
     progress = make_progress(quiet=quiet)
     labeler = _labeler(options, progress)
     grid = _map(options)
@@ -80,18 +80,18 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
         )
     track = Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
     typer.echo(_summary(track))
-    with progress.stage("files and pictures"):
+    with progress.stage("writing files"):
         written = _write(track, grid, out)
     for path in written:
         typer.echo(f"wrote {path}")
 
 
 def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
-    """Label scans as they are written; an interrupt ends it in good order."""
+    """Label scans as they are written, until interrupted."""
     from pgm_places.io.atomic import check_writable_folder
 
     if options.mode != "filter":
-        raise ConfigError("--follow labels step by step, which only --mode filter does")
+        raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
     progress = make_progress(quiet=quiet)
     labeler = _labeler(options, progress)
     grid = _map(options)
@@ -156,12 +156,12 @@ class _Seen:
         return self.counts.at(times_s, within_s=self.within_s, object_names=self.names)
 
     def complaints(self, times_s: "ArrayLike") -> list[str]:
-        """What looks wrong about them."""
+        """Warnings about them."""
         if (self.counts.seconds_from(times_s) <= self.within_s).any():
             return []
         return [
-            f"no objects were looked for within {self.within_s:g} s of any scan: are the log and "
-            "the counts on one clock? (--counts-within)"
+            f"no object counts within {self.within_s:g} s of any scan: do the log and the counts "
+            "use the same clock? (--counts-within)"
         ]
 
 
@@ -173,11 +173,11 @@ def _counts(
     if options.counts is None:
         if names:
             raise ConfigError(
-                f"this model also uses {', '.join(names)}; give a file of counts: --counts FILE"
+                f"this model also uses counts of {', '.join(names)}; pass them: --counts FILE"
             )
         return None
     if not names:
-        raise ConfigError("this model uses the laser only; leave --counts out")
+        raise ConfigError("this model uses the laser only; omit --counts")
     from pgm_places.io.logs.object_counts import read_object_counts
 
     counts = read_object_counts(options.counts)
@@ -199,7 +199,7 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
         yield sys.stdin.buffer, None
         return
     if log.suffix.lower() == ".gz":
-        raise LogError(f"{log} is compressed and so does not grow; track it without --follow")
+        raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
     try:
         stream = log.open("rb")
     except OSError as error:
@@ -228,8 +228,8 @@ def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler"
         if is_hmm and options.every_m != labeler.every_m:
             progress.warn(
                 f"--every {options.every_m:g}: the model's transitions were learned for updates "
-                f"every {labeler.every_m:g} m and stay as they are; learn a model at this distance "
-                "for the best labels"
+                f"every {labeler.every_m:g} m and remain unchanged; for the best labels, train a "
+                "model at this distance"
             )
         labeler = _changed(labeler, every_m=options.every_m)
     return labeler
@@ -242,7 +242,7 @@ def _changed(labeler: "TrajectoryLabeler", **options: object) -> "TrajectoryLabe
 
 
 def _stored_labeler(model: str) -> "TrajectoryLabeler":
-    """A model of trajectories, or a model of maps with what it learned of moving robots."""
+    """A trajectory labeler, or one made from a map model and its motion statistics."""
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.persistence.stored import read
@@ -265,11 +265,11 @@ def _with_truth(
 
     table = read_pose_csv(options.truth, label_names=label_names).trajectory
     if table.labels is None:
-        raise LogError(f"{options.truth} has no column of places, such as 'label'")
+        raise LogError(f"{options.truth} has no column of place labels, such as 'label'")
     if len(table) != len(trajectory):
         raise LogError(
-            f"{options.truth} has {len(table)} rows but the log {len(trajectory)} steps; a table "
-            "of the same steps is wanted, as 'pgm-places simulate' writes it"
+            f"{options.truth} has {len(table)} rows but the log {len(trajectory)} steps; give a "
+            "table with one row per step, such as 'pgm-places simulate' writes"
         )
     return trajectory.with_labels(table.labels, label_names)
 
@@ -304,12 +304,12 @@ def _write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> list[Path
 
 
 def _summary(track: "Track") -> str:
-    """How many stays, steps and metres each place has."""
+    """The visits, steps and metres of each place."""
     total = max(len(track.trajectory), 1)
-    rows = [["place", "stays", "steps", "share", "metres"]]
+    rows = [["place", "visits", "steps", "share", "metres"]]
     rows += [
-        [name, f"{stays}", f"{steps}", f"{100 * steps / total:.1f} %", f"{way:.1f}"]
-        for name, stays, steps, way in track.totals()
+        [name, f"{visits}", f"{steps}", f"{100 * steps / total:.1f} %", f"{metres:.1f}"]
+        for name, visits, steps, metres in track.totals()
     ]
     lines = [text_table(rows)]
     if track.accuracy is not None:

@@ -1,4 +1,4 @@
-"""Warm-up: while a first run is at its early stages, a second process compiles the later ones.
+"""Warm-up: during the first stages of a first run, a second process compiles the later ones.
 
 A process compiles one kernel at a time, whatever its number of threads. So the second process runs
 the later stages on a tiny map, and leaves their machine code in the cache that both share. A run

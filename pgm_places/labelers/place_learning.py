@@ -101,7 +101,7 @@ def learn_methods(
     for name, method in methods.items():
         if isinstance(method.backend, Learnable):
             problems = nodes.problems(method.unary)
-            with progress.stage(f"learning {name}") as stage:
+            with progress.stage(f"training {name}") as stage:
                 start = time.perf_counter()
                 backend = _fitted(method.backend, problems, nodes.truths, stage)
                 seconds[name] = time.perf_counter() - start

@@ -1,4 +1,4 @@
-"""A tracked trajectory: its labels, the visits that they make, and a map to draw it on."""
+"""A tracked trajectory: its labels, the visits to places, and a map to draw it on."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,36 +12,36 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["Stay", "Track", "map_of_scans"]
+__all__ = ["Track", "Visit", "map_of_scans"]
 
 DRAWN_M = 15.0
-"""Farther readings are left out of a map drawn from scans: they only make it larger."""
+"""Longer readings are left out of a map drawn from scans: they only make it larger."""
 
 DRAWN_CELLS = 3000
-"""Longest side of a map drawn from scans; a longer way is drawn with larger cells."""
+"""Longest side of a map drawn from scans; a longer path is drawn with larger cells."""
 
 
 @dataclass(frozen=True)
-class Stay:
-    """Steps in a row with one label.
+class Visit:
+    """Consecutive steps with one label.
 
     Parameters
     ----------
     label : int
     first, last : int
         Step numbers, both included.
-    way_m : float
-        Way from the first to the step after the last.
+    length_m : float
+        Distance driven from the first step to the one after the last.
     """
 
     label: int
     first: int
     last: int
-    way_m: float
+    length_m: float
 
     @property
     def n_steps(self) -> int:
-        """How many steps."""
+        """Number of steps."""
         return self.last - self.first + 1
 
 
@@ -73,50 +73,50 @@ class Track:
 
     @property
     def truth(self) -> NDArray[np.int64] | None:
-        """(T,) the true labels where the trajectory has some of the same names."""
+        """(T,) the true labels, if the trajectory has labels of the same names."""
         if self.trajectory.label_names != self.label_names:
             return None
         return self.trajectory.labels
 
     @property
     def accuracy(self) -> float | None:
-        """Share of right labels among the steps whose true one is known, None if none is."""
+        """Share of correct labels among steps with a known one; None if there are no such steps."""
         truth = self.truth
         if truth is None or not (truth >= 0).any():
             return None
         known = truth >= 0
         return float((self.labeling.labels[known] == truth[known]).mean())
 
-    def stays(self) -> Iterator[Stay]:
-        """The stretches of one label, in order."""
+    def visits(self) -> Iterator[Visit]:
+        """The visits, in order."""
         labels = self.labeling.labels
         if not len(labels):
             return
-        way = np.concatenate([[0.0], np.cumsum(self.trajectory.step_lengths_m)])
+        distance = np.concatenate([[0.0], np.cumsum(self.trajectory.step_lengths_m)])
         starts = np.concatenate([[0], np.flatnonzero(np.diff(labels)) + 1])
         ends = np.append(starts[1:], len(labels))
         for first, end in zip(starts.tolist(), ends.tolist(), strict=True):
-            metres = way[min(end, len(labels) - 1)] - way[first]
-            yield Stay(int(labels[first]), first, end - 1, float(metres))
+            length = distance[min(end, len(labels) - 1)] - distance[first]
+            yield Visit(int(labels[first]), first, end - 1, float(length))
 
     def totals(self) -> list[tuple[str, int, int, float]]:
-        """Per label its name, stays, steps and metres."""
-        stays = list(self.stays())
+        """The name, visits, steps and metres of each label."""
+        visits = list(self.visits())
         return [
             (
                 name,
-                sum(stay.label == k for stay in stays),
-                sum(stay.n_steps for stay in stays if stay.label == k),
-                sum(stay.way_m for stay in stays if stay.label == k),
+                sum(visit.label == k for visit in visits),
+                sum(visit.n_steps for visit in visits if visit.label == k),
+                sum(visit.length_m for visit in visits if visit.label == k),
             )
             for k, name in enumerate(self.label_names)
         ]
 
 
 def map_of_scans(trajectory: Trajectory, *, resolution_m: float = 0.05) -> OccupancyGrid:
-    """What the laser saw along the whole way as a map, in the frame of the poses.
+    """A map of what the laser saw along the whole path, in the frame of the poses.
 
-    It is as good as the poses are. A trajectory without scans gives an unknown map around it.
+    It is as accurate as the poses. A trajectory without scans gives an unknown map around it.
     """
     xy = trajectory.poses[:, :2]
     if not len(xy):
@@ -126,11 +126,11 @@ def map_of_scans(trajectory: Trajectory, *, resolution_m: float = 0.05) -> Occup
     cell = max(resolution_m, side / DRAWN_CELLS)
     whole = LocalMap(side, cell, robot_radius_m=0.0)
     middle: Sequence[float] = [*(0.5 * (low + high)), 0.0]
-    # The window is put in the middle of the way once; scans then do not move it.
+    # The window is centred on the path once; scans then do not move it.
     whole.update(middle, [np.nan], [0.0], max_range_m=1.0)
     if trajectory.ranges_m is not None and trajectory.geometry is not None:
-        answered = trajectory.geometry.returned(trajectory.ranges_m)
-        ranges = np.where(answered, trajectory.ranges_m, np.nan)
+        returned = trajectory.geometry.returned(trajectory.ranges_m)
+        ranges = np.where(returned, trajectory.ranges_m, np.nan)
         for pose, row in zip(trajectory.poses, ranges, strict=True):
             whole.write(pose, row, trajectory.geometry.angles_rad, max_range_m=DRAWN_M)
     return whole.to_grid()

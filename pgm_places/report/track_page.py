@@ -80,9 +80,12 @@ def _visits(track: Track, labels: Sequence[Swatch]) -> list[_Visit]:
     times_s = track.trajectory.times_s
     return [
         _Visit(
-            labels[stay.label], float(times_s[stay.first] - times_s[0]), stay.n_steps, stay.way_m
+            labels[visit.label],
+            float(times_s[visit.first] - times_s[0]),
+            visit.n_steps,
+            visit.length_m,
         )
-        for stay in track.stays()
+        for visit in track.visits()
     ]
 
 

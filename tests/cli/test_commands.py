@@ -76,7 +76,7 @@ def test_doctor_reports_versions_and_a_map(building: Path, run: Run) -> None:
     code, text, _ = run("doctor", building / "map.yaml")
     assert code == 0
     assert "scikit-learn" in text
-    assert "compiled kernels are kept in" in text
+    assert "compiled kernels are cached in" in text
     assert "% unknown" in text
 
 

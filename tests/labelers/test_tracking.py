@@ -21,14 +21,14 @@ def short_track(true_labels: list[int] | None = None) -> Track:
     return Track(path, labeling, NAMES)
 
 
-def test_stays_are_the_stretches_of_one_label() -> None:
-    stays = list(short_track().stays())
-    assert [(stay.label, stay.first, stay.last, stay.way_m) for stay in stays] == [
+def test_visits_are_stretches_of_one_label() -> None:
+    visits = list(short_track().visits())
+    assert [(v.label, v.first, v.last, v.length_m) for v in visits] == [
         (0, 0, 1, 2.0),
         (1, 2, 3, 2.5),
         (0, 4, 4, 0.0),
     ]
-    assert sum(stay.n_steps for stay in stays) == 5
+    assert sum(visit.n_steps for visit in visits) == 5
 
 
 def test_totals_add_up_to_the_whole_way() -> None:
