@@ -17,6 +17,8 @@ from pgm_places.reproduce.setting import Setting, data_folder
 __all__ = ["finished_section", "reproduce", "write_pages"]
 
 RECORD = "section.json"
+KEPT = "kept"
+"""Folder of what experiments keep to go on with."""
 
 
 def reproduce(
@@ -34,7 +36,8 @@ def reproduce(
     ids : sequence of str
         Keys of ``SECTIONS``.
     out : Path
-        Gets a folder per section, ``reproduce.md`` and ``reproduce.html``.
+        Gets a folder per section, ``reproduce.md`` and ``reproduce.html``, and in ``kept`` what
+        long experiments go on with when they were stopped.
     again : bool
         Run finished sections again. Those that another version of the package or
         other buildings gave are always run again.
@@ -51,7 +54,7 @@ def reproduce(
         data = data_for(key)
         section = None if again else finished_section(out, key)
         if section is None or section.version != __version__ or section.real != (data is not None):
-            section = _run(key, out, Setting(data, progress, n_threads))
+            section = _run(key, out, Setting(data, progress, n_threads, out / KEPT / key))
         write_pages(out)
         yield section
 

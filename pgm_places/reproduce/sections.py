@@ -108,6 +108,19 @@ SECTIONS: Mapping[str, PaperSection] = {
         "front_laser:run",
         tuple(f"cold_saarbrucken_seq{number}" for number in range(1, 5)),
     ),
+    "buildings": PaperSection(
+        "Buildings left out",
+        "",
+        "buildings:run",
+        (
+            "floors",
+            "freiburg079",
+            "freiburg079_drawn",
+            "freiburg052",
+            *(f"cold_freiburg_seq{number}" for number in range(1, 4)),
+            *(f"cold_saarbrucken_seq{number}" for number in range(1, 5)),
+        ),
+    ),
     **{
         key: PaperSection(title, "", function, ("freiburg079", *folders))
         for key, title, function, folders in _ABLATIONS
@@ -126,7 +139,8 @@ def chosen_sections(names: tuple[str, ...]) -> tuple[str, ...]:
         A name that is no section.
     """
     ablations = {key for key, *_ in _ABLATIONS}
-    wanted = set(SECTIONS) - ablations if not names else set(names) - {ALL_ABLATIONS}
+    of_paper = {key for key, section in SECTIONS.items() if section.paper}
+    wanted = set(names) - {ALL_ABLATIONS} if names else of_paper
     for name in sorted(wanted):
         if name not in SECTIONS:
             known = [*SECTIONS, ALL_ABLATIONS]

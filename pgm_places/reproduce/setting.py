@@ -38,11 +38,15 @@ class Setting:
         The folder of the real data; None for generated buildings.
     progress : Progress
     n_threads : int, optional
+    kept : Path, optional
+        A folder for what is slow to compute, so that an experiment that was stopped goes on where
+        it was.
     """
 
     data: Path | None = None
     progress: Progress = field(default_factory=Silent)
     n_threads: int | None = None
+    kept: Path | None = None
 
     def experiment(self, name: str, changes: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment of a configuration, with values changed (see ``changed_config``)."""

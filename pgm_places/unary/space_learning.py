@@ -23,7 +23,7 @@ from pgm_places.unary.space_model import (
 )
 from pgm_places.unary.training_cells import TrainingCells
 
-__all__ = ["LearnedSpaces", "learn_spaces"]
+__all__ = ["LearnedSpaces", "gate_list", "learn_spaces"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,21 +107,35 @@ def _learn_gates(
     probability = np.zeros(len(truth))
     for number in np.unique(fold):
         out = fold == number
-        part = _gate_list(values, truth, fold, known & ~out, n_threads)
+        part = gate_list(values, truth, fold, known & ~out, n_threads)
         probability[out] = gate_probabilities(part, values[out], n_threads)
     ends = np.cumsum([len(item) for item in gates])[:-1]
-    whole = _gate_list(values, truth, fold, known, n_threads)
+    whole = gate_list(values, truth, fold, known, n_threads)
     return whole, np.split(probability, ends)
 
 
-def _gate_list(
+def gate_list(
     values: NDArray[np.float32],
     truth: NDArray[np.int64],
     fold: NDArray[np.int64],
     seen: NDArray[np.bool_],
     n_threads: int | None,
 ) -> BoostedList | None:
-    """The list learned from some gates; None where all of them are doorways, or none is."""
+    """The list learned from some gates; None where all of them are doorways, or none is.
+
+    Parameters
+    ----------
+    values : (G, F) float32
+        See :func:`pgm_places.spaces.gate_features.gate_features`.
+    truth : (G,) int64
+        1 for doorways, else 0.
+    fold : (G,) int64
+        What is held out together to calibrate the probabilities; these are as boosting gives them
+        where fewer than three folds are seen.
+    seen : (G,) bool
+        The gates to learn from.
+    n_threads : int, optional
+    """
     from pgm_places.models.decision_list import DecisionListClassifier
 
     if len(np.unique(truth[seen])) < 2:

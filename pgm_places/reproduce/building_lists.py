@@ -1,0 +1,302 @@
+"""Lists learned without a fold of buildings, and what they say of the maps of that fold."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._version import __version__
+from pgm_places.graph.layout import GridLayout
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.progress import Progress, Stage
+from pgm_places.reproduce.building_maps import GENERATED, NAMES, SIMULATED, Sample
+from pgm_places.reproduce.kept import Arrays, KeptArrays, fingerprint
+from pgm_places.reproduce.setting import Setting
+from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.gate_features import gate_features
+from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.learning import with_explicit_order
+from pgm_places.unary.options import ClassifierOptions, SpaceOptions
+from pgm_places.unary.space_learning import gate_list
+from pgm_places.unary.space_model import MapSpaces, gate_probabilities
+
+__all__ = ["DOORWAY", "RECIPES", "WHOLE", "Scored", "scored_maps"]
+
+DOORWAY = NAMES.index("doorway")
+N_LASER, N_SEGMENTS = 321, 321 + 121
+N_FOLDS = 6
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a list is learned.
+
+    Parameters
+    ----------
+    n_columns : int, optional
+        The first so many: those of the laser, of segments, of places; all by default.
+    learner : {"stumps", "trees"}
+        The classifier's defaults: those of the list on scans, or of the list with spaces.
+    without : str, optional
+        Maps of this source are not learned from.
+    """
+
+    n_columns: int | None = None
+    learner: Literal["stumps", "trees"] = "trees"
+    without: str | None = None
+
+
+WHOLE = "places between gates"
+RECIPES: Mapping[str, Recipe] = {
+    "laser, stumps": Recipe(N_LASER, "stumps"),
+    "laser, trees": Recipe(N_LASER),
+    "segments": Recipe(N_SEGMENTS),
+    WHOLE: Recipe(),
+    "without robot-like copies": Recipe(without=SIMULATED),
+    "without generated buildings": Recipe(without=GENERATED),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """What lists that did not see a building say of one of its maps.
+
+    Parameters
+    ----------
+    sample : Sample
+    fold : int
+    log_z : mapping of str to (m, K) float64
+        The scores of the lattice's cells by each recipe.
+    at_gate : (m,) float32
+        The probability of the likeliest gate that each cell lies at, 0 for none.
+    gate : (G,) float64
+        The probability that each gate is a doorway.
+    """
+
+    sample: Sample
+    fold: int
+    log_z: Mapping[str, NDArray[np.float64]]
+    at_gate: NDArray[np.float32]
+    gate: NDArray[np.float64]
+
+    @property
+    def truth(self) -> NDArray[np.int64]:
+        """(m,) the labels of the lattice's cells."""
+        return self.sample.known.item.labels[self.sample.lattice].astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _GateRows:
+    """The gates of all maps: features (G, F), truth, whether that is known, map and fold."""
+
+    values: NDArray[np.float32]
+    truth: NDArray[np.int64]
+    known: NDArray[np.bool_]
+    map: NDArray[np.int64]
+    fold: NDArray[np.int64]
+
+    def without(self, folds: set[int], n_threads: int | None) -> BoostedList | None:
+        """The list of gates that has not seen some folds."""
+        seen = self.known & ~np.isin(self.fold, list(folds))
+        return gate_list(self.values, self.truth, self.fold, seen, n_threads)
+
+
+def scored_maps(
+    setting: Setting, samples: Sequence[Sample], fold: NDArray[np.int64]
+) -> list[Scored]:
+    """Every map that is tested, scored by lists that have not seen its building.
+
+    The lists are learned anew for each fold. So are those of gates, twice: whatever a training map
+    is told of its gates comes from a list that saw neither its fold nor the one that is tested.
+
+    Parameters
+    ----------
+    setting : Setting
+    samples : sequence of Sample
+    fold : (M,) int64
+        The fold of each map; the last one is never tested.
+    """
+    kept = KeptArrays(setting.kept)
+    stems = [each.stem for each in samples]
+    run = fingerprint(__version__, RECIPES, ClassifierOptions(), SpaceOptions(), stems, fold)
+    tested = range(int(fold.max()))
+    names = {number: f"{run}-fold-{number}" for number in tested}
+    missing = [number for number in tested if not kept.has(names[number])]
+    rows = _Rows.of(setting, samples, fold, missing) if missing else None
+    found = []
+    for number in tested:
+        with setting.progress.stage(f"buildings left out: {number + 1} of {len(tested)}") as stage:
+
+            def make(
+                number: int = number, stage: Stage = stage, rows: "_Rows | None" = rows
+            ) -> Arrays:
+                assert rows is not None  # some fold is missing
+                return rows.score(number, setting.n_threads, stage)
+
+            arrays = kept.arrays(names[number], make)
+        found += _scored(samples, fold, number, arrays)
+    return found
+
+
+def _scored(
+    samples: Sequence[Sample], fold: NDArray[np.int64], number: int, arrays: Arrays
+) -> list[Scored]:
+    return [
+        Scored(
+            samples[k],
+            number,
+            {name: arrays[f"{k} {name}"].astype(np.float64) for name in RECIPES},
+            arrays[f"{k} at gate"],
+            arrays[f"{k} gate"],
+        )
+        for k in np.flatnonzero(fold == number).tolist()
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The examples of all maps, and the gates."""
+
+    samples: Sequence[Sample]
+    fold: NDArray[np.int64]
+    gates: _GateRows
+    values: NDArray[np.float32]
+    of_places: Mapping[int, NDArray[np.float32]]
+    truth: NDArray[np.int64]
+    map: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        setting: Setting,
+        samples: Sequence[Sample],
+        fold: NDArray[np.int64],
+        tested: Sequence[int],
+    ) -> "_Rows":
+        """The rows of all maps; the columns of places once for each fold that is tested."""
+        gates = _gates_of(samples, fold, setting.progress)
+        judges = _judges(gates, fold, tested, setting)
+        parts: list[NDArray[np.float32]] = []
+        of_places: dict[int, list[NDArray[np.float32]]] = {number: [] for number in tested}
+        with setting.progress.stage("what examples see of spaces") as stage:
+            for k, each in enumerate(samples):
+                found = _spaces_of_examples(
+                    each, gates.values[gates.map == k], judges[int(fold[k])]
+                )
+                for number, around in found.items():
+                    of_places[number].append(around[:, N_SEGMENTS - N_LASER :])
+                segments = found[tested[0]][:, : N_SEGMENTS - N_LASER]
+                parts.append(np.concatenate([each.example_features(), segments], axis=1))
+                stage.update((k + 1) / len(samples), each.known.item.name)
+        labels = [each.known.item.labels[each.examples] for each in samples]
+        return cls(
+            samples,
+            fold,
+            gates,
+            np.concatenate(parts),
+            {number: np.concatenate(columns) for number, columns in of_places.items()},
+            np.concatenate(labels).astype(np.int64),
+            np.repeat(np.arange(len(samples)), [len(part) for part in parts]),
+        )
+
+    def score(self, number: int, n_threads: int | None, stage: Stage) -> dict[str, NDArray[Any]]:
+        """The scores of a fold's maps by every recipe, from lists that have not seen them."""
+        values = np.concatenate([self.values, self.of_places[number]], axis=1)
+        lists = {}
+        for count, (name, recipe) in enumerate(RECIPES.items(), start=1):
+            lists[name] = self._learned(recipe, values, number, n_threads)
+            stage.update(count / (len(RECIPES) + 1), name)
+        judge = self.gates.without({number}, n_threads)
+        found: dict[str, NDArray[Any]] = {}
+        for k in np.flatnonzero(self.fold == number).tolist():
+            gate = gate_probabilities(judge, self.gates.values[self.gates.map == k])
+            scores = _scores_of_map(self.samples[k], lists, gate, n_threads)
+            found |= {f"{k} {name}": array for name, array in scores.items()}
+        return found
+
+    def _learned(
+        self, recipe: Recipe, values: NDArray[np.float32], number: int, n_threads: int | None
+    ) -> BoostedList:
+        source = np.array([each.known.source for each in self.samples])
+        seen = ((self.fold != number) & (source != recipe.without))[self.map]
+        truth = self.truth[seen]
+        trees = recipe.learner == "trees"
+        unfitted = SpaceOptions().classifier() if trees else ClassifierOptions().classifier(NAMES)
+        learner = with_explicit_order(unfitted, truth).set_params(n_threads=n_threads)
+        some = np.ascontiguousarray(values[seen, : recipe.n_columns])
+        fitted: BoostedList = learner.fit(
+            some, truth, groups=self.fold[self.map][seen]
+        ).boosted_list_
+        return fitted
+
+
+def _candidates(sample: Sample) -> Gates:
+    return gate_candidates(Segmentation.of(sample.known.item.grid))
+
+
+def _gates_of(samples: Sequence[Sample], fold: NDArray[np.int64], progress: Progress) -> _GateRows:
+    values, truth, known, sizes = [], [], [], []
+    with progress.stage("gates of all maps") as stage:
+        for count, each in enumerate(samples, start=1):
+            gates = _candidates(each)
+            match = match_doors(gates, each.known.item.labels, DOORWAY)
+            values.append(gate_features(gates).astype(np.float32))
+            truth.append(match.is_doorway.astype(np.int64))
+            known.append(match.known | match.is_doorway)
+            sizes.append(len(gates))
+            stage.update(count / len(samples), each.known.item.name)
+    return _GateRows(
+        np.concatenate(values),
+        np.concatenate(truth),
+        np.concatenate(known),
+        np.repeat(np.arange(len(samples)), sizes),
+        np.repeat(fold, sizes),
+    )
+
+
+def _judges(
+    gates: _GateRows, fold: NDArray[np.int64], tested: Sequence[int], setting: Setting
+) -> dict[int, dict[int, BoostedList | None]]:
+    """For each fold of maps and each tested fold the list of gates that has seen neither."""
+    pairs = {frozenset({a, b}) for a in tested for b in np.unique(fold).tolist()}
+    lists = {}
+    with setting.progress.stage("lists of gates") as stage:
+        for count, pair in enumerate(sorted(pairs, key=sorted), start=1):
+            lists[pair] = gates.without(set(pair), setting.n_threads)
+            stage.update(count / len(pairs))
+    return {b: {a: lists[frozenset({a, b})] for a in tested} for b in np.unique(fold).tolist()}
+
+
+def _spaces_of_examples(
+    sample: Sample, gates: NDArray[np.float32], judges: Mapping[int, BoostedList | None]
+) -> dict[int, NDArray[np.float32]]:
+    """(n, F) what the examples of a map see of spaces, by the fold that is tested."""
+    candidates, cells = _candidates(sample), np.argwhere(sample.examples)
+    return {
+        number: MapSpaces.of(candidates, gate_probabilities(judge, gates)).features.lookup(cells)
+        for number, judge in judges.items()
+    }
+
+
+def _scores_of_map(
+    sample: Sample,
+    lists: Mapping[str, BoostedList],
+    gate: NDArray[np.float64],
+    n_threads: int | None,
+) -> dict[str, NDArray[Any]]:
+    """What lists say of the lattice of a map, and the gates that its cells lie at."""
+    spaces = MapSpaces.of(_candidates(sample), gate)
+    cells = np.argwhere(sample.lattice)
+    around = spaces.features.lookup(cells)
+    values = np.concatenate([sample.lattice_features(n_threads), around], axis=1)
+    found: dict[str, NDArray[Any]] = {"gate": gate}
+    for name, recipe in RECIPES.items():
+        some = np.ascontiguousarray(values[:, : recipe.n_columns])
+        log_z = aligned_log_proba(lists[name], some, len(NAMES), n_threads)
+        found[name] = log_z.astype(np.float32)
+    found["at gate"] = spaces.at_gates(GridLayout(sample.lattice.shape, cells.astype(np.int32)))
+    return found

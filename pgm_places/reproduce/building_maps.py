@@ -1,0 +1,228 @@
+"""The labelled maps of all buildings at hand, by kind, and samples of their cells."""
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._version import __version__
+from pgm_places.datasets import generate_building, simulate_map
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.io.maps.regions import load_regions
+from pgm_places.maps.coarsening import coarsen, coarsen_labels
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Silent
+from pgm_places.reproduce.cold import PLACES, place_classes
+from pgm_places.reproduce.kept import KeptArrays, fingerprint
+from pgm_places.reproduce.setting import Setting
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.training_cells import training_features
+
+__all__ = ["DRAWN", "GENERATED", "NAMES", "SIMULATED", "KnownMap", "Sample", "sampled_maps"]
+
+NAMES = PLACES
+CELLS_M = 0.05
+EXAMPLES_PER_MAP = 1000
+LATTICE_STEP = 4
+GENERATED_STYLES = (
+    "cells",
+    "clinic",
+    "hall",
+    "hotel",
+    "office",
+    "open-plan",
+    "ring",
+    "school",
+    "university",
+    "varied",
+)
+"""Generated buildings of these styles are learned from; the number of each is its seed."""
+
+STAND_INS = ("school", "office", "school", "office", "school", "office")
+DRAWN, SIMULATED, REAL, GENERATED = "drawn", "simulated SLAM", "real SLAM", "generated"
+_CLASSES = place_classes() | {"ST": "room", "EV": "room"}
+
+
+@dataclass(frozen=True, eq=False)
+class KnownMap:
+    """A labelled map and what kind it is.
+
+    Parameters
+    ----------
+    item : LabelledMap
+    kind : str
+        The kind of building, or which building where there is one of its kind.
+    source : str
+        The kind of map: drawn, simulated, real, or generated (only learned from).
+    """
+
+    item: LabelledMap
+    kind: str
+    source: str
+
+    @property
+    def building(self) -> str:
+        """What is held out together."""
+        return self.item.building or self.item.name
+
+    @property
+    def group(self) -> str:
+        """The row of the tables that it belongs to."""
+        return f"{self.kind}, {self.source}"
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Some labelled cells of a map: examples to learn from, and a lattice to be tested on.
+
+    Parameters
+    ----------
+    known : KnownMap
+    kept : KeptArrays
+        Where their features are.
+    stem : str
+        The name of the features' files.
+    """
+
+    known: KnownMap
+    kept: KeptArrays
+    stem: str
+
+    @property
+    def examples(self) -> NDArray[np.bool_]:
+        """(H, W) at most ``EXAMPLES_PER_MAP`` labelled cells, drawn by chance."""
+        mask = self.known.item.labelled_cells
+        cells = np.flatnonzero(mask)
+        some = np.random.default_rng(0).permutation(len(cells))[:EXAMPLES_PER_MAP]
+        found = np.zeros(mask.size, np.bool_)
+        found[cells[some]] = True
+        return found.reshape(mask.shape)
+
+    @property
+    def lattice(self) -> NDArray[np.bool_]:
+        """(H, W) the labelled cells of every fourth row and column."""
+        found = np.zeros(self.known.item.labels.shape, np.bool_)
+        found[::LATTICE_STEP, ::LATTICE_STEP] = True
+        return found & self.known.item.labelled_cells
+
+    def example_features(self, n_threads: int | None = None) -> NDArray[np.float32]:
+        """(n, 321) laser features of the examples in row-major order."""
+        return self._features("examples", self.examples, n_threads)
+
+    def lattice_features(self, n_threads: int | None = None) -> NDArray[np.float32]:
+        """(m, 321) laser features of the lattice in row-major order."""
+        return self._features("lattice", self.lattice, n_threads)
+
+    def _features(
+        self, part: str, mask: NDArray[np.bool_], n_threads: int | None
+    ) -> NDArray[np.float32]:
+        def make() -> dict[str, NDArray[np.float32]]:
+            maps = [self.known.item]
+            return {"x": training_features(maps, Sensor(), n_threads, Silent(), masks=[mask])}
+
+        return self.kept.arrays(f"{self.stem}-{part}", make)["x"]
+
+
+def sampled_maps(setting: Setting) -> list[Sample]:
+    """All maps, their robot-like copies and generated buildings; what is learned from is ready."""
+    kept, found = KeptArrays(setting.kept), []
+    with setting.progress.stage("maps, robot-like copies and features") as stage:
+        plans = [*(_stand_ins() if setting.data is None else _real_maps(setting.data))]
+        plans += _generated()
+        for number, known in enumerate(plans):
+            some = [known]
+            if known.source == DRAWN and known.kind in _COPIED:
+                some.append(_robot_like(known, number + 1, kept))
+            for each in some:
+                found.append(_sample(each, kept))
+                found[-1].example_features(setting.n_threads)
+            stage.update((number + 1) / len(plans), known.item.name)
+    return found
+
+
+_COPIED = ("school", "office")
+
+
+def _sample(known: KnownMap, kept: KeptArrays) -> Sample:
+    grid = known.item.grid
+    sampling = (__version__, EXAMPLES_PER_MAP, LATTICE_STEP, grid.resolution_m)
+    return Sample(known, kept, fingerprint(sampling, grid.cells, known.item.labels))
+
+
+def _real_maps(data: Path) -> Iterator[KnownMap]:
+    with (data / "floors" / "index.csv").open(encoding="utf-8", newline="") as file:
+        floors = list(csv.DictReader(file))
+    for row in floors:
+        item = _with_image(data / "floors" / row["floor"], row["floor"], row["building"])
+        yield KnownMap(item, row["floor"].partition("_")[0], DRAWN)
+    one = "Freiburg 79"
+    yield KnownMap(_with_image(data / "freiburg079", "building 79", one), "building 79", REAL)
+    drawn = _with_image(data / "freiburg079_drawn", "building 79, redrawn", one)
+    yield KnownMap(drawn, "building 79", DRAWN)
+    item = _with_image(data / "freiburg052", "building 52", "Freiburg 52")
+    yield KnownMap(item, "building 52", REAL)
+    for town, building in (("freiburg", one), ("saarbrucken", "Saarbrücken")):
+        for folder in sorted(data.glob(f"cold_{town}_*")):
+            yield KnownMap(_with_regions(folder, building), f"COLD {building.split()[0]}", REAL)
+
+
+def _with_image(folder: Path, name: str, building: str) -> LabelledMap:
+    grid = load_map(folder / "map.yaml").grid
+    labels = load_labels(folder / "labels.png", NAMES, grid=grid)
+    return LabelledMap(grid, labels, None, name, building)
+
+
+def _with_regions(folder: Path, building: str) -> LabelledMap:
+    grid = load_map(folder / "map.yaml").grid
+    labels = load_regions(folder / "regions.geojson", NAMES, grid, classes=_CLASSES)
+    coarse = coarsen(grid, CELLS_M)
+    return LabelledMap(coarse, coarsen_labels(labels, grid, coarse), None, folder.name, building)
+
+
+def _stand_ins() -> Iterator[KnownMap]:
+    for number, style in enumerate(STAND_INS):
+        made = generate_building(100 + number, style=style, furniture=False, slam_noise=False)  # type: ignore[arg-type]
+        yield KnownMap(LabelledMap(made.grid, made.labels, None, made.name), style, DRAWN)
+
+
+def _generated() -> Iterator[KnownMap]:
+    for seed, style in enumerate(GENERATED_STYLES):
+        made = generate_building(seed, style=style)  # type: ignore[arg-type]
+        name = f"generated {style}"
+        yield KnownMap(LabelledMap(made.grid, made.labels, None, name), style, GENERATED)
+
+
+def _robot_like(plan: KnownMap, seed: int, kept: KeptArrays) -> KnownMap:
+    """What a robot would have mapped of a drawn floor."""
+
+    def make() -> dict[str, NDArray[np.generic]]:
+        made = simulate_map(plan.item, NAMES, seed=seed)
+        resolution = np.array([made.grid.resolution_m])
+        return {"cells": made.grid.cells, "labels": made.labels, "resolution": resolution}
+
+    stem = fingerprint(__version__, seed, plan.item.grid.cells, plan.item.labels)
+    found = kept.arrays(f"{stem}-robot-like", make)
+    grid = OccupancyGrid(found["cells"], float(found["resolution"][0]))
+    name = f"{plan.item.name}, simulated"
+    item = LabelledMap(grid, found["labels"], None, name, plan.building)
+    return KnownMap(item, plan.kind, SIMULATED)
+
+
+def building_numbers(samples: Sequence[Sample], n_folds: int) -> NDArray[np.int64]:
+    """(M,) fold of each map: whole buildings, the kinds spread evenly; ``n_folds`` if generated."""
+    tested = {(each.known.kind, each.known.building) for each in samples if _is_tested(each)}
+    first = {building: kind for kind, building in sorted(tested, reverse=True)}
+    order = sorted(first, key=lambda building: (first[building], building))
+    fold = {building: number % n_folds for number, building in enumerate(order)}
+    return np.array(
+        [fold[each.known.building] if _is_tested(each) else n_folds for each in samples], np.int64
+    )
+
+
+def _is_tested(sample: Sample) -> bool:
+    return sample.known.source != GENERATED

@@ -1,0 +1,192 @@
+"""How good held-out scores of maps are: cells, doors and probabilities, by kind of map."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.list_training import platt
+from pgm_places.models.mrf import PottsField
+from pgm_places.reproduce.building_lists import DOORWAY, RECIPES, WHOLE, Scored
+from pgm_places.reproduce.building_maps import LATTICE_STEP, NAMES
+from pgm_places.spaces.door_truth import DoorScores, match_doors
+from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.space_model import with_gates
+
+__all__ = ["GATES", "MapResult", "Means", "map_results", "means", "platt_scaled"]
+
+GATES, POTTS = "gates on doorways", "Potts 0.25"
+_WEIGHT = 0.25
+_ORDER = (DOORWAY, *(k for k in range(len(NAMES)) if k != DOORWAY))
+
+
+@dataclass(frozen=True, eq=False)
+class MapResult:
+    """A map's figures.
+
+    Parameters
+    ----------
+    scored : Scored
+    evaluations : mapping of str to Evaluation
+        Of the lattice's cells, by step of the method.
+    labels : (m,) int64
+        Those of the whole method, gates included.
+    doors : DoorScores
+        Of the gates that are doorways rather than not.
+    gates : Evaluation or None
+        Of all gates whose truth is known, with the reliability of their probabilities.
+    """
+
+    scored: Scored
+    evaluations: Mapping[str, Evaluation]
+    labels: NDArray[np.int64]
+    doors: DoorScores
+    gates: Evaluation | None
+
+
+@dataclass(frozen=True)
+class Means:
+    """Figures of several maps: means over the maps, calibration errors over all cells and gates.
+
+    Parameters
+    ----------
+    accuracy, balanced_accuracy : float
+    doorway_f1, cell_error, gate_error : float or None
+        The last two are expected calibration errors.
+    """
+
+    accuracy: float
+    balanced_accuracy: float
+    doorway_f1: float | None
+    cell_error: float | None
+    gate_error: float | None
+
+
+def means(results: Sequence[MapResult], step: str) -> Means:
+    """The figures of a step over some maps."""
+    found = [item.evaluations[step] for item in results]
+    doorways = [value for item in found if (value := item.f1["doorway"]) is not None]
+    gates = [item.gates for item in results if item.gates is not None]
+    return Means(
+        float(np.mean([item.accuracy for item in found])),
+        float(np.mean([item.balanced_accuracy for item in found])),
+        float(np.mean(doorways)) if doorways else None,
+        Evaluation.merged(found).expected_calibration_error,
+        Evaluation.merged(gates).expected_calibration_error if gates else None,
+    )
+
+
+def map_results(scored: Sequence[Scored], note: Callable[[float], None]) -> list[MapResult]:
+    """The figures of every map."""
+    scaled = platt_scaled(scored)
+    found = []
+    for count, (item, other) in enumerate(zip(scored, scaled, strict=True), start=1):
+        found.append(_result(item, other))
+        note(count / len(scored))
+    return found
+
+
+def _result(scored: Scored, scaled: NDArray[np.float64]) -> MapResult:
+    truth, steps = scored.truth, dict(scored.log_z)
+    for name, recipe in RECIPES.items():
+        if recipe.without is not None:
+            steps[name] = with_gates(steps[name], scored.at_gate, DOORWAY)
+    steps[GATES] = with_gates(scored.log_z[WHOLE], scored.at_gate, DOORWAY)
+    steps["Platt's scaling"] = with_gates(scaled, scored.at_gate, DOORWAY)
+    evaluations = {
+        name: evaluate(truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
+        for name, log_z in steps.items()
+    }
+    evaluations[POTTS] = evaluate(truth, _smoothed(scored, steps[GATES]), NAMES)
+    doors, gates = _doors(scored)
+    return MapResult(scored, evaluations, steps[GATES].argmax(axis=1), doors, gates)
+
+
+def _doors(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
+    item = scored.sample.known.item
+    match = match_doors(gate_candidates(Segmentation.of(item.grid)), item.labels, DOORWAY)
+    known = match.known | match.is_doorway
+    accepted = scored.gate > 0.5
+    doors = match.scores(accepted)
+    if not known.any():
+        return doors, None
+    beliefs = np.stack([1 - scored.gate, scored.gate], axis=1)[known]
+    truth, found = match.is_doorway[known].astype(np.int64), accepted[known].astype(np.int64)
+    return doors, evaluate(truth, found, ("other", "doorway"), beliefs=beliefs)
+
+
+def _smoothed(scored: Scored, log_z: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(m,) the lattice's labels by a Potts field."""
+    cells = np.argwhere(scored.sample.lattice)
+    graph = lattice_graph(scored.sample.known.item.grid, cells, LATTICE_STEP)
+    return PottsField(_WEIGHT).infer(LabelingProblem(graph, NAMES, log_z)).labels
+
+
+def lattice_graph(grid: OccupancyGrid, cells_rc: NDArray[np.int64], step: int) -> LabelGraph:
+    """Cells ``step`` apart as nodes, joined to their eight neighbours where all between is free."""
+    node = np.full(grid.shape, -1)
+    node[tuple(cells_rc.T)] = np.arange(len(cells_rc))
+    pairs = []
+    for direction in ((0, 1), (1, -1), (1, 0), (1, 1)):
+        to = cells_rc + step * np.array(direction)
+        inside = ((to >= 0) & (to < grid.shape)).all(axis=1)
+        first, second = np.flatnonzero(inside), node[tuple(to[inside].T)]
+        free = second >= 0
+        for along in range(1, step):
+            free &= grid.free[tuple((cells_rc[inside] + along * np.array(direction)).T)]
+        pairs.append(np.stack([first[free], second[free]], axis=1))
+    return LabelGraph.from_edges(len(cells_rc), np.concatenate(pairs))
+
+
+def platt_scaled(scored: Sequence[Scored]) -> list[NDArray[np.float64]]:
+    """(m, K) log z of every map with confidences scaled by the held-out cells of other folds.
+
+    Every map weighs the same, as when lists are learned.
+    """
+    fold = np.array([item.fold for item in scored])
+    logits = [_logits(item.log_z[WHOLE]) for item in scored]
+    scales = {}
+    for number in np.unique(fold).tolist():
+        others = [k for k in range(len(scored)) if fold[k] != number]
+        scales[number] = _scales([scored[k].truth for k in others], [logits[k] for k in others])
+    return [_log_z(own, scales[item.fold]) for item, own in zip(scored, logits, strict=True)]
+
+
+def _logits(log_z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K - 1, m) log odds that each confidence of the list, rarest label first, stands for."""
+    found = []
+    for i, k in enumerate(_ORDER[:-1]):
+        rest = np.logaddexp.reduce(log_z[:, _ORDER[i + 1 :]], axis=1)
+        found.append(log_z[:, k] - rest)
+    return np.array(found)
+
+
+def _scales(
+    truths: Sequence[NDArray[np.int64]], logits: Sequence[NDArray[np.float64]]
+) -> list[tuple[float, float]]:
+    truth, values = np.concatenate(truths), np.concatenate(logits, axis=1)
+    weight = np.concatenate([np.full(len(part), 1000.0 / max(len(part), 1)) for part in truths])
+    found = []
+    for i, k in enumerate(_ORDER[:-1]):
+        remaining = np.isin(truth, _ORDER[i:])
+        found.append(platt(values[i, remaining], truth[remaining] == k, weight[remaining]))
+    return found
+
+
+def _log_z(
+    logits: NDArray[np.float64], scales: Sequence[tuple[float, float]]
+) -> NDArray[np.float64]:
+    found = np.empty((logits.shape[1], len(NAMES)))
+    remaining = np.zeros(logits.shape[1])
+    for k, values, (slope, offset) in zip(_ORDER, logits, scales, strict=False):
+        scaled = slope * values + offset
+        found[:, k] = remaining - np.logaddexp(0.0, -scaled)
+        remaining = remaining - np.logaddexp(0.0, scaled)
+    found[:, _ORDER[-1]] = remaining
+    return found

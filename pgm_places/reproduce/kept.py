@@ -1,0 +1,64 @@
+"""Arrays that an experiment keeps on disk, so that a stopped one goes on where it was."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.io.atomic import atomic_file
+
+__all__ = ["Arrays", "KeptArrays", "fingerprint"]
+
+Arrays = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class KeptArrays:
+    """Named arrays in files of a folder; nothing is kept where there is no folder.
+
+    Parameters
+    ----------
+    folder : Path or None
+    """
+
+    folder: Path | None
+
+    def has(self, name: str) -> bool:
+        """Whether a file of that name can be read."""
+        return self.folder is not None and _read(self.folder / f"{name}.npz") is not None
+
+    def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
+        """The arrays of that name; those that ``make`` returns where there is no good file."""
+        if self.folder is None:
+            return make()
+        path = self.folder / f"{name}.npz"
+        found = _read(path)
+        if found is not None:
+            return found
+        made = make()
+        with atomic_file(path) as part, part.open("wb") as file:
+            np.savez(file, **made)  # type: ignore[arg-type]
+        return made
+
+
+def _read(path: Path) -> Arrays | None:
+    """The arrays of a file; None where it is not there or damaged."""
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            return {key: file[key] for key in file.files}
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return None
+
+
+def fingerprint(*parts: Any) -> str:
+    """Eight digits that differ, most likely, wherever a part does: an array or a ``repr``."""
+    found = 0
+    for part in parts:
+        data = part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode()
+        found = crc32(data, found)
+    return f"{found:08x}"

@@ -1,0 +1,125 @@
+"""Buildings left out: nothing that scores a building has seen it, and a stopped run goes on."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places.datasets import LabelledBuilding, generate_building
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.reproduce import building_lists, building_maps, buildings
+from pgm_places.reproduce.building_lists import scored_maps
+from pgm_places.reproduce.building_maps import SIMULATED, building_numbers, sampled_maps
+from pgm_places.reproduce.building_scores import lattice_graph
+from pgm_places.reproduce.kept import KeptArrays, fingerprint
+from pgm_places.reproduce.setting import Setting
+from pgm_places.unary.options import ClassifierOptions, SpaceOptions
+
+
+def small_building(seed: int, **_: object) -> LabelledBuilding:
+    """A building of a few rooms, whatever style is wanted."""
+    return generate_building(seed, size="small", resolution_m=0.1)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Setting:
+    """Two buildings with a robot-like copy each, a generated one, and few rounds of boosting."""
+    monkeypatch.setattr(building_maps, "generate_building", small_building)
+    monkeypatch.setattr(building_maps, "STAND_INS", ("school", "office"))
+    monkeypatch.setattr(building_maps, "GENERATED_STYLES", ("office",))
+    monkeypatch.setattr(building_maps, "EXAMPLES_PER_MAP", 200)
+    monkeypatch.setattr(buildings, "N_FOLDS", 2)
+    quick = functools.partial(SpaceOptions, n_rounds=5)
+    monkeypatch.setattr(building_lists, "SpaceOptions", quick)
+    monkeypatch.setattr(
+        building_lists, "ClassifierOptions", functools.partial(ClassifierOptions, n_rounds=5)
+    )
+    return Setting(kept=tmp_path / "kept")
+
+
+def test_every_kind_has_its_figures_and_a_stopped_run_goes_on(
+    small: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = buildings.run(small)
+    by_kind, ablation, calibration, worst = found.tables
+    kinds = ["office, drawn", "office, simulated SLAM", "school, drawn", "school, simulated SLAM"]
+    assert [row[0] for row in by_kind.rows] == kinds
+    assert [row[0] for row in calibration.rows] == kinds
+    assert ablation.heading == ("", *kinds, "mean of kinds")
+    assert [row[0] for row in ablation.rows] == list(buildings.ABLATION.values())
+    assert len(worst.rows) == 4
+    assert {item.file for item in found.pictures} == set(found.files)
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr(building_maps, "training_features", forbidden)
+    monkeypatch.setattr(building_maps, "simulate_map", forbidden)
+    monkeypatch.setattr(building_lists, "gate_list", forbidden)
+    assert buildings.run(small) == found
+
+
+def test_the_labels_of_a_building_do_not_change_its_own_scores(small: Setting) -> None:
+    samples = sampled_maps(small)
+    fold = building_numbers(samples, 2)
+    before = scored_maps(small, samples, fold)
+    changed = [_relabelled(each) if fold[k] == 0 else each for k, each in enumerate(samples)]
+    after = scored_maps(Setting(), changed, fold)
+    for one, other in zip(before, after, strict=True):
+        same = [np.array_equal(one.log_z[name], other.log_z[name]) for name in one.log_z]
+        assert all(same) == (one.fold == 0)
+        assert np.array_equal(one.gate, other.gate) == (one.fold == 0)
+
+
+def _relabelled(sample: building_maps.Sample) -> building_maps.Sample:
+    """The same cells with other labels."""
+    from dataclasses import replace
+
+    item = sample.known.item
+    labels = np.where(item.labels >= 0, (item.labels + 1) % 3, -1)
+    known = replace(sample.known, item=replace(item, labels=labels))
+    return replace(sample, known=known)
+
+
+def test_copies_share_the_fold_of_their_plan_and_generated_buildings_are_never_tested(
+    small: Setting,
+) -> None:
+    samples = sampled_maps(small)
+    fold = building_numbers(samples, 2)
+    by_name = {each.known.item.name: k for k, each in zip(fold, samples, strict=True)}
+    for each, number in zip(samples, fold, strict=True):
+        if each.known.source == SIMULATED:
+            assert by_name[each.known.item.name.removesuffix(", simulated")] == number
+    assert sorted(fold.tolist()) == [0, 0, 1, 1, 2]
+    assert {item.fold for item in scored_maps(small, samples, fold)} == {0, 1}
+
+
+def test_no_edge_of_the_lattice_crosses_a_wall() -> None:
+    cells = np.zeros((9, 9), np.int8)
+    cells[:, 2] = 100
+    grid = OccupancyGrid(cells, 0.05)
+    places = np.argwhere(np.ones((3, 3), np.bool_)) * 4
+    graph = lattice_graph(grid, places, 4)
+    sides = places[graph.edges][:, :, 1] > 2
+    assert (sides[:, 0] == sides[:, 1]).all()
+    # Without the wall: 12 edges along the axes and 8 diagonals.
+    assert graph.n_edges == 2 + (3 + 4 + 4)
+    free = OccupancyGrid(np.zeros((9, 9), np.int8), 0.05)
+    assert lattice_graph(free, places, 4).n_edges == 20
+
+
+def test_damaged_files_are_made_again(tmp_path: Path) -> None:
+    kept = KeptArrays(tmp_path)
+    assert not kept.has("a")
+    kept.arrays("a", lambda: {"x": np.arange(3)})
+    assert kept.has("a")
+    (tmp_path / "a.npz").write_bytes(b"PK\x03\x04")
+    assert not kept.has("a")
+    assert kept.arrays("a", lambda: {"x": np.arange(2)})["x"].tolist() == [0, 1]
+
+
+def test_fingerprints_tell_arrays_and_options_apart() -> None:
+    assert fingerprint(np.arange(3), 1) == fingerprint(np.arange(3), 1)
+    assert fingerprint(np.arange(3), 1) != fingerprint(np.arange(3), 2)
+    assert fingerprint(np.arange(3)) != fingerprint(np.arange(4))
