@@ -28,7 +28,6 @@ __all__ = ["DOORWAY", "RECIPES", "WHOLE", "Scored", "scored_maps"]
 
 DOORWAY = NAMES.index("doorway")
 N_LASER, N_SEGMENTS = 321, 321 + 121
-N_FOLDS = 6
 
 
 @dataclass(frozen=True)

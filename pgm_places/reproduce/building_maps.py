@@ -23,11 +23,24 @@ from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.training_cells import training_features
 
-__all__ = ["DRAWN", "GENERATED", "NAMES", "SIMULATED", "KnownMap", "Sample", "sampled_maps"]
+__all__ = [
+    "DRAWN",
+    "EXAMPLES_PER_MAP",
+    "GENERATED",
+    "LATTICE_STEP",
+    "NAMES",
+    "SIMULATED",
+    "KnownMap",
+    "Sample",
+    "building_numbers",
+    "sampled_maps",
+]
 
 NAMES = PLACES
 CELLS_M = 0.05
-EXAMPLES_PER_MAP = 1000
+"""Side of the cells of maps that are finer, and of robot-like copies."""
+
+EXAMPLES_PER_MAP = 2000
 LATTICE_STEP = 4
 GENERATED_STYLES = (
     "cells",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
 from pgm_places.report.sheet import Panel, sheet_png
-from pgm_places.reproduce.building_lists import N_FOLDS, RECIPES, WHOLE, scored_maps
+from pgm_places.reproduce.building_lists import RECIPES, WHOLE, scored_maps
 from pgm_places.reproduce.building_maps import (
     EXAMPLES_PER_MAP,
     GENERATED,
@@ -34,6 +34,7 @@ ABLATION = {
     **{name: name for name, recipe in RECIPES.items() if recipe.without is not None},
 }
 CALIBRATIONS = {GATES: "as learned", "Platt's scaling": "Platt's scaling"}
+N_FOLDS = 6
 N_WORST = 10
 _PICTURE = "worst.png"
 

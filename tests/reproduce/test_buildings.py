@@ -7,11 +7,21 @@ import numpy as np
 import pytest
 
 from pgm_places.datasets import LabelledBuilding, generate_building
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.reproduce import building_lists, building_maps, buildings
-from pgm_places.reproduce.building_lists import scored_maps
-from pgm_places.reproduce.building_maps import SIMULATED, building_numbers, sampled_maps
-from pgm_places.reproduce.building_scores import lattice_graph
+from pgm_places.reproduce.building_lists import WHOLE, Scored, scored_maps
+from pgm_places.reproduce.building_maps import (
+    DRAWN,
+    NAMES,
+    SIMULATED,
+    KnownMap,
+    Sample,
+    building_numbers,
+    sampled_maps,
+)
+from pgm_places.reproduce.building_scores import lattice_graph, platt_scaled
 from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
@@ -72,7 +82,7 @@ def test_the_labels_of_a_building_do_not_change_its_own_scores(small: Setting) -
         assert np.array_equal(one.gate, other.gate) == (one.fold == 0)
 
 
-def _relabelled(sample: building_maps.Sample) -> building_maps.Sample:
+def _relabelled(sample: Sample) -> Sample:
     """The same cells with other labels."""
     from dataclasses import replace
 
@@ -107,6 +117,34 @@ def test_no_edge_of_the_lattice_crosses_a_wall() -> None:
     assert graph.n_edges == 2 + (3 + 4 + 4)
     free = OccupancyGrid(np.zeros((9, 9), np.int8), 0.05)
     assert lattice_graph(free, places, 4).n_edges == 20
+
+
+def test_platt_s_scaling_calms_lists_that_are_too_sure() -> None:
+    scored = [_drawn_from_beliefs(seed) for seed in range(2)]
+    errors = []
+    for every in ([item.log_z[WHOLE] for item in scored], platt_scaled(scored)):
+        parts = [
+            evaluate(item.truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
+            for item, log_z in zip(scored, every, strict=True)
+        ]
+        errors.append(Evaluation.merged(parts).expected_calibration_error or 0.0)
+    assert errors[0] > 0.1
+    assert errors[1] < 0.02
+
+
+def _drawn_from_beliefs(seed: int) -> Scored:
+    """A map in fold ``seed`` whose labels are drawn from beliefs, and log z of twice the odds."""
+    rng = np.random.default_rng(seed)
+    belief = rng.dirichlet([1.0, 1.0, 0.5], 10_000)
+    labels = np.full((400, 400), -1, np.int16)
+    labels[::4, ::4] = (
+        (rng.random((10_000, 1)) > belief.cumsum(axis=1)).sum(axis=1).reshape(100, -1)
+    )
+    item = LabelledMap(OccupancyGrid(np.zeros((400, 400), np.int8), 0.05), labels)
+    log_z = 2 * np.log(np.maximum(belief, 1e-6))
+    log_z -= np.logaddexp.reduce(log_z, axis=1, keepdims=True)
+    sample = Sample(KnownMap(item, "school", DRAWN), KeptArrays(None), "")
+    return Scored(sample, seed, {WHOLE: log_z}, np.zeros(10_000, np.float32), np.zeros(0))
 
 
 def test_damaged_files_are_made_again(tmp_path: Path) -> None:
