@@ -214,11 +214,11 @@ def _robot_like(plan: KnownMap, seed: int, kept: KeptArrays) -> KnownMap:
     """What a robot would have mapped of a drawn floor."""
 
     def make() -> dict[str, NDArray[np.generic]]:
-        made = simulate_map(plan.item, NAMES, seed=seed)
+        made = simulate_map(plan.item, NAMES, seed=seed, resolution_m=CELLS_M)
         resolution = np.array([made.grid.resolution_m])
         return {"cells": made.grid.cells, "labels": made.labels, "resolution": resolution}
 
-    stem = fingerprint(__version__, seed, plan.item.grid.cells, plan.item.labels)
+    stem = fingerprint(__version__, seed, CELLS_M, plan.item.grid.cells, plan.item.labels)
     found = kept.arrays(f"{stem}-robot-like", make)
     grid = OccupancyGrid(found["cells"], float(found["resolution"][0]))
     name = f"{plan.item.name}, simulated"
