@@ -12,12 +12,11 @@ from pgm_places.cli.tables import comparison_table, shares_line
 from pgm_places.cli.warm_up import WarmUp
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pgm_places.experiment.experiment import Experiment
     from pgm_places.io.maps.map_server import MapFile
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.progress import Progress
+    from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["run_compare", "run_demo", "run_label", "run_train"]
 
@@ -104,11 +103,13 @@ def run_label(
     *,
     model: str,
     method: str | None,
+    doorways: str | None,
     unknown_value: int | None,
     n_threads: int | None,
     quiet: bool,
 ) -> None:
     """``pgm-places label``."""
+    from pgm_places.cli.places import rules_of
     from pgm_places.trained import model_folder
 
     progress = make_progress(quiet=quiet)
@@ -120,7 +121,7 @@ def run_label(
         from pgm_places.persistence.stored import read
 
         stored = read(folder, "place-labeler")
-        labeler, record = stored.item, stored.record
+        labeler, rules = stored.item, rules_of(stored.record, doorways)
         backend = labeler.method(method).backend  # an unknown method shows before the work
         warm_up.compile([METHODS.name_of(type(backend)), "topology"])
         with progress.stage("map"):
@@ -129,12 +130,12 @@ def run_label(
             progress.warn(message)
         check_writable_folder(out)
         typer.echo(shares_line(loaded.fractions))
-        _label(labeler, record, loaded, method, out, n_threads, progress)
+        _label(labeler, rules, loaded, method, out, n_threads, progress)
 
 
 def _label(
     labeler: "PlaceLabeler",
-    record: "Mapping[str, Any]",
+    rules: "TopologyOptions",
     loaded: "MapFile",
     method: str | None,
     out: Path,
@@ -142,7 +143,7 @@ def _label(
     progress: "Progress",
 ) -> None:
     """Label a map that has been read; write labels, pictures and places."""
-    from pgm_places.cli.places import rules_of, write_places
+    from pgm_places.cli.places import write_places
     from pgm_places.labelers.label_map import label_map
     from pgm_places.report.label_files import write_labels
 
@@ -155,9 +156,10 @@ def _label(
     title = f"{loaded.yaml_path.stem}: {result.method}"
     options = {"labels": result.labels, "label_names": result.label_names}
     options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
+    options["doorways"] = result.doorways if rules.doorways == "gates" else None
     del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
-        _, paths = write_places(out, title, rules_of(record), grid=loaded.grid, **options)
+        _, paths = write_places(out, title, rules, grid=loaded.grid, **options)
     written += paths
     for path in written:
         typer.echo(f"wrote {path}")

@@ -3,7 +3,7 @@
 import functools
 import inspect
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any
 
@@ -36,7 +36,11 @@ def flag_of(option: str) -> str:
 
 
 def option_flags(
-    parameter: str, cls: type[Any], flags: Mapping[str, str] | None = None
+    parameter: str,
+    cls: type[Any],
+    flags: Mapping[str, str] | None = None,
+    *,
+    without: Collection[str] = (),
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """A decorator that gives a command a flag for each option of a class.
 
@@ -48,8 +52,10 @@ def option_flags(
         Names, defaults, ranges and help are those that it declares.
     flags : mapping of str to str, optional
         Flags that are not called as :func:`flag_of` would call them.
+    without : collection of str
+        Options that mean nothing to the command: they keep their defaults.
     """
-    hints = option_hints(cls)
+    hints = {name: hint for name, hint in option_hints(cls).items() if name not in without}
     names = {name: flag_of(name) for name in hints} | dict(flags or {})
 
     def decorated(command: Callable[..., None]) -> Callable[..., None]:
@@ -85,6 +91,8 @@ def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parame
     lines, hints = option_lines(cls), option_hints(cls)
     found = []
     for item in option_fields(cls):
+        if item.name not in flags:
+            continue
         flag, is_switch = flags[item.name], hints[item.name] is bool
         if is_switch:
             flag += f"/--no-{flag.removeprefix('--')}"

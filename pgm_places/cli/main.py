@@ -107,6 +107,14 @@ def label(
     method: Annotated[
         str | None, typer.Option(help="Method of the model; its last one by default.")
     ] = None,
+    doorways: Annotated[
+        str | None,
+        typer.Option(
+            metavar="gates|labels",
+            help="Doorways that part the places: the map's gates, where the model knows any, or "
+            "cells labelled as doorways; as in [topology] by default.",
+        ),
+    ] = None,
     unknown_value: UnknownValue = None,
     threads: Threads = None,
     quiet: Quiet = False,
@@ -119,6 +127,7 @@ def label(
         out,
         model=model,
         method=method,
+        doorways=doorways,
         unknown_value=unknown_value,
         n_threads=threads,
         quiet=quiet,
@@ -126,7 +135,7 @@ def label(
 
 
 @app.command()
-@option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"})
+@option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"}, without=("doorways",))
 def topology(
     labels: Annotated[
         Path,

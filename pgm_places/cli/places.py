@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.errors import InputError
 from pgm_places.options import from_mapping
@@ -17,9 +18,16 @@ if TYPE_CHECKING:
 __all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
 
 
-def rules_of(record: Mapping[str, Any]) -> TopologyOptions:
-    """The options of topological maps in a model's record; the paper's where there are none."""
-    return from_mapping(TopologyOptions, record.get("config", {}).get("topology", {}))
+def rules_of(record: Mapping[str, Any], doorways: str | None = None) -> TopologyOptions:
+    """The options of topological maps in a model's record; the paper's where there are none.
+
+    ``doorways`` is what the flag says, None where it was not given.
+    """
+    stored = dict(record.get("config", {}).get("topology", {}))
+    if doorways is None:
+        return from_mapping(TopologyOptions, stored)
+    with named_as_flags({"doorways": "--doorways"}):
+        return from_mapping(TopologyOptions, {**stored, "doorways": doorways})
 
 
 def write_places(

@@ -11,10 +11,12 @@ from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.place_learning import map_problem
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.refinement import refine
 from pgm_places.progress import Progress, Silent
+from pgm_places.spaces.doorways import Doorways
 
 __all__ = ["LabelledPlaces", "label_map"]
 
@@ -39,6 +41,9 @@ class LabelledPlaces:
     label_names : tuple of str
     method : str
     warnings : tuple of str
+    doorways : Doorways or None
+        The accepted gates of the map, where the model knows spaces, for
+        :func:`~pgm_places.topology.from_labels.topological_map`.
     """
 
     grid: OccupancyGrid
@@ -48,6 +53,7 @@ class LabelledPlaces:
     label_names: tuple[str, ...]
     method: str
     warnings: tuple[str, ...] = ()
+    doorways: Doorways | None = None
 
     def on_map(self, values: ArrayLike, fill: Any) -> NDArray[Any]:
         """Values of the nodes (N, ...) on the map's raster (H, W, ...), ``fill`` elsewhere."""
@@ -101,15 +107,14 @@ def label_map(
             "MAP'), or use a model of a finer resolution"
         )
     name = method or labeler.default_method
-    layout, labeling = _labelled(labeler, used, name, n_threads, progress)
+    layout, labeling, doorways = _labelled(labeler, used, name, n_threads, progress)
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_mask(grid.free, grid.occupied, grid)
         labeling = _brought_back(labeling, used, cells, layout)
     raster = layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
     painted = Coarsening.behind(layout, grid).paint(raster, -1)
-    return LabelledPlaces(
-        grid, painted, layout, labeling, labeler.label_names_, name, tuple(warnings)
-    )
+    names = labeler.label_names_
+    return LabelledPlaces(grid, painted, layout, labeling, names, name, tuple(warnings), doorways)
 
 
 def _labelled(
@@ -118,14 +123,19 @@ def _labelled(
     name: str,
     n_threads: int | None,
     progress: Progress,
-) -> tuple[GridLayout, Labeling]:
-    """What a method makes of a map; the scores that it is made from are freed."""
-    problem = labeler.problem(grid, method=name, n_threads=n_threads, progress=progress)
+) -> tuple[GridLayout, Labeling, Doorways | None]:
+    """What a method makes of a map, and its doorways; the scores behind both are freed."""
+    graph, scores = labeler.scores(grid, methods=[name], n_threads=n_threads, progress=progress)
+    model, spaces, doorways = labeler.unary_model_.space, scores.spaces, None
+    if model is not None and model.gates is not None:
+        doorways = (spaces or model.spaces(grid, n_threads=n_threads)).doorways
+    method = labeler.method(name)
+    problem = map_problem(graph, labeler.label_names_, scores, method.unary)
+    del scores, spaces
     with progress.stage(f"labelling with {name}"):
-        labeling = labeler.method(name).backend.infer(problem)
-    layout = problem.graph.layout
-    assert isinstance(layout, GridLayout)  # problem() made it from a grid
-    return layout, labeling
+        labeling = method.backend.infer(problem)
+    assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
+    return graph.layout, labeling, doorways
 
 
 def _at_model_resolution(

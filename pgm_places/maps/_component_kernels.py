@@ -10,7 +10,7 @@ __all__ = ["label_components"]
 
 @njit
 def label_components(
-    labels: NDArray[np.int16] | NDArray[np.int8],
+    labels: NDArray[np.int32] | NDArray[np.int16] | NDArray[np.int8],
     eight: bool,
     parent: NDArray[np.int32],
     piece: NDArray[np.int32],

@@ -30,7 +30,8 @@ def topology_picture(
 
     Nodes stand at the regions' anchors and edges go through the middle of the passages; at
     corridors, and other places with more than six neighbours, they end at the passage. In the
-    diagram these keep their shape, every other place is a disc, doorways are squares.
+    diagram these keep their shape, every other place is a disc, doorways are squares. Doorways
+    that are gates have their rectangles drawn over the map.
 
     Parameters
     ----------
@@ -66,6 +67,7 @@ def topology_picture(
     page.text(_EDGE, top + 8, "places over the map", size=15, color=MUTED)
     over = _panel(page, (_EDGE, top + _CAPTION), size)
     over.imshow(_paled(canvas), interpolation="nearest", extent=(0, size[0], size[1], 0))
+    _draw_gates(over, topology, pixels)
     _draw_graph(over, topology, pixels)
     page.text(second[0], second[1] + 8, count_line(topology), size=15, color=MUTED)
     _draw_diagram(_panel(page, (second[0], second[1] + _CAPTION), size), topology, pixels)
@@ -101,6 +103,15 @@ def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
         x, y = pixels([ends[0], item.point_m, ends[1]]).T
         axes.plot(x, y, color=INK, linewidth=1.6, solid_joinstyle="round", zorder=3)
     _draw_nodes(axes, topology, topology.regions, pixels)
+
+
+def _draw_gates(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
+    from matplotlib.patches import Polygon
+
+    for region in topology.regions:
+        if region.gate is not None:
+            corners = pixels(region.gate.corners_m)
+            axes.add_patch(Polygon(corners, facecolor="none", edgecolor=INK, linewidth=1.4))
 
 
 def _draw_diagram(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:

@@ -20,14 +20,14 @@ class Components:
     piece : (H, W) int32
         Number of the piece that each cell lies in, -1 where there is no label. Pieces are numbered
         in the order of their first cell, row by row from the bottom.
-    label : (R,) int16
+    label : (R,) int32
         Label of each piece.
     size : (R,) int64
         Cells of each piece.
     """
 
     piece: NDArray[np.int32]
-    label: NDArray[np.int16]
+    label: NDArray[np.int32]
     size: NDArray[np.int64]
 
     @property
@@ -36,12 +36,14 @@ class Components:
         return len(self.label)
 
 
-def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) -> Components:
+def connected_components(
+    labels: NDArray[np.int16] | NDArray[np.int32], *, connectivity: int = 8
+) -> Components:
     """The connected components of equal labels, in time linear in the cells.
 
     Parameters
     ----------
-    labels : (H, W) int
+    labels : (H, W) int16 or int32
         Label per cell, -1 for none.
     connectivity : {8, 4}
         Whether cells that share only a corner belong together.
@@ -59,14 +61,18 @@ def connected_components(labels: NDArray[np.int16], *, connectivity: int = 8) ->
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
     from pgm_places.maps._component_kernels import label_components
 
-    raster = np.ascontiguousarray(raster, np.int16)
+    values: NDArray[np.int16] | NDArray[np.int32] = (
+        np.ascontiguousarray(raster, np.int32)
+        if raster.dtype == np.int32
+        else np.ascontiguousarray(raster, np.int16)
+    )
     piece = np.empty(raster.shape, np.int32)
     scratch = np.empty(raster.size, np.int32)  # its pages are touched only as far as it is used
-    count = label_components(raster, connectivity == 8, scratch, piece)
-    label, size = np.zeros(count, np.int16), np.zeros(count, np.int64)
+    count = label_components(values, connectivity == 8, scratch, piece)
+    label, size = np.zeros(count, np.int32), np.zeros(count, np.int64)
     for rows in bands_of_rows(raster.shape):
         inside = piece[rows] >= 0
         numbers = piece[rows][inside]
-        label[numbers] = raster[rows][inside]
+        label[numbers] = values[rows][inside]
         size += np.bincount(numbers, minlength=count)
     return Components(piece, label, size)

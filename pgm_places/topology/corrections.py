@@ -3,6 +3,7 @@
 import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from pgm_places.topology.rules import CorrectionRules
 __all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]
 
 
+LabelType = TypeVar("LabelType", np.int16, np.int32)
+
+
 @dataclass(frozen=True)
 class Correction:
     """One region that took the label of a neighbour.
@@ -22,7 +26,8 @@ class Correction:
     ``cell_rc`` is a cell of the region, ``reason`` is ``"too small"`` or ``"joins nothing"``, or
     ``"touches nothing"`` where it lost its label: ``became`` is then empty. Corrections that are
     not the paper's, of parts of regions, have the reasons ``"too wide"``, ``"leak"`` and
-    ``"narrow passage"``.
+    ``"narrow passage"``; those of painted doorways that no gate touches ``"no gate"``, where
+    ``became`` is empty too: the nearest labels fill them.
     """
 
     cell_rc: tuple[int, int]
@@ -33,11 +38,13 @@ class Correction:
 
 
 def correct_regions(
-    labels: NDArray[np.int16],
+    labels: NDArray[LabelType],
     label_names: Sequence[str],
     resolution_m: float,
     rules: CorrectionRules | None = None,
-) -> tuple[NDArray[np.int16], list[Correction]]:
+    *,
+    fixed_doorways: bool = False,
+) -> tuple[NDArray[LabelType], list[Correction]]:
     """The corrected label raster and what was corrected.
 
     The smallest wrong region goes first and takes the label of the neighbour that it shares its
@@ -47,43 +54,49 @@ def correct_regions(
 
     Parameters
     ----------
-    labels : (H, W) int16
+    labels : (H, W) int16 or int32
         Label per cell, -1 for none.
     label_names : sequence of str
+        Labels of the same name stay apart, as those of different places do.
     resolution_m : float
         Side of a cell.
     rules : CorrectionRules, optional
+    fixed_doorways : bool
+        Regions become part of a doorway only where they touch nothing else.
 
     Every correction merges regions, so there is an end.
     """
     rules = rules or CorrectionRules()
-    raster = np.asarray(labels, np.int16)
+    raster = np.asarray(labels)
     pieces = connected_components(raster)
-    merging = _Merging(pieces, label_names, resolution_m**2, rules)
+    merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways)
     log = [merging.entry(raster.shape[1], *step) for step in merging.run()]
     # The last entry is that of the cells without a piece: index -1.
-    table = np.append(merging.final_labels(), np.int16(-1))
-    return table[pieces.piece].astype(np.int16, copy=False), log
+    table = np.append(merging.final_labels(), np.int32(-1)).astype(raster.dtype)
+    return table[pieces.piece], log
 
 
 def drop_islands(
-    labels: NDArray[np.int16],
+    labels: NDArray[LabelType],
     label_names: Sequence[str],
     resolution_m: float,
     rules: CorrectionRules | None = None,
-) -> tuple[NDArray[np.int16], list[Correction]]:
+    *,
+    fixed_doorways: bool = False,
+) -> tuple[NDArray[LabelType], list[Correction]]:
     """The raster without wrong regions that touch no other, and what was dropped.
 
     Such specks, free cells inside furniture or behind windows, have no neighbour whose label they
     could take; no robot gets there.
     """
     merging = _Merging(
-        connected_components(np.asarray(labels, np.int16)),
+        connected_components(np.asarray(labels)),
         label_names,
         resolution_m**2,
         rules or CorrectionRules(),
+        fixed_doorways,
     )
-    table = np.append(merging.final_labels(), np.int16(-1))
+    table = np.append(merging.final_labels(), np.int32(-1)).astype(labels.dtype)
     log = []
     for region in range(len(merging.label)):
         if not merging.borders[region] and merging.is_wrong(region):
@@ -104,15 +117,21 @@ def drop_islands(
             )
     if not log:
         return labels, log
-    return table[merging.pieces.piece].astype(np.int16, copy=False), log
+    return table[merging.pieces.piece], log
 
 
 class _Merging:
     """Regions as nodes of a graph of borders; correcting one merges nodes, not rasters."""
 
     def __init__(
-        self, pieces: Components, names: Sequence[str], cell_m2: float, rules: CorrectionRules
+        self,
+        pieces: Components,
+        names: Sequence[str],
+        cell_m2: float,
+        rules: CorrectionRules,
+        fixed_doorways: bool,
     ) -> None:
+        self.fixed_doorways = fixed_doorways
         self.pieces, self.names, self.cell_m2, self.rules = pieces, names, cell_m2, rules
         self.label: list[int] = pieces.label.tolist()
         self.size: list[int] = pieces.size.tolist()
@@ -136,7 +155,7 @@ class _Merging:
             if self.parent[region] != region or self.size[region] != size or not reason:
                 continue  # it has been merged since it was queued
             around = self.borders[region]
-            best = min(around, key=lambda other: (-around[other], self.first[other]))
+            best = min(around, key=lambda other: self.rank(region, other))
             was, became = self.label[region], self.label[best]
             yield region, size, was, became, reason
             for changed in self.relabel(region, became):
@@ -147,10 +166,19 @@ class _Merging:
         """Why a region is wrong; empty where it is not, or has nothing to become."""
         return self.is_wrong(region) if self.borders[region] else ""
 
+    def rank(self, region: int, other: int) -> tuple[bool, int, int]:
+        """The neighbour whose label a region takes comes first."""
+        last = self.fixed_doorways and self.is_doorway(other)
+        return last, -self.borders[region][other], self.first[other]
+
+    def is_doorway(self, region: int) -> bool:
+        """Whether a region is one that leads from place to place."""
+        return self.names[self.label[region]] == self.rules.doorway_label
+
     def is_wrong(self, region: int) -> str:
         """Why a region is wrong, whether or not anything can be done about it."""
         rules = self.rules
-        is_doorway = self.names[self.label[region]] == rules.doorway_label
+        is_doorway = self.is_doorway(region)
         limit = rules.min_doorway_area_m2 if is_doorway else rules.min_area_m2
         if self.size[region] * self.cell_m2 < limit:
             return "too small"
@@ -177,9 +205,9 @@ class _Merging:
             self.first[root] = min(self.first[root], self.first[member])
         return sorted(touched)
 
-    def final_labels(self) -> NDArray[np.int16]:
+    def final_labels(self) -> NDArray[np.int32]:
         """(R,) label of each of the original pieces."""
-        final = np.empty(len(self.parent), np.int16)
+        final = np.empty(len(self.parent), np.int32)
         for region in range(len(self.parent)):
             root = region
             while self.parent[root] != root:

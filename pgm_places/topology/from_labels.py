@@ -9,6 +9,8 @@ from pgm_places._checks import label_raster, sealed
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.confidence import mean_confidences
@@ -18,6 +20,7 @@ from pgm_places.topology.corrections import (
     correct_regions,
     drop_islands,
 )
+from pgm_places.topology.gate_pieces import GatePieces, pieces_between
 from pgm_places.topology.naming import KnownPlaces, identify, name_places
 from pgm_places.topology.passages import find_passages
 from pgm_places.topology.refinements import close_leaks, split_rooms, trim_doorways
@@ -40,6 +43,7 @@ def topological_map(
     own_names: Mapping[int, str] | None = None,
     tolerance: float = 1.5,
     min_width_m: float = 0.0,
+    doorways: Doorways | None = None,
 ) -> TopologicalMap:
     """The regions of a labelled map, corrected as in the paper, and their connections.
 
@@ -70,6 +74,11 @@ def topological_map(
         How far an outline may be from the corners of its cells, in cells.
     min_width_m : float
         Passages narrower than this, such as holes of a cell in a wall, connect nothing.
+    doorways : Doorways, optional
+        The gates of the map that are doorways, such as those of
+        :func:`~pgm_places.labelers.label_map.label_map`. Where there are any, doorways are these
+        gates and nothing else, and every place ends at them, whatever the labels there: see
+        :func:`~pgm_places.topology.gate_pieces.pieces_between`.
 
     Raises
     ------
@@ -90,13 +99,14 @@ def topological_map(
     raster = np.where(grid.free, raster, np.int16(-1))
     rules = rules or CorrectionRules()
     clearance = squared_clearance(~grid.free)
-    corrections: list[Correction] = []
-    if correct:
-        raster, corrections = _corrected(raster, names, grid.resolution_m, clearance, rules)
-    pieces = connected_components(raster)
-    confidences = None
-    if beliefs is not None:
-        confidences = mean_confidences(pieces, beliefs, layout, len(names), grid)
+    if doorways is not None and len(doorways) and rules.doorway_label in names:
+        found = pieces_between(raster, grid, names, doorways, rules, correct=correct)
+    else:
+        doorways = None
+        found = _labelled_pieces(raster, names, grid.resolution_m, clearance, rules, correct)
+    pieces = found.pieces
+    gates = _gates_of(found, doorways)
+    confidences = _confidences(found, doorways, beliefs, layout, len(names), grid)
     ids, next_id = identify(pieces, grid, names, known)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
@@ -108,6 +118,7 @@ def topological_map(
         ids=ids,
         names=called,
         confidences=confidences,
+        gates=gates,
         tolerance=tolerance,
     )
     passages = find_passages(pieces.piece, pieces.count, clearance)
@@ -136,9 +147,53 @@ def topological_map(
         tuple(sorted(connections, key=lambda item: (item.first, item.second))),
         names,
         rules.doorway_label,
-        tuple(corrections),
+        found.corrections,
         next_id,
     )
+
+
+def _labelled_pieces(
+    raster: NDArray[np.int16],
+    names: tuple[str, ...],
+    resolution_m: float,
+    clearance: NDArray[np.int32],
+    rules: CorrectionRules,
+    correct: bool,
+) -> GatePieces:
+    """The pieces of equal labels, none of them a gate."""
+    corrections: list[Correction] = []
+    if correct:
+        raster, corrections = _corrected(raster, names, resolution_m, clearance, rules)
+    pieces = connected_components(raster)
+    return GatePieces(pieces, np.full(pieces.count, -1), tuple(corrections))
+
+
+def _gates_of(found: GatePieces, doorways: Doorways | None) -> list[Gate | None]:
+    """The gate that each piece is, None for pieces of places."""
+    if doorways is None:
+        return [None] * found.pieces.count
+    return [None if g < 0 else doorways.gates[g] for g in found.gate.tolist()]
+
+
+def _confidences(
+    found: GatePieces,
+    doorways: Doorways | None,
+    beliefs: ArrayLike | None,
+    layout: GridLayout | None,
+    n_labels: int,
+    grid: OccupancyGrid,
+) -> list[float | None]:
+    """The mean probability of each piece's label; of gates, that of being a doorway."""
+    means: list[float | None] = [None] * found.pieces.count
+    if beliefs is not None:
+        means = mean_confidences(found.pieces, beliefs, layout, n_labels, grid)
+    if doorways is None:
+        return means
+    gates = found.gate.tolist()
+    return [
+        mean if g < 0 else float(doorways.probability[g])
+        for mean, g in zip(means, gates, strict=True)
+    ]
 
 
 def _corrected(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.clearance import squared_depth
 from pgm_places.topology.components import Components
 from pgm_places.topology.outlines import outlines
@@ -45,6 +46,8 @@ class Region:
         How much room there is around the anchor: the distance to the nearest cell that is not free.
     polygons : tuple of polygons
         Its outline in the map frame, one polygon per part that is connected by sides of cells.
+    gate : Gate or None
+        The rectangle of a doorway that is a gate; its confidence is the gate's probability.
     """
 
     id: int
@@ -57,6 +60,7 @@ class Region:
     anchor_m: tuple[float, float]
     clearance_m: float
     polygons: tuple[Polygon, ...]
+    gate: Gate | None = None
 
 
 def describe_regions(
@@ -68,6 +72,7 @@ def describe_regions(
     ids: Sequence[int],
     names: Sequence[str],
     confidences: Sequence[float | None] | None = None,
+    gates: Sequence[Gate | None] | None = None,
     tolerance: float = 1.5,
 ) -> list[Region]:
     """A region per piece, in the order of the pieces.
@@ -84,6 +89,8 @@ def describe_regions(
         One per piece.
     confidences : sequence of float or None, optional
         Mean probability of each piece's label, None where it is not known.
+    gates : sequence of Gate or None, optional
+        The gate that each piece is, None for other pieces.
     tolerance : float
         How far an outline may be from the cells' corners, in cells.
     """
@@ -111,6 +118,7 @@ def describe_regions(
                 anchor_m=(float(centres[k, 0]), float(centres[k, 1])),
                 clearance_m=max(0.0, room) * grid.resolution_m,
                 polygons=polygons,
+                gate=None if gates is None else gates[k],
             )
         )
     return found

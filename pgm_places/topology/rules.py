@@ -1,10 +1,13 @@
-"""What counts as an error of a labelled map, and which corrections are made."""
+"""What counts as an error or a doorway of a labelled map, and which corrections are made."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pgm_places.options import AtLeastZero, check_options
 
-__all__ = ["CorrectionRules", "TopologyOptions"]
+__all__ = ["CorrectionRules", "DoorwaysFrom", "TopologyOptions"]
+
+DoorwaysFrom = Literal["gates", "labels"]
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,11 @@ class TopologyOptions(CorrectionRules):
         Correct regions that are errors.
     min_width_m : float
         Passages narrower than this (m) connect nothing.
+    doorways : {"gates", "labels"}
+        Which doorways part places: the accepted gates of the map, where the model finds any, or
+        the cells labelled as doorways.
     """
 
     correct: bool = True
     min_width_m: AtLeastZero = 0.0
+    doorways: DoorwaysFrom = "gates"

@@ -19,7 +19,7 @@ from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
-from pgm_places.unary.space_model import SpaceModel
+from pgm_places.unary.space_model import MapSpaces, SpaceModel
 
 __all__ = ["UNARIES", "CellScores", "UnaryModel"]
 
@@ -41,12 +41,15 @@ class CellScores:
         The same from the list that also sees segments, gates and places, where there is one.
     node_features : (N, D) float32 or None
         The features that boosting chose first, for models that learn their own unary.
+    spaces : MapSpaces or None
+        The segments, gates and places that ``space`` was made from.
     """
 
     laser: NDArray[np.float64] | None
     context: NDArray[np.float64] | None
     space: NDArray[np.float64] | None
     node_features: NDArray[np.float32] | None
+    spaces: MapSpaces | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +121,7 @@ class UnaryModel:
             lists.append(LaserList(self.classifier, n, self.n_labels))
         if second is not None:
             lists.append(ContextPart(second, n_own, n, self.n_labels))
+        spaces = None
         if self.space is not None and "space" in unaries:
             with progress.stage("segments, gates and places"):
                 spaces = self.space.spaces(grid, n_threads=n_threads)
@@ -139,7 +143,8 @@ class UnaryModel:
             with progress.stage("spatial context"):
                 self._add_context(second, grid, layout, found["laser"], found["context"])
         laser, context, space = (sealed(found[name]) if name in found else None for name in UNARIES)
-        return CellScores(laser, context, space, None if features is None else sealed(features))
+        handed_on = None if features is None else sealed(features)
+        return CellScores(laser, context, space, handed_on, spaces)
 
     def _stream(
         self,

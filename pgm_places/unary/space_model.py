@@ -11,8 +11,9 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
+from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gate, Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 
@@ -59,9 +60,9 @@ class MapSpaces:
         return cls(gates, probability, places, CellFeatures.of(gates.segmentation, places))
 
     @property
-    def doorways(self) -> list[Gate]:
-        """The accepted gates."""
-        return [gate for gate, taken in zip(self.gates, self.places.accepted, strict=True) if taken]
+    def doorways(self) -> Doorways:
+        """The accepted gates, and the places that they part."""
+        return Doorways.of(self.places, self.probability)
 
     def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
         """(N,) the largest probability of the gates that each node of a layout lies at, 0 for none.

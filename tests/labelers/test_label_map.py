@@ -16,11 +16,16 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.labelers.label_map import LabelledPlaces, _brought_back, label_map
+from pgm_places.labelers.method import PlaceMethod
 from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.refinement import refine
+from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.report.label_files import write_labels
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.regions import Region
 from pgm_places.trained import trained_labeler
+from pgm_places.unary.options import SpaceOptions
 
 FINER = (0.04, 0.05 / 1.5, 0.025, 0.02, 0.015, 0.005)  # by 1.25, 1.5, 2, 2.5, 3.33, 10
 COARSER = (0.06, 0.1, 0.2, 1.0)
@@ -136,3 +141,50 @@ def test_a_map_without_room_for_a_cell_of_the_model_is_refused() -> None:
     cells[::10] = 0
     with pytest.raises(MapError, match=r"no free cell is left .* 0\.005 m .* 0\.05 m; look at"):
         label_map(labeler(), OccupancyGrid(cells, 0.005))
+
+
+@cache
+def space_labeler() -> PlaceLabeler:
+    made = [generate_building(seed, size="small", resolution_m=0.1) for seed in (1, 2)]
+    methods = {"space": PlaceMethod("independent"), "laser": PlaceMethod("independent", "laser")}
+    learner = PlaceLabeler(
+        made[0].label_names,
+        methods,
+        classifier=DecisionListClassifier(n_rounds=10, order="rarest-first"),
+        space=SpaceOptions(n_rounds=20),
+        max_examples_per_map=600,
+        n_folds=2,
+    )
+    return learner.fit([LabelledMap(item.grid, item.labels) for item in made])
+
+
+@pytest.mark.parametrize("method", ["space", "laser"])
+@pytest.mark.parametrize("resolution_m", [0.05, 0.1, 0.2])
+def test_doorways_are_handed_on_where_the_model_knows_spaces(
+    method: str, resolution_m: float
+) -> None:
+    drawn = generate_building(3, size="small", resolution_m=resolution_m)
+    found = label_map(space_labeler(), drawn.grid, method=method)
+    doorways = found.doorways
+    assert doorways is not None
+    assert doorways.probability.min() > 0.5
+    truth = topological_map(drawn.grid, drawn.labels, drawn.label_names)
+    places = topological_map(
+        drawn.grid, found.labels, found.label_names, doorways=doorways, correct=False
+    )
+    np.testing.assert_array_equal(places.region > 0, found.labels >= 0)
+    gates = [region for region in places.regions if region.gate is not None]
+    assert gates == [region for region in places.regions if region.label == "doorway"]
+    assert len(gates) == len(doorways)
+    doors = [region for region in truth.regions if region.label == "doorway"]
+    assert 2 * sum(any(held(gate, door) for gate in gates) for door in doors) > len(doors)
+
+
+def held(gate: Region, door: Region) -> bool:
+    """Whether a gate stands where a labelled door is."""
+    assert gate.gate is not None
+    return bool(gate.gate.contains([door.anchor_m], wider_m=0.3, deeper_m=0.3)[0])
+
+
+def test_models_that_know_no_spaces_hand_on_no_doorways() -> None:
+    assert labelled(0.1).doorways is None

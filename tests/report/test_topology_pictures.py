@@ -1,6 +1,7 @@
 """Pictures of topological maps: right way up, every place drawn, rotated and large maps too."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.topology.from_labels import topological_map
-from tests.topology.floors import NAMES, floor_map
+from tests.topology.floors import NAMES, floor_map, gated_floor_map
 
 
 def drawn(**frame: object) -> np.ndarray:
@@ -50,3 +51,17 @@ def test_a_map_without_places() -> None:
     grid = OccupancyGrid(np.zeros((3, 3), np.int8), 0.05)
     found = topological_map(grid, np.full((3, 3), -1), NAMES)
     assert topology_picture(grid, found)[1:4] == b"PNG"
+
+
+def test_gates_are_drawn_over_the_map() -> None:
+    topology = gated_floor_map()
+    bare = replace(
+        topology, regions=tuple(replace(region, gate=None) for region in topology.regions)
+    )
+    with_gate, without = (
+        np.asarray(Image.open(io.BytesIO(topology_picture(item.grid, item))).convert("RGB"))
+        for item in (topology, bare)
+    )
+    changed = np.argwhere((with_gate != without).any(axis=2))
+    assert len(changed) > 20
+    assert np.ptp(changed[:, 0]) > np.ptp(changed[:, 1])  # the door stands upright

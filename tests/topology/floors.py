@@ -3,8 +3,13 @@
 import numpy as np
 
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.places import places_between
+from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
+from tests.spaces.floors import grid_of, two_rooms
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -27,3 +32,17 @@ def floor_grid(labels: np.ndarray, **frame: object) -> OccupancyGrid:
 def floor_map(**frame: object) -> TopologicalMap:
     labels = floor_labels()
     return topological_map(floor_grid(labels, **frame), labels, NAMES)
+
+
+def gates_of(grid: OccupancyGrid, probability: float | list[float] = 0.9) -> Doorways:
+    """The doorways of a map whose candidates have these probabilities."""
+    gates = gate_candidates(Segmentation.of(grid))
+    each = np.broadcast_to(np.asarray(probability), len(gates)).astype(np.float64)
+    return Doorways.of(places_between(gates, each), each)
+
+
+def gated_floor_map(**frame: object) -> TopologicalMap:
+    """Two rooms of 4 m and the door between them, which is a gate; nothing is painted there."""
+    grid = OccupancyGrid(grid_of(two_rooms()).cells, **{"resolution_m": 0.1, **frame})  # type: ignore[arg-type]
+    labels = np.where(grid.free, np.int16(1), np.int16(-1))
+    return topological_map(grid, labels, NAMES, doorways=gates_of(grid))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.palette import label_colours, rgb_of
+from pgm_places.spaces.gates import Gate
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -110,7 +111,10 @@ class ROS:
 
 
 def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
-    """A MarkerArray: ``areas``, ``outlines`` and ``names`` by id of place, and the ``paths``."""
+    """A MarkerArray: ``areas``, ``outlines`` and ``names`` by id of place, and the ``paths``.
+
+    Doorways that are gates have their rectangles as ``gates``.
+    """
     names = topology.label_names
     colours = {
         name: (rgb_of(colour) / 255).tolist()
@@ -121,6 +125,8 @@ def place_markers(ros: ROS, topology: TopologicalMap) -> Any:
         colour = colours[region.label]
         markers.append(_area(ros, topology, region, colour))
         markers.append(_outline(ros, region, colour))
+        if region.gate is not None:
+            markers.append(_gate(ros, region.id, region.gate, colour))
         markers.append(
             ros.marker(
                 "TEXT_VIEW_FACING",
@@ -177,6 +183,19 @@ def _outline(ros: ROS, region: Region, colour: Sequence[float]) -> Any:
         colour=ros.colour(colour),
         scale=(_LINE_M, 0.0, 0.0),
         points=points,
+    )
+
+
+def _gate(ros: ROS, number: int, gate: Gate, colour: Sequence[float]) -> Any:
+    """The rectangle of a gate, as a closed line."""
+    corners = gate.corners_m.tolist()
+    return ros.marker(
+        "LINE_STRIP",
+        "gates",
+        number,
+        colour=ros.colour(colour),
+        scale=(_LINE_M, 0.0, 0.0),
+        points=[ros.point(x, y, _LINE_Z_M) for x, y in [*corners, corners[0]]],
     )
 
 

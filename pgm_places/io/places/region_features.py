@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.io.atomic import write_text
+from pgm_places.io.places.gate_record import gate_record
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["LOCAL_METRES", "region_features", "write_region_features"]
@@ -19,7 +20,8 @@ def region_features(topology: TopologicalMap) -> dict[str, Any]:
     """A FeatureCollection with a Polygon or MultiPolygon per region, in metres of the map frame.
 
     Properties: ``id``, ``class``, ``name``, ``area_m2``, ``perimeter_m``, ``confidence`` (where it
-    is known), ``anchor_m``, ``clearance_m``, ``neighbours`` (ids).
+    is known), ``anchor_m``, ``clearance_m``, ``neighbours`` (ids), and for a doorway that is a
+    gate ``gate``: its rectangle.
     """
     features = []
     for region in topology.regions:
@@ -42,6 +44,8 @@ def region_features(topology: TopologicalMap) -> dict[str, Any]:
             "clearance_m": round(region.clearance_m, DIGITS),
             "neighbours": [other.id for other in topology.neighbours(region.id)],
         }
+        if region.gate is not None:
+            properties["gate"] = gate_record(region.gate)
         features.append(
             {
                 "type": "Feature",

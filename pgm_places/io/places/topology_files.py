@@ -13,12 +13,13 @@ from pgm_places.errors import InputError, LabelError, OutputError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.geojson import read_regions
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
+from pgm_places.io.places.gate_record import gate_record, read_gate
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.io.text_file import read_text
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.topology.corrections import Correction
-from pgm_places.topology.regions import Region
+from pgm_places.topology.regions import Polygon, Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
 __all__ = ["NAMES_FILE", "TOPOLOGY_FILE", "load_topology", "read_own_names", "save_topology"]
@@ -87,8 +88,9 @@ def _record(topology: TopologicalMap) -> dict[str, Any]:
 
 
 def _region_record(region: Region) -> dict[str, Any]:
-    names = [field.name for field in dataclasses.fields(region) if field.name != "polygons"]
-    return {name: getattr(region, name) for name in names}
+    names = [field.name for field in dataclasses.fields(region)]
+    record = {name: getattr(region, name) for name in names if name not in ("polygons", "gate")}
+    return record if region.gate is None else {**record, "gate": gate_record(region.gate)}
 
 
 def load_topology(folder: Path | str) -> TopologicalMap:
@@ -132,9 +134,7 @@ def _topology(source: Path, record: dict[str, Any]) -> TopologicalMap:
     grid = OccupancyGrid(cells, frame["resolution_m"], (x, y), frame["yaw_rad"])
     features = read_regions(source / FEATURES_FILE, "id")
     outlines = {int(feature.code): feature.polygons for feature in features}
-    regions = tuple(
-        Region(**_tuples(item), polygons=outlines[item["id"]]) for item in record["regions"]
-    )
+    regions = tuple(_region(item, outlines[item["id"]]) for item in record["regions"])
     ids = {item.id for item in regions}
     seen = {int(number) for number in np.unique(region)} - {0}
     if seen != ids:
@@ -152,6 +152,12 @@ def _topology(source: Path, record: dict[str, Any]) -> TopologicalMap:
         tuple(Correction(**_tuples(item)) for item in record["corrections"]),
         int(record["next_id"]),
     )
+
+
+def _region(item: dict[str, Any], polygons: tuple[Polygon, ...]) -> Region:
+    gate = item.get("gate")
+    given = {key: value for key, value in _tuples(item).items() if key != "gate"}
+    return Region(**given, polygons=polygons, gate=None if gate is None else read_gate(gate))
 
 
 def _tuples(item: dict[str, Any]) -> dict[str, Any]:

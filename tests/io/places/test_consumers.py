@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from pgm_places.errors import InputError, OutputError
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.place_bag import class_grid, write_place_bag
-from tests.topology.floors import floor_labels, floor_map
+from tests.topology.floors import floor_labels, floor_map, gated_floor_map
 
 FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
 
@@ -120,6 +120,19 @@ def test_mcap_markers_cover_and_name_each_place(tmp_path: Path) -> None:
         assert (name.pose.position.x, name.pose.position.y) == pytest.approx(region.anchor_m)
         assert len(markers["outlines", region.id].points) % 2 == 0
     assert len(markers["passages", 0].points) == len(topology.connections)
+
+
+def test_mcap_markers_show_the_rectangles_of_gates(tmp_path: Path) -> None:
+    topology = gated_floor_map(**FRAME)
+    bag = write_place_bag(tmp_path / "bag", topology)[1]
+    [marker] = [m for m in read_bag(bag)["/places"].markers if m.ns == "gates"]
+    [region] = [region for region in topology.regions if region.gate is not None]
+    assert region.gate is not None
+    assert (marker.id, marker.type) == (region.id, 4)  # LINE_STRIP
+    corners = region.gate.corners_m.tolist()
+    np.testing.assert_allclose(
+        [(p.x, p.y) for p in marker.points], [*corners, corners[0]], rtol=0, atol=1e-12
+    )
 
 
 def test_a_bag_is_replaced_and_other_folders_are_not(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.places.region_features import region_features, write_region_features
 from pgm_places.io.places.topology_files import load_topology, read_own_names, save_topology
 from pgm_places.topology.from_labels import topological_map
-from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
+from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, gated_floor_map
 
 FRAME = {"yaw_rad": 0.4, "origin_xy_m": (5.0, -3.0)}
 
@@ -35,6 +35,38 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
         for ring, again in zip(one.polygons[0], other.polygons[0], strict=True):
             np.testing.assert_allclose(again, ring, rtol=0, atol=1e-6)
     assert [r.name for r in after.path("room 1", "room 2")][1] == "doorway 1"
+
+
+def test_gates_are_written_and_read_back(tmp_path: Path) -> None:
+    before = gated_floor_map(**FRAME)
+    save_topology(tmp_path, before)
+    [one] = [region for region in before.regions if region.gate is not None]
+    [other] = [region for region in load_topology(tmp_path).regions if region.gate is not None]
+    assert (one.name, one.confidence) == (other.name, other.confidence) == ("doorway 1", 0.9)
+    assert one.gate is not None
+    assert other.gate is not None
+    np.testing.assert_allclose(other.gate.corners_m, one.gate.corners_m, rtol=0, atol=2e-6)
+    record = json.loads((tmp_path / "topology.json").read_text())
+    [gate] = [region["gate"] for region in record["regions"] if "gate" in region]
+    assert list(gate) == ["centre_m", "heading_rad", "width_m", "depth_m", "corners_m"]
+    assert gate["heading_rad"] == pytest.approx(0.4, abs=1e-6)
+    features = region_features(before)["features"]
+    assert [item["properties"]["gate"] for item in features if "gate" in item["properties"]] == [
+        gate
+    ]
+
+
+@pytest.mark.parametrize("damage", [{"width_m": "wide"}, {"centre_m": [1.0]}, {"depth_m": None}])
+def test_a_damaged_gate_is_said_in_one_line(tmp_path: Path, damage: dict[str, object]) -> None:
+    save_topology(tmp_path, gated_floor_map())
+    path = tmp_path / "topology.json"
+    record = json.loads(path.read_text())
+    for region in record["regions"]:
+        if "gate" in region:
+            region["gate"].update(damage)
+    path.write_text(json.dumps(record))
+    with pytest.raises(InputError, match=r"topology.json is damaged .*; write it again"):
+        load_topology(tmp_path)
 
 
 def test_the_outlines_are_ground_truth_for_our_own_reader(tmp_path: Path) -> None:

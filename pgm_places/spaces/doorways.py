@@ -1,0 +1,106 @@
+"""Doorways of a map: its accepted gates, and the places that they part."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import sealed
+from pgm_places.errors import InputError
+from pgm_places.maps._blocks import holders, simplest_factor
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.places import Places
+
+__all__ = ["Doorways"]
+
+
+@dataclass(frozen=True, eq=False)
+class Doorways:
+    """The gates of a map that count as doorways, and the places between them.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map whose spaces they were found in.
+    gates : tuple of Gate
+        The doorways, as rectangles of the map frame.
+    probability : (G,) float64
+        Of each being a doorway.
+    place : (H, W) int32
+        Number of the place that each cell lies in, -1 for none.
+    """
+
+    grid: OccupancyGrid
+    gates: tuple[Gate, ...]
+    probability: NDArray[np.float64]
+    place: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        if self.probability.shape != (len(self.gates),):
+            raise InputError(
+                f"probability must hold one number per gate ({len(self.gates)}), got shape "
+                f"{self.probability.shape}"
+            )
+        if self.place.shape != self.grid.shape:
+            raise InputError(
+                f"place must have the map's shape {self.grid.shape}, got {self.place.shape}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.gates)
+
+    @classmethod
+    def of(cls, places: Places, probability: NDArray[np.float64]) -> Self:
+        """The accepted gates of some places.
+
+        Parameters
+        ----------
+        places : Places
+        probability : (G,) float64
+            Of each candidate, accepted or not.
+
+        Examples
+        --------
+        >>> from pgm_places.spaces.gates import gate_candidates
+        >>> from pgm_places.spaces.places import places_between
+        >>> from pgm_places.spaces.segmentation import Segmentation
+        >>> cells = np.zeros((20, 42), np.int8)
+        >>> cells[:, 20:22], cells[8:12, 20:22] = 100, 0  # two rooms, a wall, a door of 0.8 m
+        >>> gates = gate_candidates(Segmentation.of(OccupancyGrid(cells, resolution_m=0.2)))
+        >>> sure = np.array([0.9])
+        >>> found = Doorways.of(places_between(gates, sure), sure)
+        >>> len(found), np.unique(found.place).tolist()
+        (1, [-1, 0, 1])
+        """
+        taken = np.flatnonzero(places.accepted)
+        return cls(
+            places.gates.segmentation.watershed.grid,
+            tuple(places.gates[int(g)] for g in taken),
+            sealed(np.asarray(probability, np.float64)[taken]),
+            sealed(places.segments.raster()),
+        )
+
+    def place_on(self, grid: OccupancyGrid) -> NDArray[np.int32]:
+        """(H, W) the place at the centre of each cell of the same map in other cells, -1 for none.
+
+        Raises
+        ------
+        InputError
+            The map has another frame.
+        """
+        if grid.shape == self.grid.shape and grid.resolution_m == self.grid.resolution_m:
+            return self.place.copy()
+        if grid.origin_xy_m != self.grid.origin_xy_m or grid.yaw_rad != self.grid.yaw_rad:
+            raise InputError(
+                f"doorways were found in a map with its origin at {self.grid.origin_xy_m} and yaw "
+                f"{self.grid.yaw_rad:g}, but the map has {grid.origin_xy_m} and {grid.yaw_rad:g}"
+            )
+        factor = simplest_factor(self.grid.resolution_m / grid.resolution_m)
+        # Cells that stick out are those of the last block: the nearest row and column stands in.
+        rows, columns = (
+            np.minimum(holders(np.arange(n), factor), last - 1)
+            for n, last in zip(grid.shape, self.grid.shape, strict=True)
+        )
+        return np.asarray(self.place[np.ix_(rows, columns)])

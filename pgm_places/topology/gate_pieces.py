@@ -1,0 +1,255 @@
+"""Pieces of a labelled map between its gates: doorways are gates, places are parted by them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.graph.bands import bands_of_rows
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.topology.components import Components, connected_components
+from pgm_places.topology.corrections import (
+    Correction,
+    CorrectionRules,
+    correct_regions,
+    drop_islands,
+)
+
+__all__ = ["GatePieces", "pieces_between"]
+
+_NEIGHBOURS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
+
+
+@dataclass(frozen=True, eq=False)
+class GatePieces:
+    """The pieces of a map whose doorways are gates.
+
+    Parameters
+    ----------
+    pieces : Components
+    gate : (R,) int64
+        Number of the gate that each piece is, -1 for pieces of places.
+    corrections : tuple of Correction
+        What was relabelled.
+    """
+
+    pieces: Components
+    gate: NDArray[np.int64]
+    corrections: tuple[Correction, ...]
+
+
+def pieces_between(
+    labels: NDArray[np.int16],
+    grid: OccupancyGrid,
+    label_names: Sequence[str],
+    doorways: Doorways,
+    rules: CorrectionRules,
+    *,
+    correct: bool = True,
+) -> GatePieces:
+    """The pieces that labels and gates make of a map.
+
+    The labelled cells in the rectangle of a gate are its doorway, whatever their labels; where
+    rectangles overlap, that of the more probable gate. All others are grouped by place and label:
+    cells of one label in two places are two pieces. Cells that are painted as doorways but lie in
+    no gate take the nearest other label of their place.
+
+    Parameters
+    ----------
+    labels : (H, W) int16
+        Label per cell, -1 for none and where the map is not free.
+    grid : OccupancyGrid
+    label_names : sequence of str
+        The label of doorways among them.
+    doorways : Doorways
+        Of the map, or of the same map in other cells.
+    rules : CorrectionRules
+        Pieces of places below ``min_area_m2`` take the label and place of the neighbour with the
+        longest border, gates only where nothing else touches them. Nothing else is corrected: a
+        doorway is where its gate is.
+    correct : bool
+        Whether they do.
+    """
+    doorway = label_names.index(rules.doorway_label)
+    gate = _painted_gates(labels, grid, doorways)
+    place, n_places = _numbered_places(labels, gate, doorways.place_on(grid), grid, rules)
+    painted = (labels == doorway) & (gate < 0)
+    log = _without_gate(labels, gate, painted, doorway, label_names, grid)
+    plain = _relabelled(labels, painted, gate, place, doorway, len(label_names))
+    key, names = _keys(plain, gate, place, n_places, label_names, len(doorways), doorway)
+    if correct:
+        # Gates stay whatever their size; places become one only with their own kind.
+        bare = replace(rules, min_doorway_area_m2=0.0)
+        for step in (correct_regions, drop_islands):
+            key, found = step(key, names, grid.resolution_m, bare, fixed_doorways=True)
+            log += found
+    return _pieces(key, n_places * len(label_names), len(label_names), doorway, tuple(log))
+
+
+def _painted_gates(
+    labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways
+) -> NDArray[np.int32]:
+    """(H, W) number of the gate that each labelled cell lies in, -1 for none.
+
+    Rectangles reach a cell into the walls, and are thick enough that no step from a cell to its
+    diagonal neighbour leads past them.
+    """
+    found = np.full(grid.shape, -1, np.int32)
+    side = grid.resolution_m
+    edge = 1e-6 * side  # centres on the edge of a rectangle lie in it, whichever way it is turned
+    for g in np.argsort(doorways.probability, kind="stable").tolist():
+        gate = doorways.gates[g]
+        thicker = max(0.75 * side - gate.depth_m / 2, 0.0)
+        r, c = gate.cells(grid, wider_m=side + edge, deeper_m=thicker + edge).T
+        inside = labels[r, c] >= 0
+        found[r[inside], c[inside]] = g
+    return found
+
+
+def _numbered_places(
+    labels: NDArray[np.int16],
+    gate: NDArray[np.int32],
+    place: NDArray[np.int32],
+    grid: OccupancyGrid,
+    rules: CorrectionRules,
+) -> tuple[NDArray[np.int32], int]:
+    """(H, W) place of each labelled cell outside gates, -1 elsewhere, and how many there are.
+
+    What rectangles part belongs together, but for places of at least ``min_area_m2`` that a leak
+    beside a gate joins: the border of places runs at the narrowest point, not along rectangles.
+    """
+    inside = (labels >= 0) & (gate < 0)
+    _grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
+    parted = connected_components(np.where(inside, np.int16(0), np.int16(-1)))
+    n = int(place.max(initial=-1)) + 2  # the first stands for cells in no place
+    both = parted.piece[inside] * np.int64(n) + place[inside] + 1
+    kinds, kind_of_cell, cells = np.unique(both, return_inverse=True, return_counts=True)
+    piece = kinds // n
+    order = np.lexsort((kinds, -cells, piece))
+    largest = order[np.unique(piece[order], return_index=True)[1]]
+    home = np.where(
+        (cells * grid.resolution_m**2 >= rules.min_area_m2) & (kinds % n > 0),
+        np.arange(len(kinds)),
+        largest[piece],
+    )
+    used, number = np.unique(home, return_inverse=True)
+    found = np.full(labels.shape, -1, np.int32)
+    found[inside] = number.reshape(-1)[kind_of_cell.reshape(-1)]
+    return found, len(used)
+
+
+def _without_gate(
+    labels: NDArray[np.int16],
+    gate: NDArray[np.int32],
+    painted: NDArray[np.bool_],
+    doorway: int,
+    label_names: Sequence[str],
+    grid: OccupancyGrid,
+) -> list[Correction]:
+    """A correction for each painted doorway that no gate touches."""
+    if not painted.any():
+        return []
+    pieces = connected_components(np.where(labels == doorway, np.int16(0), np.int16(-1)))
+    with_gate = np.zeros(pieces.count, np.bool_)
+    with_gate[pieces.piece[(pieces.piece >= 0) & (gate >= 0)]] = True
+    rows, columns = np.nonzero(painted)
+    numbers, first = np.unique(pieces.piece[rows, columns], return_index=True)
+    cell_m2, name = grid.resolution_m**2, label_names[doorway]
+    log = []
+    for number, k in zip(numbers.tolist(), first.tolist(), strict=True):
+        if not with_gate[number]:
+            cell = (int(rows[k]), int(columns[k]))
+            log.append(Correction(cell, float(pieces.size[number]) * cell_m2, name, "", "no gate"))
+    return log
+
+
+def _relabelled(
+    labels: NDArray[np.int16],
+    painted: NDArray[np.bool_],
+    gate: NDArray[np.int32],
+    place: NDArray[np.int32],
+    doorway: int,
+    n_labels: int,
+) -> NDArray[np.int16]:
+    """The labels, those of painted doorways outside gates replaced by others of their place."""
+    found = labels.copy()
+    found[painted | (gate >= 0)] = -1
+    counts = np.bincount(found[found >= 0], minlength=n_labels)
+    _grow(found, painted, place)
+    left = painted & (found < 0)  # places that are nothing but doorway
+    others = [k for k in range(n_labels) if k != doorway]
+    found[left] = max(others, key=lambda k: counts[k], default=doorway)
+    return found
+
+
+def _grow(
+    values: NDArray[np.int16] | NDArray[np.int32],
+    open_cells: NDArray[np.bool_],
+    group: NDArray[np.int32] | NDArray[np.int8],
+) -> None:
+    """Give open cells, ring by ring, the smallest value of their neighbours of the same group.
+
+    Values below 0 are none; cells that no value reaches keep theirs.
+    """
+    todo = np.argwhere(open_cells)
+    height, width = values.shape
+    while len(todo):
+        best = np.full(len(todo), np.iinfo(values.dtype).max, values.dtype)
+        for step in _NEIGHBOURS:
+            r, c = (todo + step).T
+            near = (r >= 0) & (c >= 0) & (r < height) & (c < width)
+            r, c = np.where(near, r, 0), np.where(near, c, 0)
+            near &= (values[r, c] >= 0) & (group[r, c] == group[todo[:, 0], todo[:, 1]])
+            best = np.where(near, np.minimum(best, values[r, c]), best)
+        reached = best < np.iinfo(values.dtype).max
+        if not reached.any():
+            return
+        values[todo[reached, 0], todo[reached, 1]] = best[reached]
+        todo = todo[~reached]
+
+
+def _keys(
+    labels: NDArray[np.int16],
+    gate: NDArray[np.int32],
+    place: NDArray[np.int32],
+    n_places: int,
+    label_names: Sequence[str],
+    n_gates: int,
+    doorway: int,
+) -> tuple[NDArray[np.int32], list[str]]:
+    """One number for place and label of each cell, gates last, and the label's name of each."""
+    k = len(label_names)
+    key = np.full(labels.shape, -1, np.int32)
+    for rows in bands_of_rows(labels.shape):
+        inside = place[rows] >= 0
+        key[rows][inside] = place[rows][inside] * k + labels[rows][inside]
+        inside = gate[rows] >= 0
+        key[rows][inside] = n_places * k + gate[rows][inside]
+    return key, [*list(label_names) * n_places, *[label_names[doorway]] * n_gates]
+
+
+def _pieces(
+    key: NDArray[np.int32],
+    first_gate: int,
+    n_labels: int,
+    doorway: int,
+    corrections: tuple[Correction, ...],
+) -> GatePieces:
+    """Connected cells of one key; the parts of a gate are one piece."""
+    parts = connected_components(key)
+    of_gate = parts.label >= first_gate
+    alone = np.where(of_gate, parts.label, first_gate + np.arange(parts.count) + int(key.max()) + 1)
+    _, first, piece_of = np.unique(alone, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # pieces are numbered in the order of their first cell
+    number = np.empty(len(order), np.int32)
+    number[order] = np.arange(len(order))
+    table = np.append(number[piece_of.reshape(-1)], np.int32(-1))
+    for rows in bands_of_rows(key.shape):
+        parts.piece[rows] = table[parts.piece[rows]]
+    size = np.bincount(table[:-1], parts.size, len(order)).astype(np.int64)
+    found = parts.label[first[order]].astype(np.int64)
+    gate = np.where(found >= first_gate, found - first_gate, -1)
+    label = np.where(gate >= 0, doorway, found % n_labels).astype(np.int32)
+    return GatePieces(Components(parts.piece, label, size), gate, corrections)

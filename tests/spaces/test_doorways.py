@@ -1,0 +1,65 @@
+"""Doorways: accepted gates with the places that they part, on the map's cells and on others."""
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError
+from pgm_places.maps.coarsening import coarsen
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.refinement import refine
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.places import places_between
+from pgm_places.spaces.segmentation import Segmentation
+from tests.spaces.floors import corridor_with_rooms, grid_of, two_rooms
+
+
+def found_in(free: np.ndarray, probability: float) -> Doorways:
+    gates = gate_candidates(Segmentation.of(grid_of(free)))
+    each = np.full(len(gates), probability)
+    return Doorways.of(places_between(gates, each), each)
+
+
+def test_accepted_gates_come_with_their_probability_and_places() -> None:
+    found = found_in(corridor_with_rooms(), 0.75)
+    assert len(found) == 3
+    assert found.probability.tolist() == [0.75] * 3
+    assert len(np.unique(found.place[found.place >= 0])) == 4
+
+
+def test_gates_that_are_refused_are_no_doorways() -> None:
+    found = found_in(two_rooms(), 0.5)
+    assert len(found) == 0
+    assert np.unique(found.place).tolist() == [-1, 0]
+
+
+@pytest.mark.parametrize("resolution_m", [0.05, 0.03])
+def test_finer_cells_lie_in_the_place_at_their_centre(resolution_m: float) -> None:
+    found = found_in(two_rooms(), 0.9)
+    fine = refine(found.grid, resolution_m)
+    assert fine.shape != found.grid.shape
+    r, c = found.grid.cells_at_m(fine.cell_centres_m(np.argwhere(np.ones(fine.shape, np.bool_)))).T
+    np.testing.assert_array_equal(found.place_on(fine).ravel(), found.place[r, c])
+
+
+def test_coarser_cells_do_too() -> None:
+    found = found_in(two_rooms(), 0.9)
+    coarse = coarsen(found.grid, 0.3)
+    inside = np.argwhere(coarse.free)
+    r, c = found.grid.cells_at_m(coarse.cell_centres_m(inside)).T
+    np.testing.assert_array_equal(found.place_on(coarse)[coarse.free], found.place[r, c])
+
+
+def test_a_map_elsewhere_is_refused() -> None:
+    found = found_in(two_rooms(), 0.9)
+    other = OccupancyGrid(np.zeros((4, 4), np.int8), 0.2, (1.0, 0.0))
+    with pytest.raises(InputError, match=r"found in a map with its origin at \(0.0, 0.0\)"):
+        found.place_on(other)
+
+
+def test_probabilities_and_places_must_fit() -> None:
+    found = found_in(two_rooms(), 0.9)
+    with pytest.raises(InputError, match=r"one number per gate \(1\), got shape \(2,\)"):
+        Doorways(found.grid, found.gates, np.zeros(2), found.place)
+    with pytest.raises(InputError, match="place must have the map's shape"):
+        Doorways(found.grid, found.gates, found.probability, found.place[1:])
