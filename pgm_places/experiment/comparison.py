@@ -11,12 +11,15 @@ from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstr
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
+from pgm_places.unary.space_model import MapSpaces
 
 __all__ = [
     "BLOCK_M",
     "Comparison",
     "MethodResult",
     "TestMap",
+    "door_scores",
     "history_of",
     "learning_of",
     "score_intervals",
@@ -59,7 +62,8 @@ class MethodResult:
 
     ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``;
     ``histories`` the figures of each iteration, per map, and ``learning`` those of the learner:
-    values by the name of the quantity.
+    values by the name of the quantity. ``doors`` counts doors per map: () without a label for
+    doorways.
     """
 
     id: str
@@ -73,6 +77,7 @@ class MethodResult:
     intervals: Mapping[str, Interval] = field(default_factory=dict)
     histories: tuple[Mapping[str, Sequence[float]], ...] = ()
     learning: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    doors: tuple[DoorScores, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +119,32 @@ def score_intervals(
         np.concatenate(blocks),
         n_labels=n_labels,
     )
+
+
+def door_scores(
+    item: TestMap, labeling: Labeling, doorway: int, spaces: MapSpaces | None
+) -> DoorScores:
+    """How many doors of a map a method found, missed and invented.
+
+    Parameters
+    ----------
+    item : TestMap
+    labeling : Labeling
+        Of the map's layout.
+    doorway : int
+        The label of doorways.
+    spaces : MapSpaces or None
+        For a method that sees spaces: its doorways are the accepted gates. Those of other methods
+        are the pieces of cells that it labelled as doorways.
+    """
+    truth = np.where(item.window, item.truth, np.int16(-1))
+    if spaces is not None:
+        match, accepted = match_doors(spaces.gates, truth, doorway), spaces.places.accepted
+    else:
+        painted = item.layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
+        match = match_painted(painted, item.grid, truth, doorway)
+        accepted = np.ones(len(match.door), np.bool_)
+    return match.scores(accepted)
 
 
 _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}

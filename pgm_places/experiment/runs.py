@@ -16,6 +16,7 @@ from pgm_places.experiment.comparison import (
     Comparison,
     MethodResult,
     TestMap,
+    door_scores,
     history_of,
     learning_of,
     score_intervals,
@@ -26,9 +27,11 @@ from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.selection import select
 from pgm_places.experiment.setup import make_labeler, resolved_config
 from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.options import option_values
+from pgm_places.spaces.door_truth import DoorScores
 
 __all__ = ["Trained", "compare", "compare_fitted", "train", "versions"]
 
@@ -148,6 +151,27 @@ def _run_method(
         intervals=score_intervals(maps, labelings, len(labeler.label_names_)),
         histories=tuple(history_of(labeling) for labeling in labelings),
         learning=learning_of(method.backend),
+        doors=_doors(experiment, labeler, method.unary, scored, maps, labelings),
+    )
+
+
+def _doors(
+    experiment: Experiment,
+    labeler: PlaceLabeler,
+    unary: str,
+    scored: Sequence[Any],
+    maps: Sequence[TestMap],
+    labelings: Sequence[Labeling],
+) -> tuple[DoorScores, ...]:
+    """The doors of each map that a method found, where there is a label for doorways."""
+    names, doorway = labeler.label_names_, experiment.config.topology.doorway_label
+    if doorway not in names:
+        return ()
+    model = labeler.unary_model_.space
+    by_gates = unary == "space" and model is not None and model.gates is not None
+    return tuple(
+        door_scores(item, found, names.index(doorway), scores.spaces if by_gates else None)
+        for item, found, (_, scores, _) in zip(maps, labelings, scored, strict=True)
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
+from pgm_places.spaces.door_truth import DoorScores
 
 __all__ = ["comparison_record", "write_comparison"]
 
@@ -32,7 +33,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
 
     ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
     confusion (rows are true labels), seconds, 95 % intervals, and per map the status, score, bound
-    and gap.
+    and gap. ``doors`` counts the doors that were found, missed and invented, on all maps together
+    and per map, where there is a label for doorways.
     """
     return {
         "schema": SCHEMA,
@@ -75,7 +77,16 @@ def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]
             map_names, method.evaluations, method.labelings, strict=True
         )
     }
+    if method.doors:
+        record["doors"] = _door_record(DoorScores.total(method.doors))
+        for name, doors in zip(map_names, method.doors, strict=True):
+            record["maps"][name]["doors"] = _door_record(doors)
     return record
+
+
+def _door_record(doors: DoorScores) -> dict[str, Any]:
+    names = ("found", "missed", "invented", "recall", "precision")
+    return {name: getattr(doors, name) for name in names}
 
 
 def _labeling_record(labeling: Labeling) -> dict[str, Any]:

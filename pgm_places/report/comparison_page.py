@@ -16,6 +16,7 @@ from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, l
 from pgm_places.report.comparison_charts import history_charts, reliability_chart
 from pgm_places.report.map_layers import label_layers, probability_layers
 from pgm_places.report.page import render
+from pgm_places.spaces.door_truth import DoorScores
 
 __all__ = ["report_page", "write_report"]
 
@@ -59,6 +60,11 @@ def report_page(comparison: Comparison) -> str:
         results=[(method, _row(method, comparison.methods)) for method in comparison.methods],
         results_by_label=[
             (method, _row_by_label(method, comparison)) for method in comparison.methods
+        ],
+        doors=[
+            (method, DoorScores.total(method.doors), method.doors)
+            for method in comparison.methods
+            if method.doors
         ],
         block_m=BLOCK_M,
         truth=_truth(comparison, labels),

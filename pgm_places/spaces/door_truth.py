@@ -1,15 +1,18 @@
-"""Which gates are doorways according to a labelled map, door by door."""
+"""Which gates, or painted doorways, are doors of a labelled map: door by door."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import astuple, dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gates import Gates
 
-__all__ = ["DoorMatch", "DoorScores", "match_doors"]
+__all__ = ["DoorMatch", "DoorScores", "match_doors", "match_painted"]
 
 _LEAST_OVERLAP = 0.3  # the narrowest place beside a door leaf that stands open lies aslant
 _LEAST_DOOR_M2 = 0.1
@@ -18,7 +21,7 @@ _MARGIN_M = 0.1
 
 @dataclass(frozen=True)
 class DoorScores:
-    """How well accepted gates are the doors of a map.
+    """How well accepted gates, or painted doorways, are the doors of a map.
 
     Parameters
     ----------
@@ -32,6 +35,23 @@ class DoorScores:
     found: int
     accepted: int
     right: int
+
+    @classmethod
+    def total(cls, items: Iterable["DoorScores"]) -> Self:
+        """The scores of several maps together."""
+        return cls(
+            *(sum(column) for column in zip((0, 0, 0, 0), *map(astuple, items), strict=True))
+        )
+
+    @property
+    def missed(self) -> int:
+        """Doors that were not found."""
+        return self.doors - self.found
+
+    @property
+    def invented(self) -> int:
+        """Accepted gates that are no doors."""
+        return self.accepted - self.right
 
     @property
     def recall(self) -> float:
@@ -105,19 +125,74 @@ def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
     doorway : int
         The label of doorways.
     """
+    grid = gates.segmentation.watershed.grid
+    inside = (gate.cells(grid, wider_m=_MARGIN_M, deeper_m=_MARGIN_M) for gate in gates)
+    return _match(inside, len(gates), grid, labels, doorway)
+
+
+def match_painted(
+    painted: ArrayLike, grid: OccupancyGrid, labels: ArrayLike, doorway: int
+) -> DoorMatch:
+    """The door that each painted doorway matches, as a gate would: for methods without gates.
+
+    A painted doorway is a piece of cells that a method labelled ``doorway``, of at least 0.1 m2:
+    as smaller doors need not be found, smaller pieces are not counted.
+
+    Parameters
+    ----------
+    painted : (H, W) int
+        What the method found for each cell, -1 for none.
+    grid : OccupancyGrid
+    labels : (H, W) int
+        Label of each cell, -1 where not known.
+    doorway : int
+        The label of doorways.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0, 0, 0, 0]], resolution_m=0.5)
+    >>> truth, found = [[0, 1, 0, 0, 0, 0]], [[0, 1, 1, 0, 1, 0]]
+    >>> match = match_painted(found, grid, truth, doorway=1)
+    >>> match.scores(np.ones(2, bool))
+    DoorScores(doors=1, found=1, accepted=2, right=1)
+    """
+    piece, count = _door_pieces(label_raster("painted", painted, grid.shape), grid, doorway)
+    cells = np.argwhere(piece >= 0)
+    number = piece[cells[:, 0], cells[:, 1]]
+    order, size = np.argsort(number, kind="stable"), np.bincount(number, minlength=count)
+    parts = np.split(cells[order], np.cumsum(size)[:-1])
+    large = [part for part in parts if len(part) * grid.resolution_m**2 >= _LEAST_DOOR_M2]
+    return _match(large, len(large), grid, labels, doorway)
+
+
+def _door_pieces(
+    raster: NDArray[np.int16], grid: OccupancyGrid, doorway: int
+) -> tuple[NDArray[np.int32], int]:
+    """(H, W) number of the piece of doorway cells that each cell lies in, -1 for none."""
     from pgm_places.maps._component_kernels import label_components
 
-    grid = gates.segmentation.watershed.grid
-    raster = label_raster("labels", labels, grid.shape)
     is_door = np.where((raster == doorway) & grid.free, np.int8(0), np.int8(-1))
     piece = np.empty(grid.shape, np.int32)
     count = label_components(is_door, True, np.empty(piece.size, np.int32), piece)
+    return piece, count
+
+
+def _match(
+    candidates: Iterable[NDArray[np.int64]],
+    n_candidates: int,
+    grid: OccupancyGrid,
+    labels: ArrayLike,
+    doorway: int,
+) -> DoorMatch:
+    """The door that each candidate, given by its cells (n, 2), overlaps most."""
+    raster = label_raster("labels", labels, grid.shape)
+    piece, count = _door_pieces(raster, grid, doorway)
     size = np.bincount(piece[piece >= 0], minlength=count)
-    door, known = np.full(len(gates), -1), np.zeros(len(gates), np.bool_)
-    for g, gate in enumerate(gates):
-        r, c = gate.cells(grid, wider_m=_MARGIN_M, deeper_m=_MARGIN_M).T
-        if not len(r):
+    door, known = np.full(n_candidates, -1), np.zeros(n_candidates, np.bool_)
+    for g, cells in enumerate(candidates):
+        if not len(cells):
             continue
+        r, c = cells.T
         inside = piece[r, c]
         overlap = np.bincount(inside[inside >= 0], minlength=count)
         share = overlap / np.maximum(np.minimum(size, len(r)), 1)

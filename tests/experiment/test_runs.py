@@ -4,6 +4,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pgm_places.errors import ConfigError
@@ -12,6 +13,7 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare, train
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.models.relaxation import Relaxation
+from pgm_places.spaces.door_truth import match_doors, match_painted
 
 
 def config(**changes: Any) -> ExperimentConfig:
@@ -107,3 +109,31 @@ def test_methods_that_cannot_label_maps_are_refused_before_maps_are_read(
         with pytest.raises(ConfigError, match=message):
             run(experiment)
     assert not experiment.seconds
+
+
+def test_doors_are_counted_by_gates_where_a_method_sees_spaces_and_by_labels_elsewhere() -> None:
+    methods = [
+        {"name": "independent", "id": "laser", "unary": "laser"},
+        {"name": "independent", "id": "space", "unary": "space"},
+    ]
+    given = config(resolution_m=0.2, methods=methods, space={"n_rounds": 3})
+    found = compare(Experiment(given, Path()))
+    [item] = found.maps
+    laser, space = found.methods
+    truth = np.where(item.window, item.truth, -1)
+    painted = item.layout.to_raster(laser.labelings[0].labels.astype(np.int16), fill=-1)
+    match = match_painted(painted, item.grid, truth, 2)
+    assert laser.doors == (match.scores(np.ones(len(match.door), np.bool_)),)
+    trained = train(Experiment(given, Path())).labeler
+    model = trained.unary_model_.space
+    assert model is not None
+    spaces = model.spaces(item.grid)
+    by_gates = match_doors(spaces.gates, truth, 2).scores(spaces.places.accepted)
+    assert space.doors == (by_gates,)
+    assert by_gates.doors == laser.doors[0].doors > 0
+    assert by_gates.accepted > 0
+
+
+def test_doors_are_not_counted_without_a_label_for_them() -> None:
+    [method] = compare(Experiment(config(topology={"doorway_label": "hatch"}), Path())).methods
+    assert method.doors == ()

@@ -10,6 +10,7 @@ from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap, 
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.door_truth import DoorScores
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -53,6 +54,7 @@ def small_comparison(
     method_id: str = "relaxation",
     beliefs: bool = True,
     info: Mapping[str, Any] | None = None,
+    doors: tuple[DoorScores, ...] = (),
     **others: Any,
 ) -> Comparison:
     """Two methods, ``plain`` without extras and another one, on one or more maps."""
@@ -83,6 +85,7 @@ def small_comparison(
                 Evaluation.merged(evaluations),
                 seconds,
                 histories=tuple(history_of(labeling) for labeling in labelings),
+                doors=doors,
             )
         )
     record: dict[str, Any] = {

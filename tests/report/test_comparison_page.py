@@ -14,7 +14,9 @@ from PIL import Image
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.palette import LABEL_COLOURS, rgb_of
+from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page, write_report
+from pgm_places.spaces.door_truth import DoorScores
 from tests.report.comparisons import small_comparison
 
 HISTORY = {
@@ -186,6 +188,30 @@ def test_figures_of_several_maps_stand_apart() -> None:
     layers = {button["data-map"] for button in page.all("button") if "data-map" in button}
     assert layers == {"0", "1"}
     assert "Accuracy / balanced accuracy by map" in page.text
+
+
+def test_doors_are_counted_in_all_and_by_map() -> None:
+    doors = (DoorScores(doors=5, found=4, accepted=6, right=3), DoorScores(3, 3, 3, 3))
+    comparison = small_comparison(map_names=("one", "two"), doors=doors)
+    page = report_page(comparison)
+    table = re.search(r"<caption>Doors.*?</table>", page, re.DOTALL)
+    assert table is not None
+    assert re.findall(r"<td>(.*?)</td>", table[0])[:5] == [
+        *("7 / 1 / 3", "87.5", "66.7"),
+        *("4 / 1 / 3", "3 / 0 / 0"),
+    ]
+    record = comparison_record(comparison)["methods"]["plain"]
+    assert record["doors"] == {
+        "found": 7,
+        "missed": 1,
+        "invented": 3,
+        "recall": 0.875,
+        "precision": 6 / 9,
+    }
+    assert record["maps"]["two"]["doors"]["found"] == 3
+    without = small_comparison()
+    assert "Doors: found" not in report_page(without)
+    assert "doors" not in comparison_record(without)["methods"]["plain"]
 
 
 def test_every_table_has_a_caption_and_headed_rows() -> None:

@@ -12,7 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
 from pgm_places.spaces.gate_features import gate_feature_names, gate_features
 from pgm_places.spaces.gates import Gate, Gates, cells_in_gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
@@ -238,6 +238,31 @@ def test_a_gate_that_is_no_door_is_invented() -> None:
     assert (scores.doors, scores.found, scores.accepted, scores.right) == (1, 1, 2, 1)
     nothing = match.scores(np.zeros(3, np.bool_))
     assert (nothing.precision, nothing.recall) == (1.0, 0.0)
+
+
+def test_painted_doorways_are_pieces_that_match_doors_too() -> None:
+    free = corridor_with_rooms()
+    truth, painted = labelled(free), labelled(free)
+    painted[:, :46][painted[:, :46] == 2] = 1  # the first door is missed
+    painted[40:44, 100:104] = 2  # and one is invented in the last room
+    painted[50:53, 100:103] = 2  # 0.09 m2: too small to count
+    match = match_painted(painted, grid_of(free), truth, 2)
+    assert match.door.tolist() == [1, 2, -1]
+    scores = match.scores(np.ones(3, np.bool_))
+    assert scores == DoorScores(doors=3, found=2, accepted=3, right=2)
+    assert (scores.missed, scores.invented) == (1, 1)
+    unknown = np.where(painted == 2, truth, -1)
+    assert match_painted(painted, grid_of(free), unknown, 2).known.tolist() == [True] * 3
+
+
+def test_a_map_without_painted_doorways_misses_every_door() -> None:
+    free = corridor_with_rooms()
+    painted = np.where(free, np.int16(1), np.int16(-1))
+    match = match_painted(painted, grid_of(free), labelled(free), 2)
+    assert match.scores(np.zeros(0, np.bool_)) == DoorScores(3, 0, 0, 0)
+    both = DoorScores.total([DoorScores(3, 0, 0, 0), DoorScores(5, 4, 6, 3)])
+    assert both == DoorScores(8, 4, 6, 3)
+    assert DoorScores.total([]) == DoorScores(0, 0, 0, 0)
 
 
 def coverage(folders: list[Path]) -> float:
