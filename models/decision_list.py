@@ -54,8 +54,9 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         bin of the histogram z (eq. 8).
     criterion : {"balanced_accuracy", "accuracy"}
         What the exhaustive search maximises.
-    calibration : {"none", "platt"}
-        Confidences by eq. 7, or by Platt's scaling of F on held-out examples. It changes z, not
+    calibration : {"none", "platt", "temperature"}
+        Confidences by eq. 7, by Platt's scaling of F on held-out examples, or with the log-odds of
+        eq. 7 and ``prior_weight`` multiplied by a factor from held-out examples. It changes z, not
         the decision of the list.
     prior_weight : float
         Boosting gives both sides of each classifier half of the weight, so its confidence is one
@@ -188,10 +189,11 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         self.rates_: NDArray[np.float64] | None = None
         self.order_scores_: dict[tuple[Any, ...], float] | None = None
         order = explicit or self._chosen_order(training, classes)
+        calibration = prior_calibration(order, labels, weight, self.prior_weight)
         if self.calibration == "platt":
             calibration = training.platt_calibration(order)
-        else:
-            calibration = prior_calibration(order, labels, weight, self.prior_weight)
+        elif self.calibration == "temperature":
+            calibration = training.tempered(calibration, order)
         self.boosted_list_ = BoostedList(
             classes,
             np.array(order),
@@ -224,7 +226,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
             names = np.asarray(groups)
             if names.shape != labels.shape:
                 raise InputError(f"groups must have shape {labels.shape}, got {names.shape}")
-        needed = self.calibration == "platt" or isinstance(self.order, str)
+        needed = self.calibration != "none" or isinstance(self.order, str)
         if not needed or (
             groups is None and self.calibration == "none" and self.order == "heuristic"
         ):

@@ -23,8 +23,9 @@ class ListOptions(BoostingOptions):
         bin of the histogram z (eq. 8).
     criterion : {"balanced_accuracy", "accuracy"}
         What the exhaustive search for an order maximises.
-    calibration : {"none", "platt"}
-        Confidences by eq. 7, or by Platt's scaling of F on held-out examples.
+    calibration : {"none", "platt", "temperature"}
+        Confidences by eq. 7, by Platt's scaling of F on held-out examples, or with the log-odds of
+        eq. 7 and ``prior_weight`` multiplied by what makes them as sure as held-out examples are.
     prior_weight : float
         How far z follows the frequencies of the labels in training: 0 is eq. 7 as printed, 1 trusts
         them.
@@ -34,6 +35,6 @@ class ListOptions(BoostingOptions):
 
     decision: Literal["list", "argmax"] = "list"
     criterion: Literal["balanced_accuracy", "accuracy"] = "balanced_accuracy"
-    calibration: Literal["none", "platt"] = "none"
+    calibration: Literal["none", "platt", "temperature"] = "none"
     prior_weight: PriorWeight = 0.0
     clip: Annotated[float, Ge(0), Lt(1)] = 1e-6

@@ -26,9 +26,11 @@ __all__ = [
     "last_quarters",
     "platt",
     "prior_calibration",
+    "temperature",
 ]
 
 _MAX_FOLDS = 5
+_LEAST_FACTOR = 1e-3
 _MAX_EXHAUSTIVE = 7  # classes; 448 binary classifiers and 2 520 orders
 
 Order = tuple[int, ...]
@@ -206,21 +208,32 @@ class ListTraining:
 
     def platt_calibration(self, order: Sequence[int]) -> NDArray[np.float64]:
         """(K - 1, 2) slope and offset of each classifier's confidence, from held-out scores."""
-        found = np.empty((self.n_classes - 1, 2))
-        for i, k in enumerate(order[:-1]):
-            later = order[i + 1 :]
-            scores, positive, weights = [], [], []
-            for fold in self.folds.held_out:
-                inside = self.folds.number == fold
-                labels = self.labels[inside]
-                remaining = np.isin(labels, [k, *later])
-                scores.append(self.held_out_score(k, later, fold)[remaining])
-                positive.append(labels[remaining] == k)
-                weights.append(self.weights[inside][remaining])
-            found[i] = platt(
-                np.concatenate(scores), np.concatenate(positive), np.concatenate(weights)
-            )
+        return np.array([platt(*self._held_out(order, i)) for i in range(self.n_classes - 1)])
+
+    def tempered(
+        self, calibration: NDArray[np.float64], order: Sequence[int]
+    ) -> NDArray[np.float64]:
+        """Slopes and offsets (K - 1, 2), both times what held-out scores ask for."""
+        found = calibration.copy()
+        for i, (slope, offset) in enumerate(calibration):
+            scores, positive, weights = self._held_out(order, i)
+            found[i] *= temperature(slope * scores + offset, positive, weights)
         return found
+
+    def _held_out(
+        self, order: Sequence[int], i: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]]:
+        """F of the list's i-th classifier on held-out examples, their truth and weights."""
+        k, later = order[i], order[i + 1 :]
+        scores, positive, weights = [], [], []
+        for fold in self.folds.held_out:
+            inside = self.folds.number == fold
+            labels = self.labels[inside]
+            remaining = np.isin(labels, [k, *later])
+            scores.append(self.held_out_score(k, later, fold)[remaining])
+            positive.append(labels[remaining] == k)
+            weights.append(self.weights[inside][remaining])
+        return np.concatenate(scores), np.concatenate(positive), np.concatenate(weights)
 
 
 def _boosted(
@@ -308,6 +321,34 @@ def platt(
             break
         a, b, loss = a - length * step[0], b - length * step[1], new
     return float(a), float(b)
+
+
+def temperature(
+    log_odds: NDArray[np.float64], positive: NDArray[np.bool_], weights: NDArray[np.float64]
+) -> float:
+    """The factor s of the likeliest expit(s l), at least a thousandth; no decision changes by it.
+
+    The derivative of the cross entropy, sum of w (expit(s l) - t) l, rises with s: its root is
+    enclosed and bisected. Targets t are smoothed as in :func:`platt`; 1 where one of the classes is
+    lacking or all log-odds are 0 (temperature scaling, Guo et al. 2017, for one classifier).
+    """
+    n_positive = float(weights[positive].sum())
+    n_negative = float(weights[~positive].sum())
+    if n_positive <= 0 or n_negative <= 0 or not log_odds.any():
+        return 1.0
+    target = np.where(positive, (n_positive + 1) / (n_positive + 2), 1 / (n_negative + 2))
+    pull = weights * log_odds
+
+    def too_sure(factor: float) -> bool:
+        return float(pull @ (expit(factor * log_odds) - target)) > 0
+
+    low, high = _LEAST_FACTOR, 1.0
+    while not too_sure(high):
+        low, high = high, 2 * high
+    while high - low > 1e-12 * high:
+        middle = (low + high) / 2
+        low, high = (low, middle) if too_sure(middle) else (middle, high)
+    return high
 
 
 def _cross_entropy(

@@ -10,7 +10,7 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.models.list_training import platt
+from pgm_places.models.list_training import platt, temperature
 from pgm_places.models.mrf import PottsField
 from pgm_places.reproduce.building_lists import DOORWAY, RECIPES, WHOLE, Scored
 from pgm_places.reproduce.building_maps import LATTICE_STEP, NAMES
@@ -19,9 +19,12 @@ from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.space_model import with_gates
 
-__all__ = ["GATES", "MapResult", "Means", "map_results", "means", "platt_scaled"]
+__all__ = ["GATES", "MapResult", "Means", "map_results", "means", "rescaled"]
 
 GATES, POTTS = "gates on doorways", "Potts 0.25"
+RESCALED = ("platt", "temperature")
+"""The calibrations of the list that are tried."""
+
 _WEIGHT = 0.25
 _ORDER = (DOORWAY, *(k for k in range(len(NAMES)) if k != DOORWAY))
 
@@ -84,21 +87,22 @@ def means(results: Sequence[MapResult], step: str) -> Means:
 
 def map_results(scored: Sequence[Scored], note: Callable[[float], None]) -> list[MapResult]:
     """The figures of every map."""
-    scaled = platt_scaled(scored)
+    scaled = {name: rescaled(scored, name) for name in RESCALED}
     found = []
-    for count, (item, other) in enumerate(zip(scored, scaled, strict=True), start=1):
-        found.append(_result(item, other))
+    for count, item in enumerate(scored, start=1):
+        found.append(_result(item, {name: every[count - 1] for name, every in scaled.items()}))
         note(count / len(scored))
     return found
 
 
-def _result(scored: Scored, scaled: NDArray[np.float64]) -> MapResult:
+def _result(scored: Scored, scaled: Mapping[str, NDArray[np.float64]]) -> MapResult:
     truth, steps = scored.truth, dict(scored.log_z)
     for name, recipe in RECIPES.items():
         if recipe.without is not None:
             steps[name] = with_gates(steps[name], scored.at_gate, DOORWAY)
     steps[GATES] = with_gates(scored.log_z[WHOLE], scored.at_gate, DOORWAY)
-    steps["Platt's scaling"] = with_gates(scaled, scored.at_gate, DOORWAY)
+    for name, log_z in scaled.items():
+        steps[name] = with_gates(log_z, scored.at_gate, DOORWAY)
     evaluations = {
         name: evaluate(truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
         for name, log_z in steps.items()
@@ -144,17 +148,18 @@ def lattice_graph(grid: OccupancyGrid, cells_rc: NDArray[np.int64], step: int) -
     return LabelGraph.from_edges(len(cells_rc), np.concatenate(pairs))
 
 
-def platt_scaled(scored: Sequence[Scored]) -> list[NDArray[np.float64]]:
-    """(m, K) log z of every map with confidences scaled by the held-out cells of other folds.
+def rescaled(scored: Sequence[Scored], how: str) -> list[NDArray[np.float64]]:
+    """(m, K) log z of every map with confidences rescaled by the held-out cells of other folds.
 
-    Every map weighs the same, as when lists are learned.
+    ``how`` is one of ``RESCALED``. Every map weighs the same, as when lists are learned.
     """
     fold = np.array([item.fold for item in scored])
     logits = [_logits(item.log_z[WHOLE]) for item in scored]
     scales = {}
     for number in np.unique(fold).tolist():
         others = [k for k in range(len(scored)) if fold[k] != number]
-        scales[number] = _scales([scored[k].truth for k in others], [logits[k] for k in others])
+        truths = [scored[k].truth for k in others]
+        scales[number] = _scales(truths, [logits[k] for k in others], how)
     return [_log_z(own, scales[item.fold]) for item, own in zip(scored, logits, strict=True)]
 
 
@@ -168,14 +173,15 @@ def _logits(log_z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _scales(
-    truths: Sequence[NDArray[np.int64]], logits: Sequence[NDArray[np.float64]]
+    truths: Sequence[NDArray[np.int64]], logits: Sequence[NDArray[np.float64]], how: str
 ) -> list[tuple[float, float]]:
     truth, values = np.concatenate(truths), np.concatenate(logits, axis=1)
     weight = np.concatenate([np.full(len(part), 1000.0 / max(len(part), 1)) for part in truths])
     found = []
     for i, k in enumerate(_ORDER[:-1]):
         remaining = np.isin(truth, _ORDER[i:])
-        found.append(platt(values[i, remaining], truth[remaining] == k, weight[remaining]))
+        examples = values[i, remaining], truth[remaining] == k, weight[remaining]
+        found.append(platt(*examples) if how == "platt" else (temperature(*examples), 0.0))
     return found
 
 

@@ -17,7 +17,14 @@ from pgm_places.reproduce.building_maps import (
     building_numbers,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import GATES, POTTS, MapResult, map_results, means
+from pgm_places.reproduce.building_scores import (
+    GATES,
+    POTTS,
+    RESCALED,
+    MapResult,
+    map_results,
+    means,
+)
 from pgm_places.reproduce.figures import percent
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
@@ -33,7 +40,7 @@ ABLATION = {
     POTTS: "+ Potts 0.25 on the lattice",
     **{name: name for name, recipe in RECIPES.items() if recipe.without is not None},
 }
-CALIBRATIONS = {GATES: "as learned", "Platt's scaling": "Platt's scaling"}
+CALIBRATIONS = {GATES: "none", **{name: name for name in RESCALED}}
 N_FOLDS = 6
 N_WORST = 10
 _PICTURE = "worst.png"
@@ -64,8 +71,8 @@ def run(setting: Setting) -> Outcome:
             "Accuracy, balanced accuracy and F1 are means over maps; doors found are shares of the "
             "labelled ones, doors invented of the accepted gates; ECE, the expected calibration "
             "error, is over all cells or gates of a kind.",
-            "Platt's scaling is fitted to the held-out cells of the other folds. What is learned "
-            "without some maps keeps the gates that were learned with them.",
+            "Platt's scaling and temperatures are fitted to the held-out cells of the other folds. "
+            "What is learned without some maps keeps the gates that were learned with them.",
         ),
     )
 
@@ -159,7 +166,7 @@ def _calibration(kinds: Mapping[str, Sequence[MapResult]]) -> Table:
             for step in CALIBRATIONS
         ]
         rows.append((kind, *cells))
-    caption = "Calibration: ECE of cells, accuracy / balanced accuracy / doorway F1"
+    caption = "Calibration of the list: ECE of cells, accuracy / balanced accuracy / doorway F1"
     return Table(caption, ("kind", *CALIBRATIONS.values()), tuple(rows))
 
 

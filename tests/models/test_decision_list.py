@@ -11,7 +11,7 @@ from pgm_places.errors import InputError, ModelFileError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.list_training import platt
+from pgm_places.models.list_training import platt, temperature
 from pgm_places.models.strong_classifier import StrongClassifier
 from tests.reference import boosting as reference
 
@@ -264,6 +264,37 @@ def test_platt_of_separable_scores_is_finite(scale: float) -> None:
     assert platt(scores, np.ones(4, bool), np.ones(4)) == (2.0, 0.0)
 
 
+@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0])
+def test_temperature_finds_the_factor_that_made_the_labels(factor: float) -> None:
+    rng = np.random.default_rng(1)
+    log_odds = rng.normal(0.5, 1.0, size=200_000)
+    positive = rng.random(200_000) < 1 / (1 + np.exp(-factor * log_odds))
+    found = temperature(log_odds, positive, np.ones(200_000))
+    assert found == pytest.approx(factor, rel=0.02)
+    # Weights are copies, and the sum that defines the factor vanishes there.
+    few = slice(0, 500)
+    twice = temperature(np.tile(log_odds[few], 2), np.tile(positive[few], 2), np.ones(1000))
+    assert temperature(log_odds[few], positive[few], np.full(500, 2.0)) == pytest.approx(twice)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_temperature_of_separable_or_reversed_log_odds_is_finite(sign: float) -> None:
+    log_odds = sign * np.array([-2.0, -1.0, 1.0, 2.0])
+    found = temperature(log_odds, np.array([False, False, True, True]), np.ones(4))
+    assert (0.1 < found < 10) if sign > 0 else found == pytest.approx(1e-3)
+    assert temperature(log_odds, np.ones(4, bool), np.ones(4)) == 1.0
+    assert temperature(np.zeros(4), log_odds > 0, np.ones(4)) == 1.0
+
+
+def test_temperature_keeps_the_ratio_of_slope_and_offset() -> None:
+    plain, X = fitted(order=list(NAMES), prior_weight=0.5)
+    tempered, _ = fitted(order=list(NAMES), prior_weight=0.5, calibration="temperature")
+    np.testing.assert_array_equal(tempered.predict(X), plain.predict(X))
+    before, after = plain.boosted_list_.calibration, tempered.boosted_list_.calibration
+    np.testing.assert_allclose(after[:, 1] / after[:, 0], before[:, 1] / before[:, 0], rtol=1e-12)
+    assert (after[:, 0] < before[:, 0]).all()
+
+
 def test_calibration_changes_the_histogram_but_not_the_list() -> None:
     plain, X = fitted(order=list(NAMES))
     scaled, _ = fitted(order=list(NAMES), calibration="platt")
@@ -444,7 +475,10 @@ def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
         ({"decision": "vote"}, "decision must be 'list' or 'argmax', got 'vote'"),
         ({"criterion": "f1"}, "criterion must be 'balanced_accuracy' or 'accuracy', got 'f1'"),
         ({"prior_weight": -1.0}, "prior_weight must be a number from 0 to 2, got -1.0"),
-        ({"calibration": "isotonic"}, "calibration must be 'none' or 'platt', got 'isotonic'"),
+        (
+            {"calibration": "isotonic"},
+            "calibration must be 'none', 'platt' or 'temperature', got 'isotonic'",
+        ),
         ({"clip": 0.25}, "clip must be at least 0 and below 1/4, got 0.25"),
         ({"n_rounds": 0}, "n_rounds must be a whole number from 1 to 100000, got 0"),
         ({"max_depth": 0}, "max_depth must be a whole number from 1 to 4, got 0"),

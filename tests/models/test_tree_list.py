@@ -68,7 +68,7 @@ def test_trees_learn_what_stumps_cannot() -> None:
     assert right[0] < 0.8 and right[1] > 0.9
 
 
-@pytest.mark.parametrize("calibration", ["none", "platt"])
+@pytest.mark.parametrize("calibration", ["none", "platt", "temperature"])
 @pytest.mark.parametrize("order", ["heuristic", "exhaustive"])
 def test_orders_and_calibration_hold_groups_out(calibration: str, order: str) -> None:
     X, y = example()
@@ -81,13 +81,14 @@ def test_orders_and_calibration_hold_groups_out(calibration: str, order: str) ->
     assert np.mean(model.predict(X) == NAMES[y]) > 0.8
 
 
-def test_platts_scaling_of_trees_makes_held_out_confidence_right() -> None:
+@pytest.mark.parametrize("calibration", ["platt", "temperature"])
+def test_scaling_of_trees_makes_held_out_confidence_right(calibration: str) -> None:
     rng = np.random.default_rng(8)
     X = rng.normal(size=(12_000, 5)).astype(np.float32)
     p = 1 / (1 + np.exp(-1.5 * X[:, 0] * X[:, 1] - X[:, 2]))
     y = (rng.random(len(X)) < p).astype(int)
     half = slice(0, 6_000)
-    model = DecisionListClassifier(n_rounds=150, max_depth=4, order=[1, 0], calibration="platt")
+    model = DecisionListClassifier(n_rounds=150, max_depth=4, order=[1, 0], calibration=calibration)
     model.fit(X[half], y[half], groups=np.arange(6_000) // 600)
     said = model.predict_proba(X[6_000:])[:, 1]
     plain = DecisionListClassifier(n_rounds=150, max_depth=4, order=[1, 0]).fit(X[half], y[half])

@@ -21,7 +21,7 @@ from pgm_places.reproduce.building_maps import (
     building_numbers,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import lattice_graph, platt_scaled
+from pgm_places.reproduce.building_scores import RESCALED, lattice_graph, rescaled
 from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
@@ -119,10 +119,11 @@ def test_no_edge_of_the_lattice_crosses_a_wall() -> None:
     assert lattice_graph(free, places, 4).n_edges == 20
 
 
-def test_platt_s_scaling_calms_lists_that_are_too_sure() -> None:
+@pytest.mark.parametrize("how", RESCALED)
+def test_rescaling_calms_lists_that_are_too_sure(how: str) -> None:
     scored = [_drawn_from_beliefs(seed) for seed in range(2)]
     errors = []
-    for every in ([item.log_z[WHOLE] for item in scored], platt_scaled(scored)):
+    for every in ([item.log_z[WHOLE] for item in scored], rescaled(scored, how)):
         parts = [
             evaluate(item.truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
             for item, log_z in zip(scored, every, strict=True)
