@@ -1,7 +1,7 @@
 """Run the experiments on real buildings and write docs/results.md: python -m experiments.
 
 The paper's sections are those of ``pgm-places reproduce``; the others are the configurations here.
-What each found last is kept in ``experiments/sections``, so that one can be run anew by itself.
+What each found last is kept in ``experiments/sections``, so that a single one can be rerun.
 """
 
 import argparse
@@ -26,12 +26,12 @@ DOCS = FOLDER.parent / "docs"
 SECTIONS = FOLDER / "sections"  # what each experiment wrote last
 REPRODUCED = FOLDER / "reproduced"  # the paper's sections with their pictures: not committed
 MAPS = {
-    "default_models/without_79": "The default model's way of learning, with everything of building "
-    "79 left out. The paper's section 7.4 has no figures.",
+    "default_models/without_79": "The default model's training procedure, leaving out all maps of "
+    "building 79. The paper's section 7.4 has no figures.",
     "default_models/without_52": "The same with building 52 left out.",
-    "default_models/without_saarbruecken": "The same with another town's building left out; its "
-    "labels are polygons, and its wide lobby is called a corridor.",
-    "default_models/generated_to_real": "Learned on generated buildings alone.",
+    "default_models/without_saarbruecken": "The same with a building in another town left out; "
+    "its labels are polygons, and its wide lobby is labelled corridor.",
+    "default_models/generated_to_real": "Trained on generated buildings alone.",
 }
 
 
@@ -89,16 +89,16 @@ def section(name: str) -> str:
     n_cells = sum(evaluation.n for evaluation in comparison.methods[0].evaluations)
     return (
         f"## {comparison.title}\n\n{MAPS[name]}\n"
-        f"{n_cells:,} test cells have a true label.\n\n"
+        f"{n_cells:,} test cells have ground truth.\n\n"
         "```console\n"
         f"$ PGM_PLACES_DATA=DATA pgm-places compare experiments/{name}.toml --out report\n"
         "```\n\n"
-        f"{table(comparison)}\n{by_map(comparison)}\nStages, seconds of wall clock: {stages}.\n"
+        f"{table(comparison)}\n{by_map(comparison)}\nStages, wall-clock seconds: {stages}.\n"
     )
 
 
 def run_paper_section(key: str) -> None:
-    """Run a section of the paper anew; its record without pictures goes to the kept ones."""
+    """Rerun a section of the paper; its record without pictures replaces the kept one."""
     [section] = reproduce([key], REPRODUCED, again=True, progress=LineProgress())
     if not section.real:
         sys.exit(f"section {key} did not find all of its real maps; the kept one stays")

@@ -55,7 +55,7 @@ def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> lis
 def cold_table(data: Path) -> str:
     """Three places and the categories, in both directions."""
     head = (
-        "| buildings | labels | poses | scan alone | filter | smoother | recall, smoothed |\n"
+        "| buildings | labels | poses | single scans | filter | smoother | recall, smoothed |\n"
         "|---|---|---|---|---|---|---|"
     )
     rows = table(data, place_classes(), PLACES) + table(data, CLASSES, NAMES)

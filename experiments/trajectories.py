@@ -25,7 +25,7 @@ FOLDER = Path(__file__).resolve().parent
 PAGE = FOLDER / "trajectories.md"
 MODES = ("filter", "smooth", "viterbi")
 HEAD = (
-    "| beams | learned on | scan alone | filter | smoother | Viterbi | "
+    "| beams | trained on | single scans | filter | smoother | Viterbi | "
     "doorway recall: alone / filter / smoother |\n|---|---|---|---|---|---|---|"
 )
 FRONT_ONLY = {"front only": BeamOptions("max-range")}
@@ -103,7 +103,7 @@ def categories_table(data: Building79) -> str:
         learned = np.where(learn, data.category, -1)
         known = np.unique(learned[learned >= 0])
         names = tuple(CATEGORY_NAMES[k] for k in known)
-        number = np.full(len(CATEGORY_NAMES) + 1, -1)  # its last entry is for "not known", -1
+        number = np.full(len(CATEGORY_NAMES) + 1, -1)  # its last entry is for "unknown", -1
         number[known] = np.arange(len(known))
         truth = np.where(learn, -1, number[data.category])
         path = data.path.with_labels(number[learned], names)

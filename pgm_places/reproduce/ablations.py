@@ -1,4 +1,4 @@
-"""What each part is worth: one thing varied at a time, everything else at its default."""
+"""Ablations: one thing varied at a time, everything else at its default."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ __all__ = ["beams", "features", "noise", "resolution", "training_size"]
 CONFIG = "ablations"
 TAUGHT = (
     "Building 79, left half to right half, 5 cm; lists trained on 10,000 cells drawn at random, so "
-    "that figures are a little below those of section 7.5."
+    "figures are slightly below those of section 7.5."
 )
 N_SELECTED = 30
 N_BEAMS = (90, 180, 360, 720)
@@ -127,7 +127,7 @@ def features(setting: Setting) -> Outcome:
     }
     whole = clone(learner).fit(parts[0][some], truths[0][some])
     chosen = np.asarray(whole.features_in_order_of_choice(N_SELECTED), np.int64)
-    columns[f"the {len(chosen)} that boosting chose first"] = np.sort(chosen)
+    columns[f"the first {len(chosen)} chosen by boosting"] = np.sort(chosen)
     names = tuple(experiment.config.labels.names)
     rows, findings = [], []
     for name, kept in columns.items():

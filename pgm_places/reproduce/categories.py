@@ -87,9 +87,9 @@ def run(setting: Setting) -> Outcome:
         ),
         files=_pictures(label[0], shown[SMOOTHED]),
         remarks=(
-            "The objects are put into the map and seen by a simulated detector: the fair one "
-            "misses 30 % of what is in an image and reports 0.04 false objects of each class per "
-            "observation, the poor one 60 % and 0.16, the perfect one nothing.",
+            "The objects are placed in the map and seen by a simulated detector: the fair one "
+            "misses 30 % of the objects in an image and reports 0.04 false objects of each class "
+            "per observation, the poor one 60 % and 0.16; the perfect one makes no errors.",
         ),
     )
 
@@ -178,11 +178,11 @@ def _words(learn: Sequence[Floor], label: Sequence[Floor], *, real: bool) -> str
     )
     if real:
         return (
-            f"The log of building 79: {n_learn:,} labelled scans of its right half to learn from, "
-            f"{n_label:,} of its left half to label, 180 degrees of laser, rear beams from the "
+            f"The log of building 79: {n_learn:,} labelled training scans in its right half, "
+            f"{n_label:,} test scans in its left half, a 180 degree laser, rear beams from the "
             "local map; corridor, doorway, kitchen, office, large office and printer area."
         )
     return (
-        f"Simulated drives: {n_learn:,} steps in {len(learn)} buildings to learn from, {n_label:,} "
-        f"in {len(label)} to label, a 360° laser."
+        f"Simulated drives: {n_learn:,} training steps in {len(learn)} buildings, {n_label:,} test "
+        f"steps in {len(label)} others, a 360° laser."
     )

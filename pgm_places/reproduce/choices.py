@@ -1,4 +1,4 @@
-"""Options chosen on held-out training cells: what the chosen ones and the others do in a test."""
+"""Options chosen on held-out training cells, compared with all others on the test half."""
 
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
@@ -37,9 +37,9 @@ def run(setting: Setting) -> Outcome:
                 findings.append(finding(f"{words}, chosen", comparison.methods[0]))
         tables.append(_table(words, found, tuple(rows)))
     return Outcome(
-        setting="Building 79: contiguous blocks of the left half are held out to choose, the right "
-        "half is tested. Held-out figures are balanced accuracy over all blocks together, with the "
-        "standard deviation of single blocks.",
+        setting="Building 79: options are chosen on held-out contiguous blocks of the left half "
+        "and tested on the right half. Held-out figures are the balanced accuracy over all blocks "
+        "together, with the standard deviation over single blocks.",
         findings=tuple(findings),
         tables=tuple(tables),
     )

@@ -1,4 +1,4 @@
-"""Section 7.6: a laser that sees half the circle, on a floor that was not learned from."""
+"""Section 7.6: a laser with a half-circle view, on a floor not used in training."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ def run(setting: Setting) -> Outcome:
     way = " to ".join(DIRECTIONS[0])
     first, second = (floors[name] for name in DIRECTIONS[0])
     n_first, n_second = (sum(_n_known(item.drive) for item in part) for part in (first, second))
-    what = "Runs of the COLD campaign in Saarbruecken, from one part of the building to another"
+    what = "Runs of the COLD campaign in Saarbrücken, from one part of the building to another"
     if setting.data is None:
         what = "Simulated drives, from two buildings to two others"
     return Outcome(
@@ -93,11 +93,11 @@ def run(setting: Setting) -> Outcome:
         remarks=()
         if setting.data is None
         else (
-            "The paper's floors, at KTH, are not available. The positions here were recorded, a "
-            "metre apart; the robot is assumed to drive straight from one to the next, a scan cast "
-            "in the map every 0.1 m.",
-            "A has large rooms and a lobby that is labelled corridor, B has neither: what was "
-            "learned in B recognises only a third of the steps in A's rooms.",
+            "The paper's floors, at KTH, are not available. The positions here were recorded a "
+            "metre apart; the robot is assumed to drive straight from one to the next, with a scan "
+            "cast in the map every 0.1 m.",
+            "A has large rooms and a lobby that is labelled corridor, B has neither: a model "
+            "trained in B recognises only a third of the steps in A's rooms.",
         ),
     )
 

@@ -27,10 +27,10 @@ __all__ = ["furniture", "partial_maps", "seen_part"]
 SNAPSHOTS = ("map3", "map8", "map14")
 SHARES = (0.25, 0.5, 0.75, 1.0)
 FURNISHED = {
-    "furniture_real": "learned with furniture, tested with it",
-    "furniture_drawn": "learned without, tested without",
-    "furniture_real_to_drawn": "learned with, tested without",
-    "furniture_drawn_to_real": "learned without, tested with",
+    "furniture_real": "trained with furniture, tested with it",
+    "furniture_drawn": "trained without, tested without",
+    "furniture_real_to_drawn": "trained with, tested without",
+    "furniture_drawn_to_real": "trained without, tested with",
 }
 
 
@@ -45,7 +45,7 @@ def furniture(setting: Setting) -> Outcome:
         setting="Building 79, left half to right half, 5 cm: the real SLAM map and the same floor "
         "drawn by hand with straight walls and empty rooms.",
         findings=method_findings(found),
-        tables=(method_table("Furniture in learning and in testing", found),),
+        tables=(method_table("Furniture in training and in testing", found),),
         pictures=tuple(pictures),
         files=files,
     )
@@ -73,7 +73,7 @@ def partial_maps(setting: Setting) -> Outcome:
         files[f"{name}.png"] = label_picture(grid, labels.labels, labels.label_names)
         pictures.append(Picture(f"{name}.png", f"A snapshot taken while mapping, {name}."))
     return Outcome(
-        setting="Learned on the left half of building 79 as mapped completely; tested "
+        setting="Trained on the left half of building 79 as mapped completely; tested "
         "on what the first part of a drive saw of the right half.",
         findings=method_findings({f"{words} of the drive": item for words, item in found.items()}),
         tables=(method_table("Share of the drive that the map was made from", found),),

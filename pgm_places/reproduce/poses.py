@@ -41,8 +41,8 @@ def run(setting: Setting) -> Outcome:
     shown = comparisons["exhaustive"]
     n = shown.methods[0].evaluation.n
     return Outcome(
-        setting=f"Cells of {100 * shown.maps[0].grid.resolution_m:g} cm, 360 simulated beams, "
-        f"decision list alone; learned on the left half, tested on {n:,} cells of the right half.",
+        setting=f"{100 * shown.maps[0].grid.resolution_m:g} cm cells, 360 simulated beams, "
+        f"decision list alone; trained on the left half, tested on {n:,} cells of the right half.",
         findings=tuple(findings),
         tables=(table,),
         pictures=(

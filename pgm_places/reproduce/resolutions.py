@@ -34,7 +34,7 @@ def run(setting: Setting) -> Outcome:
             Picture(f"errors_{stem}.png", "Errors of each method."),
         ]
     return Outcome(
-        setting="Learned on the left half, tested on the right half; the list alone, then with "
+        setting="Trained on the left half, tested on the right half; the list alone, then with "
         "relaxation, then with an AMN.",
         findings=findings,
         tables=(_table(found),),
@@ -51,9 +51,9 @@ def fine(setting: Setting) -> Outcome:
     last = found[sides[-1]]
     nodes = int((last.maps[0].layout.from_raster(last.maps[0].truth) >= 0).sum())
     return Outcome(
-        setting="Building 79 as the COLD campaign mapped it, in cells of 2 cm, from one half to "
-        "the other; the lists are trained on 20,000 cells drawn at random, the methods "
-        f"learn from all cells. At {_centimetres(sides[-1])} {nodes:,} cells are tested.",
+        setting="Building 79 as the COLD campaign mapped it, in 2 cm cells, from one half to "
+        "the other; the lists are trained on 20,000 cells drawn at random, the methods on all "
+        f"cells. At {_centimetres(sides[-1])}, {nodes:,} cells are tested.",
         findings=_findings(found, {}),
         tables=(_table(found),),
         pictures=(
@@ -61,7 +61,7 @@ def fine(setting: Setting) -> Outcome:
             Picture("errors.png", "Errors of each method."),
         ),
         files={"labels.png": label_sheet(last), "errors.png": error_sheet(last)},
-        remarks=() if finest == 0 else ("Generated buildings have cells of 5 cm at the finest.",),
+        remarks=() if finest == 0 else ("The finest cells of generated buildings are 5 cm.",),
     )
 
 

@@ -18,7 +18,7 @@ __all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]
 BLOCK_M = 5.0
 """Stretch of path that the bootstrap resamples as a block: nearer steps err together."""
 
-ALONE = "each scan alone"
+ALONE = "single scans"
 MODES: Mapping[str, str] = {"filter": "filter", "smooth": "smoother", "viterbi": "Viterbi"}
 """The modes of the hidden Markov model, and what tables call them."""
 

@@ -1,4 +1,4 @@
-"""Section 7.3: places, doors and connections of a labelled map, counted against the truth's."""
+"""Section 7.3: places, doors and connections of a labelled map, compared with the truth."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -64,8 +64,8 @@ def run(setting: Setting) -> Outcome:
             caption = "Topological map of the ground truth."
         pictures.append(Picture(name, caption))
     return Outcome(
-        setting=f"Cells of {100 * item.grid.resolution_m:g} cm; learned on the left half; "
-        "regions, doors and connections of the right half, counted against those of the ground "
+        setting=f"{100 * item.grid.resolution_m:g} cm cells; trained on the left half; "
+        "regions, doors and connections of the right half, compared with those of the ground "
         "truth.",
         findings=tuple(
             _doorways(method, name, found)
@@ -76,8 +76,8 @@ def run(setting: Setting) -> Outcome:
         pictures=tuple(pictures),
         files=files,
         remarks=(
-            "A doorway is found where a found doorway holds a tenth of it; a room or a corridor "
-            "where a found one holds most of it and no other. Gaps of up to 0.3 m between the "
+            "A true doorway is found if a predicted one covers a tenth of it; a room or a corridor "
+            "if a predicted one covers most of it and of no other. Gaps of up to 0.3 m between the "
             "labels of the ground truth are filled first, and its specks are dropped by the "
             "same rules.",
         ),
@@ -108,7 +108,7 @@ def topology_table(
             rows.append(_row(method, words, scores[method, name]))
             if name == "further":
                 maps[method] = found
-    caption = f"{item.name}: places and connections found, against those of the ground truth"
+    caption = f"{item.name}: places and connections found, compared with the ground truth"
     return Table(caption, HEADING, tuple(rows)), maps, scores
 
 

@@ -1,4 +1,4 @@
-"""Section 7.4: classifiers in buildings that they were not learned from."""
+"""Section 7.4: classifiers in buildings that they were not trained on."""
 
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
@@ -47,7 +47,7 @@ def run(setting: Setting) -> Outcome:
             files["unlabelled.png"] = _labels(labeler, grid, "adaboost")
             pictures.append(
                 Picture(
-                    "unlabelled.png", "Learned on building 52, the list alone (paper, Fig. 10)."
+                    "unlabelled.png", "Trained on building 52, the list alone (paper, Fig. 10)."
                 )
             )
         if name == "transfer_79_52":
@@ -56,13 +56,13 @@ def run(setting: Setting) -> Outcome:
             pictures += [
                 Picture(
                     "unlabelled_topology.png",
-                    f"Learned on buildings 79 and 52, with {SHOWN}: the topological map (compare "
+                    f"Trained on buildings 79 and 52, with {SHOWN}: the topological map (compare "
                     "the paper's Fig. 11, of another building).",
                 ),
                 Picture("confusion.png", f"{words}: confusion between places."),
             ]
     return Outcome(
-        setting="Every method learned on whole buildings and tested on another one; the Intel "
+        setting="Every method is trained on whole buildings and tested on another one; the Intel "
         "Research Lab has no ground truth here, so there are pictures only.",
         findings=method_findings(found),
         tables=(method_table("Transfer between buildings", found), _by_map(found)),
