@@ -68,6 +68,7 @@ class Relaxation:
     """
 
     uses_node_features: ClassVar[bool] = False
+    learns_from_labels: ClassVar[bool] = True
 
     max_iterations: Whole = 50
     tolerance: AtLeastZero = 1e-4

@@ -88,9 +88,8 @@ class MethodConfig:
 
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
     sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places), or
-    ``"auto"``: space where there is a table ``[space]``, else context where there is one, else
-    laser, the same for every method. AdaBoost alone, the paper's, is ``independent`` with
-    ``unary = "laser"``.
+    ``"auto"``: space, the same for every method. AdaBoost alone, the paper's, is ``independent``
+    with ``unary = "laser"``.
     """
 
     name: str
@@ -117,7 +116,7 @@ class ExperimentConfig:
     sensor: Sensor = field(default_factory=Sensor)
     classifier: ClassifierOptions = field(default_factory=ClassifierOptions)
     context: ContextOptions = field(default_factory=ContextOptions)
-    space: SpaceOptions | None = None
+    space: SpaceOptions = field(default_factory=SpaceOptions)
     topology: TopologyOptions = field(default_factory=TopologyOptions)
     train: Annotated[tuple[MapConfig, ...], MinLen(1)]
     test: tuple[MapConfig, ...] = ()
@@ -138,8 +137,6 @@ def _check_methods(config: ExperimentConfig) -> None:
     wants = any(method.unary == "context" for method in config.methods)
     if wants and not config.context.half_widths_m:
         raise ConfigError("a method has unary = 'context' but [context] half_widths_m is empty")
-    if config.space is None and any(method.unary == "space" for method in config.methods):
-        raise ConfigError("a method has unary = 'space' but there is no table [space]; add one")
     ids = [method.id for method in config.methods]
     twice = sorted({name for name in ids if ids.count(name) > 1})
     if twice:

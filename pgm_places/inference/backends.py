@@ -4,7 +4,8 @@ A backend is a frozen dataclass. Its fields are its options, its defaults are th
 docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and
 are NumPy arrays or None; they are saved with the model and are no options. One that never looks at
 a problem's node features says so with a class attribute ``uses_node_features = False``, one that
-labels nothing but chains with ``chains_only = True``.
+labels nothing but chains with ``chains_only = True``, and one whose ``fit`` looks at labels alone,
+not at what classifiers say of the nodes, with ``learns_from_labels = True``.
 """
 
 import dataclasses

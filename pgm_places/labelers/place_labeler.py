@@ -49,6 +49,7 @@ __all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 
 Connectivity = Literal[4, 8]
 SENSOR = Sensor()
+SPACE = SpaceOptions()
 
 
 class PlaceLabeler(Labeler):
@@ -125,7 +126,7 @@ class PlaceLabeler(Labeler):
         classifier: "DecisionListClassifier | None" = None,
         connectivity: Connectivity = 8,
         context_m: WindowsM = (),
-        space: SpaceOptions | None = None,
+        space: SpaceOptions | None = SPACE,
         learn_on: LearnOn = "out-of-fold",
         n_folds: NumberOfFolds = 5,
         n_node_features: NumberOfNodeFeatures = 30,

@@ -62,11 +62,12 @@ class LabelledNodes:
         label_names: tuple[str, ...],
         scores: Sequence[CellScores] | None,
     ) -> Self:
-        """Those of maps, whose scores are in the order of their nodes; none without scores."""
-        if scores is None:
-            return cls(label_names, (), (), ())
+        """Those of maps, with scores in the order of their nodes; without, no values."""
         graphs = tuple(item.graph(connectivity=connectivity, labelled_only=True) for item in maps)
         truths = tuple(item.truth(graph) for item, graph in zip(maps, graphs, strict=True))
+        if scores is None:
+            nothing = [np.broadcast_to(0.0, (len(part), len(label_names))) for part in truths]
+            scores = [CellScores(part, part, part, None) for part in nothing]
         return cls(label_names, graphs, truths, tuple(scores))
 
     def problems(self, unary: str) -> list[LabelingProblem]:
@@ -89,8 +90,9 @@ def movement_of(
 
 
 def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
-    """Whether any method learns from the scores of cells."""
-    return any(isinstance(method.backend, Learnable) for method in methods.values())
+    """Whether any method learns from the scores of cells, not from their labels alone."""
+    learners = [item.backend for item in methods.values() if isinstance(item.backend, Learnable)]
+    return not all(getattr(backend, "learns_from_labels", False) for backend in learners)
 
 
 def learn_methods(

@@ -51,12 +51,13 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         "context_m": list(unary.context_m),
         "classifier": dump_list(arrays, "classifier", unary.classifier),
         "context_classifier": None if second is None else dump_list(arrays, "context", second),
-        "space": None if unary.space is None else _dump_space(arrays, unary.space),
         "methods": [
             _dump_method(arrays, name, method) for name, method in labeler.methods_.items()
         ],
         "movement": None if movement is None else dump_backend(arrays, "movement", movement),
     }
+    if unary.space is not None:
+        manifest["space"] = _dump_space(arrays, unary.space)
     return manifest, arrays
 
 

@@ -84,7 +84,7 @@ def partial_maps(setting: Setting) -> Outcome:
 
 _WITHOUT_NETWORK = [
     {"name": "independent", "id": "adaboost", "unary": "laser", "options": {}},
-    {"name": "relaxation", "id": "relaxation", "options": {}},
+    {"name": "relaxation", "id": "relaxation", "unary": "context", "options": {}},
 ]
 
 

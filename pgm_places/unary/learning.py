@@ -141,6 +141,7 @@ def fit_unary(
             with_explicit_order(space.classifier(), cells.truth),
             found.columns,
             "all" if with_scores else "none",
+            space.max_examples_per_map,
         )
     model = UnaryModel(
         sensor,
@@ -200,11 +201,16 @@ class _Learner:
         unfitted: "DecisionListClassifier",
         extra: Extra | None = None,
         scored: Literal["all", "examples", "none"] = "all",
+        limit: int | None = None,
     ) -> _Learned:
-        """A list fitted on all examples, and the scores of all cells, of the examples, or none."""
+        """A list fitted on the examples, and the scores of all cells, of the examples, or none.
+
+        With ``limit`` it is fitted on at most that many examples of each map.
+        """
         cells, examples = self.cells, self.cells.examples
-        values = _beside(cells.features, examples, extra)
-        truth, groups = cells.truth[examples], cells.groups[examples]
+        some = slice(None) if limit is None else cells.some_examples(limit)
+        values = _beside(cells.features[some], examples[some], extra)
+        truth, groups = cells.truth[examples[some]], cells.groups[examples[some]]
         with self.progress.stage(name):
             fitted = _like(unfitted).fit(values, truth, groups=groups)
         empty = np.empty((0, self.n_labels))

@@ -103,6 +103,9 @@ class SpaceOptions(ListOptions):
     ----------
     doorway_label : str
         The label of doorways; without one among the labels, no opening is taken for a doorway.
+    max_examples_per_map : int
+        Train the list on a random choice of at most this many of each map's examples: trees take
+        longer than stumps, and neighbouring cells tell them little new.
     """
 
     n_rounds: Annotated[int, Ge(1), Le(100_000)] = 150
@@ -110,6 +113,7 @@ class SpaceOptions(ListOptions):
     shrinkage: Annotated[float, Gt(0), Le(1)] = 0.3
     prior_weight: PriorWeight = 0.5
     doorway_label: str = "doorway"
+    max_examples_per_map: NumberOfExamples = 20_000
 
     def classifier(self) -> "DecisionListClassifier":
         """The unfitted list, which asks for the rarest label first."""

@@ -89,6 +89,12 @@ class TrainingCells:
         """(n,) numbers of the examples, ascending."""
         return np.flatnonzero(self.chosen)
 
+    def some_examples(self, limit: int) -> NDArray[np.int64]:
+        """Which of the examples to take for at most ``limit`` of each map, drawn by chance."""
+        ends = np.cumsum(self.sizes)[:-1]
+        sizes = [int(part.sum()) for part in np.split(self.chosen, ends)]
+        return np.flatnonzero(_chosen(sizes, limit))
+
     def cells_rc(self) -> list[NDArray[np.int64]]:
         """(N_m, 2) row and column of each map's cells."""
         return [np.argwhere(item.labelled_cells) for item in self.maps]

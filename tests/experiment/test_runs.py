@@ -88,10 +88,9 @@ def test_every_method_starts_from_the_same_unary_unless_told_otherwise() -> None
         {"name": "relaxation"},
         {"name": "independent", "id": "adaboost", "unary": "laser"},
     ]
-    for widths, auto in (([0.5], "context"), ([], "laser")):
-        labeler = make_labeler(config(context={"half_widths_m": widths}, methods=methods))
-        unaries = [method.unary for method in labeler.resolved_methods().values()]
-        assert unaries == [auto, auto, "laser"]
+    labeler = make_labeler(config(methods=methods))
+    unaries = [method.unary for method in labeler.resolved_methods().values()]
+    assert unaries == ["space", "space", "laser"]
 
 
 @pytest.mark.parametrize(

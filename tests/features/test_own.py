@@ -97,6 +97,7 @@ def unfitted(*features: object) -> PlaceLabeler:
         classifier=DecisionListClassifier(n_rounds=5, order="rarest-first"),
         learn_on="in-sample",
         features=features,
+        space=None,
     )
 
 
@@ -162,6 +163,7 @@ def test_the_list_with_context_sees_them_too(known: LabelledMap) -> None:
         context_m=(0.3,),
         n_folds=2,
         features=[Shortest()],
+        space=None,
     ).fit([known])
     assert labeler.unary_model_.context_classifier is not None
     assert labeler.unary_model_.context_classifier.n_features == 321 + 1 + 2

@@ -294,14 +294,19 @@ def test_a_search_chooses_among_options_of_methods() -> None:
 
 def test_all_methods_start_from_the_same_unary_unless_told_otherwise() -> None:
     methods = {"independent": "independent", "potts": "potts"}
-    labeler = PlaceLabeler(NAMES, methods, SENSOR, QUICK, context_m=(0.5,), n_folds=2)
+    for options, auto in (
+        ({}, "space"),
+        ({"context_m": (0.5,)}, "space"),
+        ({"context_m": (0.5,), "space": None}, "context"),
+        ({"space": None}, "laser"),
+    ):
+        resolved = PlaceLabeler(NAMES, methods, **options).resolved_methods()
+        assert [method.unary for method in resolved.values()] == [auto, auto]
+    labeler = PlaceLabeler(NAMES, methods, SENSOR, QUICK, context_m=(0.5,), space=None, n_folds=2)
     labeler.fit([known(0)])
-    assert [method.unary for method in labeler.methods_.values()] == ["context", "context"]
     alone, other = (labeler.problem(known(0).grid, method=name) for name in methods)
     np.testing.assert_array_equal(alone.unary, other.unary)
 
-    plain = PlaceLabeler(NAMES, methods, SENSOR, QUICK, n_folds=2).fit([known(0)])
-    assert [method.unary for method in plain.methods_.values()] == ["laser", "laser"]
     told = labeler.set_params(methods={"alone": PlaceMethod("independent", "laser")})
     assert told.fit([known(0)]).unary_model_.context_classifier is None  # nobody asks for it
 

@@ -165,6 +165,7 @@ def test_lists_may_be_trained_on_a_part_of_each_map(known: LabelledMap) -> None:
         NAMES,
         classifier=DecisionListClassifier(n_rounds=10, order="rarest-first"),
         max_examples_per_map=300,
+        space=None,
     )
     labeling = few.fit([known]).label(known.grid)
     truth = known.truth(known.graph())
@@ -178,7 +179,8 @@ def test_noise_changes_scans_but_not_from_run_to_run(known: LabelledMap) -> None
     from pgm_places import SensorNoise
 
     noisy = Sensor(noise=SensorNoise(sigma_m=0.05, p_random=0.01, p_max=0.01, seed=3))
-    plain = PlaceLabeler(NAMES, classifier=DecisionListClassifier(5, order="rarest-first"))
+    few = DecisionListClassifier(5, order="rarest-first")
+    plain = PlaceLabeler(NAMES, classifier=few, space=None)
     first, second = (
         plain.with_options(sensor=noisy).fit([known]).label(known.grid) for _ in range(2)
     )

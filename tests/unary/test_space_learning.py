@@ -1,0 +1,123 @@
+"""Learning from spaces: gates judged without their building, and a labeler that sees spaces."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save
+from pgm_places.datasets import generate_building
+from pgm_places.errors import ConfigError
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Silent
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.map_model import UNARIES
+from pgm_places.unary.options import ClassifierOptions, SpaceOptions
+from pgm_places.unary.space_learning import learn_spaces
+from pgm_places.unary.training_cells import TrainingCells
+
+NAMES = ("corridor", "room", "doorway")
+FEW = SpaceOptions(n_rounds=20, max_examples_per_map=2000)
+
+
+def building(seed: int) -> LabelledMap:
+    found = generate_building(seed, size="small")
+    return LabelledMap(found.grid, found.labels, name=f"building {seed}")
+
+
+@pytest.fixture(scope="module")
+def known() -> list[LabelledMap]:
+    return [building(seed) for seed in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def labeler(known: list[LabelledMap]) -> PlaceLabeler:
+    methods = {"laser": "independent", "space": "independent"}
+    few = ClassifierOptions(n_rounds=10).classifier(NAMES)
+    return PlaceLabeler(
+        NAMES, methods, classifier=few, space=FEW, n_folds=2, max_examples_per_map=3000
+    ).fit(known)
+
+
+def test_it_labels_a_building_that_it_has_not_seen(labeler: PlaceLabeler) -> None:
+    other = building(4)
+    found = labeler.label(other.grid, method="space")
+    figures = evaluate(other.truth(other.graph()), found.labels, NAMES)
+    assert figures.accuracy > 0.95
+    assert figures.balanced_accuracy > 0.85
+
+
+def test_probabilities_sum_to_one(labeler: PlaceLabeler) -> None:
+    _, scores = labeler.scores(building(4).grid)
+    assert scores.space is not None
+    np.testing.assert_allclose(np.exp(scores.space).sum(axis=1), 1.0, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_threads_do_not_change_a_bit(labeler: PlaceLabeler, n_threads: int) -> None:
+    grid = building(4).grid
+    _, scores = labeler.scores(grid, n_threads=n_threads)
+    _, reference = labeler.scores(grid, n_threads=2)
+    np.testing.assert_array_equal(scores.space, reference.space, strict=True)
+
+
+def test_saved_and_loaded_it_says_the_same(labeler: PlaceLabeler, tmp_path: Path) -> None:
+    grid = building(4).grid
+    again = load(save(labeler, tmp_path / "model"))
+    _, before = labeler.scores(grid)
+    _, after = again.scores(grid)
+    np.testing.assert_array_equal(before.space, after.space, strict=True)
+
+
+def test_gates_are_judged_by_lists_that_have_not_seen_their_building(
+    known: list[LabelledMap],
+) -> None:
+    def learned(maps: list[LabelledMap]) -> np.ndarray:
+        cells = TrainingCells.of(maps, Sensor(), limit=200, progress=Silent())
+        return learn_spaces(cells, 2, None, Silent()).spaces[0].probability
+
+    turned = LabelledMap(
+        known[0].grid, np.where(known[0].labels == 2, 1, known[0].labels), name="no doors"
+    )
+    # Other labels of the building itself do not change what is said of its gates.
+    np.testing.assert_array_equal(learned(known), learned([turned, *known[1:]]))
+
+
+def test_without_a_label_of_doorways_no_gate_is_one(known: list[LabelledMap]) -> None:
+    labels = np.where(known[0].labels == 2, 0, known[0].labels)
+    plain = LabelledMap(known[0].grid, labels)
+    fitted = PlaceLabeler(NAMES[:2], space=FEW, max_examples_per_map=1000).fit([plain])
+    model = fitted.unary_model_.space
+    assert model is not None
+    assert model.gates is None
+    assert not model.spaces(plain.grid).places.accepted.any()
+    truth = plain.truth(plain.graph())
+    assert (fitted.label(plain.grid).labels == truth)[truth >= 0].mean() > 0.9
+
+
+def test_a_map_of_one_open_space_has_no_gates() -> None:
+    cells = np.zeros((30, 40), np.int8)
+    labels = np.where(np.arange(40) < 20, 0, 1) * np.ones((30, 1), np.int16)
+    item = LabelledMap(OccupancyGrid(cells, resolution_m=0.1), labels)
+    few = ClassifierOptions(n_rounds=1).classifier(NAMES[:2])
+    fitted = PlaceLabeler(NAMES[:2], classifier=few, space=SpaceOptions(n_rounds=2)).fit([item])
+    assert fitted.unary_model_.space is not None
+    assert not len(fitted.unary_model_.space.spaces(item.grid).gates)
+    assert len(fitted.label(item.grid).labels) == cells.size
+
+
+def test_only_what_a_method_wants_is_computed(labeler: PlaceLabeler) -> None:
+    grid = building(4).grid
+    graph, scores = labeler.scores(grid, methods=["space"])
+    assert scores.laser is None
+    model = labeler.unary_model_
+    for name in UNARIES:
+        part = getattr(model.scores(grid, graph, unaries=[name]), name)
+        assert (part is None) == (name == "context")
+
+
+def test_a_method_that_wants_spaces_needs_their_options() -> None:
+    with pytest.raises(ConfigError, match="wants unary='space' but space is None"):
+        from pgm_places import PlaceMethod
+
+        PlaceLabeler(NAMES, {"a": PlaceMethod("independent", "space")}, space=None).check_options()
