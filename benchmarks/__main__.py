@@ -1,7 +1,7 @@
 """Run benchmarks and write ``docs/benchmarks.md``: ``python -m benchmarks [topics] [--quick]``.
 
-Each topic's section is kept, so that the page holds them all whichever ran last; with ``--quick``
-nothing is kept.
+Each topic's section is kept, so that the page always contains all of them; with ``--quick`` nothing
+is kept.
 """
 
 import argparse
@@ -31,22 +31,23 @@ TOPICS = (
 )
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each topic wrote last
-NOTES = FOLDER / "notes.md"  # what was aimed at, and what stands in the way
+NOTES = FOLDER / "notes.md"  # the targets, and what limits those that were missed
 PAGE = FOLDER.parent / "docs" / "benchmarks.md"
 HEAD = """\
 # Benchmarks
 
 Each table compares methods side by side in one run on the same data.
-Machines differ and shared ones are noisy: look at the ratios, and compare only within a table. The
+Machines differ and shared ones are noisy: look at ratios, and compare only within a table. The
 sections were measured at different times on a shared machine whose speed varied by a factor of 3.
 Times are medians of repeated runs after a warm-up that compiles the kernels: processor time on one
 thread, wall clock on several, unless a column says otherwise.
 
 """
 HOW_TO_RUN = """\
-All of it: `make bench` or `python -m benchmarks`. A peer that is not installed is left out of its
-table; `pip install lightgbm "opencv-python-headless<5" hmmlearn PyMaxflow gco-wrapper ortools pgmax
-"jax<0.7"` brings them all (some are GPL: yardsticks here, never dependencies).
+To run all of them: `make bench` or `python -m benchmarks`. Peers that are not installed are omitted
+from the tables; `pip install lightgbm "opencv-python-headless<5" hmmlearn PyMaxflow gco-wrapper
+ortools pgmax "jax<0.7"` installs them all (some are GPL: used for comparison only, never as
+dependencies).
 """
 
 

@@ -1,12 +1,12 @@
 """Learning an associative Markov network.
 
-The left half of building 79 at 20 cm and at 5 cm where the data is there, else the generated
+The left half of building 79 at 20 cm and at 5 cm if the data is available, otherwise the generated
 building; scores and features come from a boosted list, options are the defaults. ``objective`` is
-rigorous for every method: the QPs' is repaired, the others' is bounded by TRW-S at the learned
-weights. ``gap`` is that objective against the lower bound of the same row, ``over best`` against
-the largest lower bound of all rows; seconds are of the processor, without features and
-certificate. ``peak`` is the memory of a fresh process after learning. The compact QP is left out
-where it takes minutes and gigabytes.
+rigorous for every method: that of the QPs is made feasible, that of the others is bounded by TRW-S
+at the learned weights. ``gap`` compares it with the lower bound of the same row, ``over best`` with
+the largest lower bound of all rows. Seconds are processor time, without features and certificate.
+``peak`` is the memory of a fresh process after learning. The compact QP is omitted where it would
+take minutes and gigabytes.
 """
 
 import sys

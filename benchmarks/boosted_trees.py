@@ -1,10 +1,10 @@
 """Boosting small trees: gentle AdaBoost, 20 rounds.
 
-Doorways against all others on the 321 features of the cells of building 79 at 5 cm where the data
-is there, else of the generated building. Trees of D levels have at most 2^D leaves. Seconds are of
-the processor, on one thread. LightGBM and scikit-learn's histogram gradient boosting grow trees of
-as many leaves and levels from 255 bins with a logistic loss, leaf by leaf. The latter's rounds are
-the difference of two runs; what is left is preparation.
+Doorways against all other labels, on the 321 features of the cells of building 79 at 5 cm if the
+data is available, otherwise of the generated building. Trees of D levels have at most 2^D leaves.
+Seconds are processor time on one thread. LightGBM and scikit-learn's histogram gradient boosting
+grow trees with the same numbers of leaves and levels, leaf by leaf, from 255 bins with a logistic
+loss. For the latter, the time of the rounds is the difference of two runs; the rest is preparation.
 """
 
 import sys

@@ -1,11 +1,12 @@
 """Boosting decision stumps: generalized AdaBoost, 100 rounds.
 
-One class against all others on the 321 features of the cells of building 79 at 5 cm where the data
-is there, else of the generated building. Seconds are of the processor on one thread and of the
-wall clock on several. Methods marked ``*`` were run for fewer rounds and their time per round was
-multiplied. ``same stumps`` counts the rounds, among those the exhaustive sweep was run for, with
-the very stump it found. LightGBM's stumps come from 255 bins and a logistic loss: another model,
-for its speed. ``bytes`` is what is kept beside the float32 matrix, per example and feature.
+One class against all others, on the 321 features of the cells of building 79 at 5 cm if the data is
+available, otherwise of the generated building. Seconds are processor time on one thread and wall
+clock on several. Methods marked ``*`` were run for fewer rounds and their time per round was
+extrapolated. ``same stumps`` counts the rounds, among those that the exhaustive sweep was run for,
+in which the stump is identical. LightGBM's stumps use 255 bins and a logistic loss: a different
+model, listed for its speed. ``bytes`` is the memory per example and feature in addition to the
+float32 matrix.
 """
 
 import statistics

@@ -1,13 +1,13 @@
 """Ray casting.
 
-360 beams from every free cell, up to 30 m, of the drawn and the real map of building 79 at 5 cm
-where the data is there, else of the generated building. ``sweep`` is what the package does, to rows
-(cell, beam) of a buffer that is reused as in streaming; ``sweep, one row`` is the same work written
-over a single row, without the traffic to memory; ``cast_cells`` is the public function, which
-returns fresh memory. ``DDA`` follows each ray from cell to cell (numba), ``stepper`` marches in
-steps of one cell as the simulator of CARMEN does; both are timed on a sample of the cells.
-``floor`` writes as many bytes. Millions of rays a second are of the processor's time on one thread
-and of the wall clock on several; errors are in cells against the DDA, over the sample.
+360 beams from every free cell, up to 30 m, of the drawn and the real map of building 79 at 5 cm if
+the data is available, otherwise of the generated building. ``sweep`` is what the package does,
+writing rows (cell, beam) to a buffer that is reused as in streaming; ``sweep, one row`` is the same
+work written over a single row, without memory traffic; ``cast_cells`` is the public function, which
+returns new memory. ``DDA`` follows each ray from cell to cell (numba), ``stepper`` marches in steps
+of one cell as CARMEN's simulator does; both are timed on a sample of the cells. ``floor`` writes as
+many bytes. Millions of rays per second refer to processor time on one thread and to wall clock on
+several; errors are in cells, relative to the DDA, over the sample.
 """
 
 import os

@@ -1,13 +1,13 @@
 """Laser features.
 
-Scans of 360 beams cast from every free cell of the real map of building 79 at 5 cm where the data
-is there, else of the generated building, in single precision. A subset of columns is a random
-choice; ``low orders`` are ``f16`` up to order 10 in both directions. ``NumPy`` is the same
-definitions in vectorised double precision, in blocks of 64 scans. ``floor`` copies the scans and
-writes as many results. Microseconds are of the processor on one thread and of the wall clock on
-several; ``largest difference`` is that to NumPy, relative for values above 1. The last table
-compares two families with plain compiled loops that take one scan at a time, without the lanes and,
-for the Fourier orders, without the reuse of powers that the lanes make worth while.
+Scans of 360 beams cast from every free cell of the real map of building 79 at 5 cm if the data is
+available, otherwise of the generated building, in single precision. A subset of columns is a random
+selection; ``low orders`` are ``f16`` up to order 10 in both directions. ``NumPy`` implements the
+same definitions in vectorised double precision, in blocks of 64 scans. ``floor`` copies the scans
+and writes as many results. Microseconds are processor time on one thread and wall clock on several;
+``largest difference`` is the one from NumPy, relative for values above 1. The last table compares
+two families with plain compiled loops over one scan at a time, without lanes and, for the Fourier
+orders, without the reuse of powers that lanes make worthwhile.
 """
 
 import statistics

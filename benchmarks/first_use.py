@@ -1,10 +1,11 @@
-"""First use: what a user waits for before anything has been compiled.
+"""First use: waiting times before anything has been compiled.
 
-The commands run in fresh processes on the real map of building 79 at 5 cm where the data is there,
-else on the generated building; ``cold`` starts with an empty folder of compiled kernels, ``warm``
-with one that a run has filled. A cold run compiles later stages in a second process unless it may
-use one thread only. Processor seconds are those of both processes. The second table compiles each
-stage alone, in one fresh process: imports, then all kernels of the stage, in processor seconds.
+The commands run in fresh processes on the real map of building 79 at 5 cm if the data is available,
+otherwise on the generated building; ``cold`` starts with an empty cache of compiled kernels,
+``warm`` with one that a previous run has filled. A cold run compiles later stages in a second
+process unless it is limited to one thread. Processor seconds include both processes. The second
+table compiles each stage separately, in a fresh process: imports, then all kernels of the stage, in
+processor seconds.
 """
 
 import json

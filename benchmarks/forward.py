@@ -1,10 +1,9 @@
 """Hidden Markov filter, smoother and Viterbi, 6 labels.
 
-A random chain and random log-likelihoods, all methods on the same. ``hmmlearn`` runs its compiled
-forward pass (scaled, from likelihoods that are exponentials already; and in logarithms),
-forward-backward and Viterbi on the same chain;
-``NumPy loop`` is the filter's two lines per step. Processor seconds, one thread;
-``difference`` is the largest of any belief against ours.
+A random chain and random log-likelihoods, the same for all methods. ``hmmlearn`` runs its compiled
+forward pass (scaled, from likelihoods that are already exponentials; and in logarithms),
+forward-backward and Viterbi on the same chain; ``NumPy loop`` is the filter in two lines per step.
+Processor seconds on one thread; ``difference`` is the largest difference of any belief from ours.
 """
 
 import statistics

@@ -1,12 +1,12 @@
-"""Decoding pairwise models: every decoder, and what users would take otherwise.
+"""Decoding pairwise models: every decoder, and alternatives from other packages.
 
-``AMN`` is the associative Markov network learned on the left half of building 79 and decoded on
-all of it; ``noise`` is the same graph with hard random unaries and one reward for all labels,
-where neighbours matter more than the classifier. No tree or chain is among them, so ``exact`` is
-not. Without the data the generated building is used.
-Seconds are of the processor on one thread, warm; ``gap`` is the share of the score by which the
-best known bound lies above the method's score. Peers' expansions are NumPy around their cut, with
-the seconds inside the cut beside; ``ratio`` is to ours.
+``AMN`` is the associative Markov network trained on the left half of building 79 and decoded on all
+of it; ``noise`` is the same graph with hard random unaries and one reward for all labels, where
+neighbours matter more than the classifier. None of them is a tree or chain, so ``exact`` is not
+included. Without the data, the generated building is used.
+Seconds are processor time on one thread, with compiled kernels; ``gap`` is the share of the score
+by which the best known bound exceeds the method's score. The peers' expansions are NumPy code
+around their cut, with the time of the cut listed separately; ``ratio`` is relative to ours.
 """
 
 import statistics

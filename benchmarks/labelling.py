@@ -1,7 +1,7 @@
 """Labelling a whole map: load, cast, features, classify.
 
-The real map of building 79 at 5 cm where the data is there, else the generated building; the list
-is trained on the same map.
+The real map of building 79 at 5 cm if the data is available, otherwise the generated building; the
+list is trained on the same map.
 """
 
 import os

@@ -4,7 +4,7 @@ Squares filled with generated floors at 5 cm, written as an image and labelled f
 fresh process: load, cast, features, classify, infer, write the label image. The lists are trained
 on one floor; ``relaxation`` and ``independent`` start from laser features (AdaBoost alone),
 ``relaxation, context`` from the list that also sees its surroundings. Peak memory is that of the
-whole process, Python and its libraries included.
+whole process, including Python and its libraries.
 """
 
 import json

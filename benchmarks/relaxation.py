@@ -1,11 +1,12 @@
 """Relaxation labelling, 100 iterations.
 
-Building 79 at 5 cm where the data is there, else the generated building, and the same floor tiled
-into a larger map; 3 labels and walls, a third of the labels wrong at the start. All methods do the
-same 100 updates in single precision. ``floor: planes`` reads and writes the raster's planes of
-beliefs once per iteration, which an update of whole planes cannot beat; ``floor: nodes`` reads and
-writes the beliefs of the free cells only. Seconds are of the processor on one thread and of the
-wall clock on several; ``difference`` is the largest one of any belief against the first method.
+Building 79 at 5 cm if the data is available, otherwise the generated building, and the same floor
+tiled into a larger map; 3 labels and walls, with a third of the labels wrong at the start. All
+methods perform the same 100 updates in single precision. ``floor: planes`` reads and writes the
+raster's planes of beliefs once per iteration, which no update of whole planes can beat; ``floor:
+nodes`` reads and writes only the beliefs of the free cells. Seconds are processor time on one
+thread and wall clock on several; ``difference`` is the largest difference of any belief from the
+first method.
 """
 
 import statistics

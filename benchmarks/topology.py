@@ -1,10 +1,10 @@
 """Places of a labelled map: regions, corrections, outlines, connections.
 
-The labels are those of the real building 79 at 5 cm where the data is there, else of the generated
-building, with 2 % of the cells given a random label, so that there is something to correct. The
-large map is the generated building, many times over. Compare with SciPy's ``label``, once per
-class: the connected components alone. Processor seconds on one thread; memory is the process's
-largest.
+The labels are those of the real building 79 at 5 cm if the data is available, otherwise of the
+generated building, with 2 % of the cells given a random label so that there is something to
+correct. The large map is the generated building, repeated many times. SciPy's ``label``, called
+once per class, is listed for comparison: it finds the connected components only. Processor seconds
+on one thread; memory is the peak of the process.
 """
 
 import resource

@@ -1,10 +1,10 @@
 """Tracking a robot scan by scan, and whole logs.
 
 A simulated robot with a laser of 360 beams over 180 degrees drives through a generated building;
-the list has 100 rounds for each of 3 labels. ``online step`` is all of it: from a raw scan to a
-belief; the parts below it are measured on their own, ``all 321 features`` beside those that the
-list asks for. Milliseconds of wall clock on one thread, median and 99th percentile over the scans,
-and the median of the processor's time.
+the list has 100 rounds for each of 3 labels. ``online step`` is the complete step from a raw scan
+to a belief; its parts are measured separately below, with ``all 321 features`` next to those that
+the list needs. Wall-clock milliseconds on one thread, median and 99th percentile over the scans,
+and the median of the processor time.
 """
 
 import time
