@@ -85,7 +85,7 @@ def generated(first_seed: int, per_style: int) -> Iterator[Table]:
 
 METHODS = """\
 [[methods]]
-id = "trees"
+id = "adaboost"
 name = "independent"
 
 [[methods]]
