@@ -1,4 +1,4 @@
-"""Places found, missed and invented per method of a configuration, with and without corrections.
+"""Places found, missed and invented per method of a configuration, by corrections and by gates.
 
 ``python experiments/topology.py CONFIG.toml [--pictures FOLDER]`` prints a Markdown table per test
 map; found places are those of the window that was tested.
@@ -11,7 +11,8 @@ import numpy as np
 
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.runs import compare
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.markdown import markdown_table
 from pgm_places.reproduce.topology import topology_table
@@ -24,14 +25,21 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path)
     arguments = parser.parse_args()
     path = arguments.config.resolve()
-    found = compare(Experiment(load_config(path), path.parent))
+    experiment = Experiment(load_config(path), path.parent)
+    tests = load_maps(experiment, "test")
+    experiment, labeler = train(experiment)
+    found, space = compare_fitted(experiment, labeler, tests), labeler.unary_model_.space
     for k, item in enumerate(found.maps):
         answers = {
             method.id: item.layout.to_raster(method.labelings[k].labels.astype(np.int16), fill=-1)
             for method in found.methods
         }
-        table, maps, _ = topology_table(item, answers, found.label_names)
-        print(f"\n{table.caption}\n\n{markdown_table(table)}")
+        doorways = None if space is None else space.spaces(item.grid).doorways
+        table, maps, _ = topology_table(item, answers, found.label_names, doorways)
+        print(f"\n{table.caption}\n\n{markdown_table(table)}\n")
+        for method in found.methods:
+            doors = method.doors[k]
+            print(f"doors of {method.id}: {doors.found} / {doors.missed} / {doors.invented}")
         if arguments.pictures is not None:
             folder = arguments.pictures / item.name
             folder.mkdir(parents=True, exist_ok=True)

@@ -12,6 +12,7 @@ from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
+from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.region_scores import RegionScores, fill_labels, score_regions
@@ -85,7 +86,10 @@ def run(setting: Setting) -> Outcome:
 
 
 def topology_table(
-    item: TestMap, answers: Mapping[str, NDArray[np.int16]], names: tuple[str, ...]
+    item: TestMap,
+    answers: Mapping[str, NDArray[np.int16]],
+    names: tuple[str, ...],
+    doorways: Doorways | None = None,
 ) -> tuple[Table, dict[str, TopologicalMap], dict[tuple[str, str], RegionScores]]:
     """The table of one test map, the maps with further corrections, and all scores.
 
@@ -95,18 +99,21 @@ def topology_table(
     answers : mapping of str to (H, W) int16
         Each method's labels, -1 for none.
     names : tuple of str
+    doorways : Doorways, optional
+        The accepted gates of the map, for one more row of each method; its pictures show them then.
     """
     inside = np.where(item.window, fill_labels(item.grid, item.truth, names), np.int16(-1))
     true_map = topological_map(item.grid, inside, names)
     maps, rows, scores = {TRUTH: true_map}, [], {}
     for method, raster in answers.items():
         labels = np.where(item.window, raster, np.int16(-1))
-        for name, options in VARIANTS.items():
+        variants = VARIANTS if doorways is None else {**VARIANTS, "gates": {"doorways": doorways}}
+        for name, options in variants.items():
             found = topological_map(item.grid, labels, names, **options)
             words = f"{name}: {len(found.corrections)}" if found.corrections else name
             scores[method, name] = score_regions(found, true_map)
             rows.append(_row(method, words, scores[method, name]))
-            if name == "further":
+            if name in ("further", "gates"):
                 maps[method] = found
     caption = f"{item.name}: places and connections found, compared with the ground truth"
     return Table(caption, HEADING, tuple(rows)), maps, scores
