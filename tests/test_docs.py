@@ -27,8 +27,16 @@ SETUP = {
     "docs/features.md": "import numpy as np\nranges = np.full((2, 360), 3.0)",
     "docs/topology.md": (
         "from pgm_places.datasets import generate_building\n"
+        "from pgm_places import LabelledMap, PlaceLabeler\n"
+        "from pgm_places.unary.options import SpaceOptions\n"
         "building = generate_building(size='small')\n"
-        "grid, labels = building.grid, building.labels"
+        "grid, labels = building.grid, building.labels\n"
+        "labeler = PlaceLabeler(\n"
+        "    building.label_names,\n"
+        "    space=SpaceOptions(n_rounds=5),\n"
+        "    max_examples_per_map=500,\n"
+        "    n_folds=2,\n"
+        ").fit([LabelledMap(grid, labels)])"
     ),
     "docs/trajectories.md": (
         "import numpy as np\n"

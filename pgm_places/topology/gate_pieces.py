@@ -79,6 +79,7 @@ def pieces_between(
     log = _without_gate(labels, gate, painted, doorway, label_names, grid)
     plain = _relabelled(labels, painted, gate, place, doorway, len(label_names))
     key, names = _keys(plain, gate, place, n_places, label_names, len(doorways), doorway)
+    del gate, place, painted, plain  # a huge map's rasters
     if correct:
         # Gates stay whatever their size; places become one only with their own kind.
         bare = replace(rules, min_doorway_area_m2=0.0)
@@ -117,15 +118,15 @@ def _numbered_places(
 ) -> tuple[NDArray[np.int32], int]:
     """(H, W) place of each labelled cell outside gates, -1 elsewhere, and how many there are.
 
+    The numbers are written into ``place``.
+
     What rectangles part belongs together, but for places of at least ``min_area_m2`` that a leak
     beside a gate joins: the border of places runs at the narrowest point, not along rectangles.
     """
-    inside = (labels >= 0) & (gate < 0)
     _grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
-    parted = connected_components(np.where(inside, np.int16(0), np.int16(-1)))
+    parted = connected_components(np.where((labels >= 0) & (gate < 0), np.int16(0), np.int16(-1)))
     n = int(place.max(initial=-1)) + 2  # the first stands for cells in no place
-    both = parted.piece[inside] * np.int64(n) + place[inside] + 1
-    kinds, kind_of_cell, cells = np.unique(both, return_inverse=True, return_counts=True)
+    kinds, cells = _counted(parted.piece, place, n)
     piece = kinds // n
     order = np.lexsort((kinds, -cells, piece))
     largest = order[np.unique(piece[order], return_index=True)[1]]
@@ -135,9 +136,28 @@ def _numbered_places(
         largest[piece],
     )
     used, number = np.unique(home, return_inverse=True)
-    found = np.full(labels.shape, -1, np.int32)
-    found[inside] = number.reshape(-1)[kind_of_cell.reshape(-1)]
-    return found, len(used)
+    for rows in bands_of_rows(labels.shape):
+        inside = parted.piece[rows] >= 0
+        both = parted.piece[rows][inside] * np.int64(n) + place[rows][inside] + 1
+        place[rows] = -1
+        place[rows][inside] = number.reshape(-1)[np.searchsorted(kinds, both)]
+    return place, len(used)
+
+
+def _counted(
+    piece: NDArray[np.int32], place: NDArray[np.int32], n: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The pairs of piece and place that occur, ``piece n + place + 1``, and the cells of each."""
+    found, counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for rows in bands_of_rows(piece.shape):  # a huge map's pairs are never held all at once
+        inside = piece[rows] >= 0
+        both = piece[rows][inside] * np.int64(n) + place[rows][inside] + 1
+        kinds, cells = np.unique(both, return_counts=True)
+        found.append(kinds)
+        counts.append(cells)
+    kinds, of = np.unique(np.concatenate(found), return_inverse=True)
+    cells = np.bincount(of.reshape(-1), np.concatenate(counts), len(kinds))
+    return kinds, cells.astype(np.int64)
 
 
 def _without_gate(
