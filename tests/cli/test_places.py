@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from pgm_places.cli.places import rules_of
 from tests.cli.conftest import Run
 
 
@@ -119,3 +120,42 @@ def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> 
     assert all(region["confidence"] is not None for region in found["regions"])
     assert {"regions.geojson", "regions.png", "topology.png"} <= {p.name for p in out.iterdir()}
     assert sum(region["label"] != "doorway" for region in found["regions"]) <= 1
+
+
+def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run: Run) -> None:
+    config = building / "config.toml"
+    config.write_text(
+        config.read_text().replace("[classifier]", "[space]\nn_rounds = 5\n\n[classifier]")
+    )
+    assert run("train", config, "-o", building / "model", "-q")[0] == 0
+
+    def gates(*options: str) -> list[bool]:
+        out = building / "-".join(["labelled", *options])
+        code, _, _ = run(
+            "label", building / "map.yaml", "-m", building / "model", "-o", out, "-q", *options
+        )
+        assert code == 0
+        regions = json.loads((out / "topology.json").read_text())["regions"]
+        return ["gate" in region for region in regions if region["label"] == "doorway"]
+
+    found = gates()
+    assert len(found) > 5
+    assert all(found)
+    assert not any(gates("--doorways", "labels"))
+
+
+@pytest.mark.parametrize(
+    ("stored", "flag", "used"),
+    [
+        (None, None, "gates"),
+        ("labels", None, "labels"),
+        ("labels", "gates", "gates"),
+        (None, "labels", "labels"),
+    ],
+)
+def test_the_flag_comes_before_what_the_model_was_configured_with(
+    stored: str | None, flag: str | None, used: str
+) -> None:
+    topology = {"min_width_m": 0.3} | ({} if stored is None else {"doorways": stored})
+    rules = rules_of({"config": {"topology": topology}}, flag)
+    assert (rules.doorways, rules.min_width_m) == (used, 0.3)
