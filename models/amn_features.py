@@ -1,4 +1,4 @@
-"""What an associative Markov network sees of nodes and edges, ready for linear weights."""
+"""The node and edge features of an associative Markov network, prepared for linear weights."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

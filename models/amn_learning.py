@@ -1,4 +1,4 @@
-"""How an associative Markov network learns: losses, the learners by name, the choice of C."""
+"""How an associative Markov network is trained: losses, learners by name, the choice of C."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What is kept of a network's learning, as arrays that are stored with the model."""
+"""The record of a network's training, as arrays that are stored with the model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How strong classifiers are boosted: of the paper's stumps, or of small trees."""
+"""Options of boosted classifiers: the paper's stumps, or small trees."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Counts of labels, of labels one after the other, and of confusions, as probabilities."""
+"""Counts of labels, of consecutive labels, and of confusions, as probabilities."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,4 +1,4 @@
-"""Decoding by name: from a graph with potentials to a labelling that says how good it is."""
+"""Decoding by name: from a graph with potentials to a labelling with score, bound and status."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""How much a chain's observations count: the weight with which training comes out best."""
+"""The weight of a chain's observations: fitted so that training sequences are labelled best."""
 
 from collections.abc import Callable, Sequence
 

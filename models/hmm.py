@@ -1,4 +1,4 @@
-"""Hidden Markov model: places along a trajectory follow each other as they did in training."""
+"""Hidden Markov model: places along a trajectory, with transitions learned from training data."""
 
 import logging
 import time

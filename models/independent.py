@@ -1,4 +1,4 @@
-"""No structure: every node takes its best label on its own, the baseline of every comparison."""
+"""No structure: every node takes its own best label, the baseline of every comparison."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""The options of the decision list, declared once for the classifier and for whoever trains it."""
+"""Options of the decision list, declared once for the classifier and for its training."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Training a decision list: its binary problems, shared between orders, and the choice of order."""
+"""Training a decision list: binary problems shared between orders, and the choice of order."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""A Markov random field with one weight, the simplest structured baseline."""
+"""Potts field: a Markov random field with one weight, the simplest structured baseline."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal

@@ -1,4 +1,4 @@
-"""Probabilistic relaxation: beliefs that neighbours revise by how well labels go together."""
+"""Probabilistic relaxation: beliefs revised by how well the labels of neighbours fit together."""
 
 import time
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Training features prepared once for every binary problem that boosting will look at.
+"""Training features, prepared once for all binary problems that are boosted on them.
 
 A feature's values are replaced by the number of the bin they lie in, at most 256 bins whose edges
 are values of the feature, so that equal values share a bin. A value that would fill a bin alone

@@ -1,4 +1,4 @@
-"""The truly best stump for given weights: steps 3a to 3e of AdaBoost (paper, Fig. 2)."""
+"""The best stump for given weights, found exactly: steps 3a to 3e of AdaBoost (paper, Fig. 2)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What can go wrong, as one tree that callers can catch at the level they need.
+"""Exceptions, as one hierarchy that callers can catch at the level they need.
 
 ::
 

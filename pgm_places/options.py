@@ -1,4 +1,4 @@
-"""Options: declared once, as annotated fields of frozen dataclasses, and checked alike everywhere.
+"""Options: declared once, as annotated fields of frozen dataclasses, and checked everywhere alike.
 
 A class of options is a frozen dataclass whose ``__post_init__`` calls :func:`check_options`. Its
 fields say what they take (``Annotated[int, Ge(1)]``, ``Literal["list", "argmax"]``), so that a call

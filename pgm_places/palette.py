@@ -1,4 +1,4 @@
-"""The colours of every picture: fixed by label, told apart by colour-blind eyes and in grey."""
+"""The colours of every picture: fixed per label, distinguishable when colour-blind or in grey."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Classes by name: those that come with the package, and those that others add by entry point.
+"""Classes by name: those that ship with the package, and those added through entry points.
 
 What can be named in a configuration is a frozen dataclass: its fields are its options. A model
 keeps the name and the options, and finds the class again by the name.

@@ -1,4 +1,4 @@
-"""How long work says where it is: a small protocol that commands fill with bars or lines."""
+"""Progress reporting: a small protocol that commands implement with bars or lines."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Adjacency of a graph for kernels: which arcs leave a node, and where they lead."""
+"""Adjacency of a graph for kernels: the arcs that leave each node."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A proof of how good learned weights are: the hinge bounded from above by TRW-S."""
+"""Certificate of learned weights: the hinge bounded from above by TRW-S."""
 
 from dataclasses import dataclass
 

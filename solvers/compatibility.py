@@ -1,4 +1,4 @@
-"""Compatibility of labels at neighbouring nodes, from counts of what lies beside what."""
+"""Compatibility of labels at neighbouring nodes, from counts of adjacent labels."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

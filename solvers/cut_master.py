@@ -1,4 +1,4 @@
-"""The small quadratic program inside the cutting plane: the best weights under the cuts so far.
+"""The small quadratic program of the cutting plane: the best weights under the cuts so far.
 
 Over cuts ``H(w) >= b_c - a_c . w`` (and ``H >= 0``) the master minimises::
 

@@ -1,4 +1,4 @@
-"""Dead-end elimination: labels that no best labelling holds, and the problem that is left."""
+"""Dead-end elimination: removes labels that no optimal labelling contains."""
 
 from dataclasses import dataclass
 

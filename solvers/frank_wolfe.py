@@ -1,4 +1,4 @@
-"""Max-margin learning map by map: block-coordinate Frank-Wolfe with remembered planes.
+"""Max-margin learning map by map: block-coordinate Frank-Wolfe with a cache of planes.
 
 Every training map is a block with its own mixture of planes; one oracle call on one map moves the
 weights at once, which pays when there are many maps. Planes found earlier are remembered and used

@@ -1,4 +1,4 @@
-"""The linear relaxation of the best labelling: an upper bound, and the labelling where integral."""
+"""The linear relaxation of decoding: an upper bound, and the labelling if it is integral."""
 
 from dataclasses import dataclass
 from typing import Any, Literal

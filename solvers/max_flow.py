@@ -1,4 +1,4 @@
-"""The minimum cut of a graph with a source and a sink, on exact float64 capacities."""
+"""The minimum cut between a source and a sink, on exact float64 capacities."""
 
 from dataclasses import dataclass
 

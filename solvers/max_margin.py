@@ -1,4 +1,4 @@
-"""The max-margin objective of an associative Markov network: what every learner minimises.
+"""The max-margin objective of an associative Markov network, which every learner minimises.
 
 Weights ``w`` hold one column per label: node weights (D, K) and edge weights (F, K) >= 0. They give
 the score of a labelling y::

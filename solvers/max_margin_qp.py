@@ -1,4 +1,4 @@
-"""The exact reference learner: the compact quadratic program with the LP dual inside, in cvxpy.
+"""The exact reference learner: the compact quadratic program with the LP dual, in cvxpy.
 
 The maximum over labellings in the hinge is replaced by its LP relaxation, and that LP by its dual
 (Taskar et al. 2004), which makes learning one convex QP. With two labels the relaxation is tight

@@ -1,4 +1,4 @@
-"""Maximisers of score plus loss for max-margin learning: a quick one, and one with a proof."""
+"""Maximisers of score plus loss for max-margin learning: a fast one, and a certified one."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Mean field: independent beliefs that come as close to the model as independent beliefs can."""
+"""Mean field: the independent beliefs closest to the model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

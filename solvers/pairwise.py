@@ -1,4 +1,4 @@
-"""Checked log-potentials of a pairwise model, in the one form that every solver here takes."""
+"""Checked log-potentials of a pairwise model, in the form that every solver here takes."""
 
 from dataclasses import dataclass
 

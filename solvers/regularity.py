@@ -1,4 +1,4 @@
-"""Which pairwise potentials a minimum cut can decide: the condition for expansion moves."""
+"""Regularity: which pairwise potentials a minimum cut can handle."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Relaxation labelling: beliefs that neighbours make each other revise, in parallel, step by step.
+"""Relaxation labelling on any graph: neighbours revise each other's beliefs in parallel.
 
 The update of every node (paper eq. 4 and 5)::
 

@@ -1,4 +1,4 @@
-"""Sequential tree-reweighted message passing: a labelling and an upper bound of every score."""
+"""Sequential tree-reweighted message passing: a labelling and an upper bound on every score."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the commands do: each reads its inputs, calls the library, writes and prints results."""
+"""The commands demo, compare, train and label: read inputs, call the library, write results."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

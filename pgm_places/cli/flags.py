@@ -1,4 +1,4 @@
-"""Flags of the command line that are the options of a class: one declaration, one wording."""
+"""Command-line flags from the options of a class, with one declaration and one wording."""
 
 import functools
 import inspect

@@ -1,4 +1,4 @@
-"""Data that the package makes: generated buildings, and robot-like maps of plans."""
+"""Generated data: buildings, and robot-like maps of plans."""
 
 from typing import TYPE_CHECKING, Any
 

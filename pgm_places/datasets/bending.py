@@ -1,4 +1,4 @@
-"""Maps bent and turned: a mapper's drift, and a map frame that no wall is parallel to.
+"""Maps that are bent and rotated: a mapper's drift, and a map frame not aligned with the walls.
 
 Only additions, multiplications and divisions, which every platform rounds alike.
 """

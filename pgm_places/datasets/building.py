@@ -1,4 +1,4 @@
-"""The bundled building: an office floor as a robot would map it, with exact labels."""
+"""The generated building: an office floor as a robot would map it, with exact labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The demo's files: the generated building as a user's map would come, and its configuration."""
+"""The demo's files: a generated building in the form of a user's map, and its configuration."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Dice: random whole numbers that are the same on every platform and under every NumPy."""
+"""Dice: random integers that are the same on every platform and with every NumPy version."""
 
 from collections.abc import Sequence
 from typing import TypeVar

@@ -1,4 +1,4 @@
-"""The rooms of a floor, drawn along every side of its corridors and halls."""
+"""The rooms of a floor, placed along every side of its corridors and halls."""
 
 from collections.abc import Iterator
 from dataclasses import replace

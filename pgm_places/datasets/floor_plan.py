@@ -1,4 +1,4 @@
-"""The floor plan: corridors, rooms and doors as rectangles of cells, before anybody moves in."""
+"""The floor plan: corridors, rooms and doors as rectangles of cells, before any furniture."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields

@@ -1,4 +1,4 @@
-"""Furniture as a laser near the floor meets it: legs, boxes, cupboards, leaves of doors."""
+"""Furniture as seen by a laser near the floor: legs, boxes, cupboards, door leaves."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Kinds of buildings: schools, clinics, hotels and others, with the sizes that theirs have."""
+"""Kinds of buildings: schools, clinics, hotels and others, with their typical sizes."""
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import OFFICE, Span, Style

@@ -1,4 +1,4 @@
-"""The layout of a floor: where people walk, before the rooms along it are drawn."""
+"""The layout of a floor: its circulation, before the rooms along it are placed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

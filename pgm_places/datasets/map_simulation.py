@@ -1,4 +1,4 @@
-"""How the robot-like maps of a plan may differ from it: ranges that a seed draws from."""
+"""Options of robot-like maps: the ranges from which each map draws its values."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""What of a mapped raster counts: the part with anything known, and the space that is connected."""
+"""The relevant part of a mapped raster: the extent of known cells, and the connected space."""
 
 import numpy as np
 from numpy.typing import NDArray

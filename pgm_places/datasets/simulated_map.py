@@ -1,4 +1,4 @@
-"""Robot-like maps of labelled plans: what a robot would have mapped of a floor that was drawn."""
+"""Robot-like maps of labelled plans: the map a robot would have made of a drawn floor."""
 
 from collections.abc import Sequence
 

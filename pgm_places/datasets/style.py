@@ -1,4 +1,4 @@
-"""The style of a building: how wide its corridors are, how large its rooms and its doors."""
+"""The style of a building: widths of corridors, sizes of rooms and doors."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,4 +1,4 @@
-"""The survey: a robot drives through a building with a laser; this is its map."""
+"""The survey: the map that a robot with a laser makes while driving through a building."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The wings of a building: how corridors run, and where rooms lie along them."""
+"""The wings of a building: how corridors run, and where the rooms along them lie."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Confidence intervals of scores whose samples are not independent: blocks are drawn, not nodes."""
+"""Block bootstrap: confidence intervals of scores whose samples are correlated."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Borders between true labels, where scores depend on where exactly a labeller drew the line."""
+"""Borders between true labels, where scores depend on where exactly an annotator drew the line."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Confusion matrices and the figures that follow from them, over any leading axes.
+"""Confusion matrices and the figures of merit derived from them, over any leading axes.
 
 Entries are counts of nodes, or sums of their weights.
 """

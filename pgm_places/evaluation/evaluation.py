@@ -1,4 +1,4 @@
-"""How good a labelling is: counts of true against predicted labels, and every figure from them."""
+"""Evaluation of a labelling: counts of true against predicted labels, and all figures of merit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Folds: which part of the examples is held out together."""
+"""Folds: which examples are held out together."""
 
 from collections.abc import Sequence
 

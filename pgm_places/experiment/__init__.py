@@ -1,1 +1,1 @@
-"""Configured experiments: what a TOML file describes, run and compared."""
+"""Configured experiments: described by a TOML file, run and compared."""

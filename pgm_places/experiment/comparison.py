@@ -1,4 +1,4 @@
-"""Several methods on the same maps: what a comparison holds."""
+"""The results of several methods on the same maps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

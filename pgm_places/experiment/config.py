@@ -1,4 +1,4 @@
-"""Configuration files: TOML in, checked options out; nothing unknown is let through.
+"""Configuration files: TOML parsed into checked options; unknown keys are rejected.
 
 The options of the sensor, the lists, the methods and the topological maps are declared there; here
 stands what is about files, and how it all fits together.

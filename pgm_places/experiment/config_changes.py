@@ -1,4 +1,4 @@
-"""A configuration with some of its values changed: variants of one experiment."""
+"""Variants of a configuration with some values changed."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""An experiment: its configuration with its folder, and what is noted while it runs."""
+"""An experiment: its configuration and folder, and what is recorded while it runs."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""A map of an experiment as its configuration names it: files or a seed, and a window."""
+"""A map of an experiment as the configuration describes it: files or a seed, and a window."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal

@@ -1,4 +1,4 @@
-"""The labelled maps of an experiment, coarsened and windowed as configured."""
+"""The labelled maps of an experiment, coarsened and cropped to windows as configured."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Running an experiment: choose options, learn, label, evaluate."""
+"""Running an experiment: select options, train, label, evaluate."""
 
 import importlib.metadata
 import platform

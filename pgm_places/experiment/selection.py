@@ -1,4 +1,4 @@
-"""Choosing options on training maps alone: whole buildings or contiguous blocks are held out."""
+"""Grid search over options on the training maps, holding out buildings or contiguous blocks."""
 
 import math
 from collections.abc import Iterator, Sequence

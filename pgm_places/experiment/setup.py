@@ -1,4 +1,4 @@
-"""The labeler that a configuration describes, and the configuration that a labeler resolves."""
+"""The labeler that a configuration describes, and the fully resolved configuration."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Beams made ready for the features: readings without a return replaced, their number changed."""
+"""Beams prepared for the features: missing returns replaced, the number of beams changed."""
 
 from typing import Any, Literal, get_args
 

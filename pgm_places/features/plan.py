@@ -1,4 +1,4 @@
-"""What has to be computed for a choice of columns: which kernels run, with which parameters."""
+"""The feature plan: which kernels to run, with which parameters, for a selection of columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Bands of rows: a huge raster a few million cells at a time."""
+"""Bands of rows: processing a huge raster a few million cells at a time."""
 
 from collections.abc import Iterator
 

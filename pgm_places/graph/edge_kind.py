@@ -1,4 +1,4 @@
-"""What an edge stands for."""
+"""The kinds of edges."""
 
 from enum import IntEnum
 

@@ -1,4 +1,4 @@
-"""Layouts: how a graph's node values go back to the raster or the list of steps they came from."""
+"""Layouts: how node values map back to the raster or the list of steps they came from."""
 
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Which nodes are joined to a node: adjacency in compressed rows."""
+"""The neighbours of each node: adjacency in compressed rows."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Inference by name: the two protocols, the table of methods, and how third parties add theirs.
+"""Inference by name: the two protocols, the registry of methods, and how plugins add theirs.
 
 A backend is a frozen dataclass. Its fields are its options, its defaults are the defaults, its
 docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and

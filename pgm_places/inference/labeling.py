@@ -1,4 +1,4 @@
-"""What every method returns: labels, beliefs, score, bound, and how it ended."""
+"""The result of every method: labels, beliefs, score, bound, and status."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

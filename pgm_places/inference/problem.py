@@ -1,4 +1,4 @@
-"""A labelling problem: a graph, the names of the labels, and what is known about each node."""
+"""A labelling problem: a graph, the label names, and the evidence about each node."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

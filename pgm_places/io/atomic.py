@@ -1,4 +1,4 @@
-"""Output that is complete or absent: written under another name, then renamed."""
+"""Atomic output: files are written under another name, then renamed."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Fingerprints of input files, stored with every result so that it can be traced."""
+"""Fingerprints of input files, stored with every result for traceability."""
 
 import hashlib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""YAML files read as yaml-cpp, the parser of ROS, reads them: every scalar is text until asked for.
+"""YAML files as yaml-cpp, the parser of ROS, reads them: scalars remain text until converted.
 
 PyYAML follows YAML 1.1 and guesses types: ``5e-2`` becomes a string, ``010`` becomes 8, ``no``
 becomes False. Here nothing is guessed: the reader of a key says which type it wants.

@@ -1,4 +1,4 @@
-"""Text files of a bounded size: what cannot be read is refused in one line."""
+"""Text files of bounded size, with one-line errors."""
 
 from pathlib import Path
 

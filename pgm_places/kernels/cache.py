@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: a folder of the user's own."""
+"""The cache of compiled kernels: a private folder of the user."""
 
 import os
 import stat

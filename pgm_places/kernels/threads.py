@@ -1,4 +1,4 @@
-"""Work spread over threads so that the result never depends on how many there are.
+"""Work spread over threads so that results never depend on the number of threads.
 
 Kernels release the interpreter lock; each task writes its own part of the output, so any number of
 threads gives the same bits. Threads of this process are used, not numba's own pool, because they

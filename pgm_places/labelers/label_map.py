@@ -1,4 +1,4 @@
-"""Label a map with a stored model, whatever the two resolutions are."""
+"""Labelling a map with a stored model, whatever the resolutions of the two are."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

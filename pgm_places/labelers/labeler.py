@@ -1,4 +1,4 @@
-"""What all labelers have in common: options in the constructor, learned attributes, one signature.
+"""What all labelers share: options in the constructor, learned attributes, one signature.
 
 The contract is scikit-learn's, so that its ``clone`` and its grid searches take any labeler, but
 scikit-learn is not imported: it takes a second, and labelling does without it.

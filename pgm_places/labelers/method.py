@@ -1,4 +1,4 @@
-"""A method as labelers use it: named or built, checked for what it can do, then run."""
+"""A method as labelers use it: resolved by name, checked for its capabilities, and run."""
 
 import dataclasses
 import inspect

@@ -1,4 +1,4 @@
-"""The belief about the robot's place, updated scan by scan."""
+"""Online tracking: the belief about the robot's place, updated scan by scan."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

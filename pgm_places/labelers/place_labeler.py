@@ -1,4 +1,4 @@
-"""Label the places of a map: the object that most users need."""
+"""PlaceLabeler: labels the places of a map; the class that most users need."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""How a PlaceLabeler learns its methods: on the labelled cells of maps, from scores held out."""
+"""Training the methods of a PlaceLabeler on the labelled cells of maps, from held-out scores."""
 
 import inspect
 import math

@@ -1,4 +1,4 @@
-"""Any scikit-learn classifier in front of any backend: a labeler for problems of your own."""
+"""StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Label the places along a robot's trajectory, whole or step by step."""
+"""TrajectoryLabeler: labels the places along a robot's trajectory, as a whole or step by step."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""How a TrajectoryLabeler learns: the list on cells and steps, the method on held-out scores."""
+"""Training a TrajectoryLabeler: the list on cells and steps, the method on held-out scores."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A map with larger cells: which blocks are free, and how values go to and fro."""
+"""Coarsening: a map with larger cells, and the transfer of values between the two rasters."""
 
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""A map with its ground truth: what place labelling learns from and is tested on."""
+"""A map with its ground truth, for training and testing."""
 
 from dataclasses import dataclass
 from functools import cached_property

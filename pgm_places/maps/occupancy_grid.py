@@ -1,4 +1,4 @@
-"""The occupancy grid: which cells of a map are free, occupied or unknown, and where they lie."""
+"""The occupancy grid: free, occupied and unknown cells, with resolution, origin and yaw."""
 
 from dataclasses import dataclass
 from functools import cached_property

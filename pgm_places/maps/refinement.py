@@ -1,4 +1,4 @@
-"""A map with smaller cells, for a model that was trained at a finer resolution."""
+"""Refinement: a map with smaller cells, for a model trained at a finer resolution."""
 
 from fractions import Fraction
 from math import ceil

@@ -1,1 +1,1 @@
-"""Persistence: what is learned as a folder of data, and back."""
+"""Persistence: labelers and backends as folders of data."""

@@ -1,4 +1,4 @@
-"""A backend as plain data: its registered name, its options, and the arrays that it learned."""
+"""A backend as plain data: its registered name, its options, and its learned arrays."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Fitted scikit-learn estimators as plain data: those of numbers only, and pipelines of them.
+"""Fitted scikit-learn estimators as plain data: those whose state is numbers, and pipelines.
 
 scikit-learn itself stores estimators by pickle, which runs code of the file's choosing. Here a
 class is known by name, its parameters are JSON, and what it has learned are arrays and numbers.

@@ -1,4 +1,4 @@
-"""A model as a folder of data: manifest.json to read, arrays.safetensors for the numbers.
+"""A model as a folder of data: manifest.json, and arrays.safetensors for the numbers.
 
 No pickle anywhere: loading a model runs no code of the file's choosing. safetensors checks its own
 header against the file's size before it allocates anything.

@@ -1,4 +1,4 @@
-"""What is learned as a folder, and back: one pair of functions for labelers and backends alike."""
+"""Saving and loading: one pair of functions for labelers and backends alike."""
 
 import importlib
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What scores single cells and scans as plain data: the sensor, custom features, boosted lists."""
+"""Unary models as plain data: the sensor, custom features, boosted lists."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Maps as small paletted images: cropped, made smaller where needed, right way up."""
+"""Maps as small palette images: cropped, downscaled if needed, with the right side up."""
 
 import io
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""A comparison as one HTML file that needs nothing else: to read, to print, to send."""
+"""A comparison as one self-contained HTML file: to read, to print, to send."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence

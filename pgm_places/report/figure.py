@@ -1,4 +1,4 @@
-"""Figures measured in pixels: matplotlib without pyplot or a window, the same bytes every time."""
+"""Figures measured in pixels: matplotlib without pyplot or a window, with reproducible bytes."""
 
 import contextlib
 import io

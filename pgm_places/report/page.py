@@ -1,4 +1,4 @@
-"""Pages: Jinja2 templates filled in as single HTML files that load nothing else."""
+"""Pages: Jinja2 templates rendered to single self-contained HTML files."""
 
 import base64
 import hashlib

@@ -1,4 +1,4 @@
-"""A robot's path over a map, in the colours of the places it went through."""
+"""A robot's path over a map, in the colours of the places along it."""
 
 from collections.abc import Sequence
 from dataclasses import replace

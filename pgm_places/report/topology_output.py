@@ -1,4 +1,4 @@
-"""What the commands write about places: the topological map's files and its picture."""
+"""The output of commands about places: the topological map's files and its picture."""
 
 from pathlib import Path
 

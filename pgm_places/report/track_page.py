@@ -1,4 +1,4 @@
-"""A tracked trajectory as one HTML file that needs nothing else."""
+"""A tracked trajectory as one self-contained HTML file."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

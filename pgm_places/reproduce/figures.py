@@ -1,4 +1,4 @@
-"""Numbers as the tables of the paper's experiments show them."""
+"""The formatting of numbers in the tables of the paper's experiments."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Finished sections as one HTML file that needs nothing else: tables and pictures are in it."""
+"""Finished sections as one self-contained HTML file with tables and pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

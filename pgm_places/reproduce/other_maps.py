@@ -1,4 +1,4 @@
-"""Ablations over what is in the map: furniture, and how much of the building was seen."""
+"""Ablations over the content of the map: furniture, and how much of the building was seen."""
 
 import numpy as np
 

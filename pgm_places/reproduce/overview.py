@@ -1,4 +1,4 @@
-"""The table that all pages and the command show first: the paper's figures beside ours."""
+"""The overview table, shown first everywhere: the paper's figures compared with ours."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""The steps of drives, labelled one by one and by the hidden Markov model, and scored."""
+"""The steps of drives, labelled individually and by the hidden Markov model, and scored."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

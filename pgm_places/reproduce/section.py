@@ -1,4 +1,4 @@
-"""What an experiment of the paper found: figures beside the paper's, tables, pictures, remarks."""
+"""The findings of one experiment: figures compared with the paper's, tables, pictures, remarks."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field

@@ -1,4 +1,4 @@
-"""The sections of the paper that have experiments, and ablations, by name."""
+"""The experiments by name: the paper's sections, and ablations."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

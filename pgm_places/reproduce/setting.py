@@ -1,4 +1,4 @@
-"""What an experiment of the paper runs with: the real data or what stands in for it."""
+"""The data of an experiment: real data, or its substitute."""
 
 import os
 from collections.abc import Mapping

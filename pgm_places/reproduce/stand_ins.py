@@ -1,4 +1,4 @@
-"""Generated buildings in place of real ones, where the real maps are not available."""
+"""Generated buildings in place of real ones, for when the real maps are not available."""
 
 from collections.abc import Mapping
 

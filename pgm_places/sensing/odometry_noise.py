@@ -1,4 +1,4 @@
-"""How a robot's odometry goes wrong."""
+"""The errors of a robot's odometry."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Ways for a robot over the free cells of a map: from place to place, and past all places."""
+"""Paths for a robot over the free cells of a map: between places, and past all places."""
 
 from dataclasses import dataclass
 from itertools import pairwise

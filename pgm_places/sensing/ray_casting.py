@@ -1,4 +1,4 @@
-"""Ranges that a laser would read, from every free cell of a map or from poses of a robot.
+"""Ray casting: ranges that a laser would read, from every free cell of a map or from given poses.
 
 Ranges are exact: the distance to the point where the ray enters the first blocked cell. Blocked are
 occupied cells, unknown cells where the sensor stops at them, and everything outside the map.

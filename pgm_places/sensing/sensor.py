@@ -1,4 +1,4 @@
-"""The range sensor that scans are simulated for: its beams, its reach and its noise."""
+"""The simulated range sensor: its beams, its maximum range and its noise."""
 
 from dataclasses import dataclass
 from math import pi

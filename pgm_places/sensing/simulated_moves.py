@@ -1,4 +1,4 @@
-"""Which place a robot reaches from which: counted on short simulated runs in labelled maps."""
+"""Transitions between places, counted on short simulated runs in labelled maps."""
 
 from collections.abc import Sequence
 from math import isfinite, pi

@@ -1,4 +1,4 @@
-"""A simulated robot: drives through a map and records what a real one would."""
+"""A simulated robot that drives through a map and records what a real one would."""
 
 from dataclasses import dataclass, field, replace
 

@@ -1,4 +1,4 @@
-"""What the shape of a segment is put together from: sums and extents of its basins."""
+"""The sums and extents of basins from which the shapes of segments are computed."""
 
 from dataclasses import dataclass
 

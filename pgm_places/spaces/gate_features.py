@@ -1,4 +1,4 @@
-"""The features of gates: one row each."""
+"""The features of gates, one row per gate."""
 
 import numpy as np
 from numpy.typing import NDArray

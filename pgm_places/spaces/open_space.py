@@ -1,4 +1,4 @@
-"""Open space: the free cells of a map without furniture and without crumbs."""
+"""Open space: the free cells of a map, without furniture and specks."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Openings: where one segment of open space leads to another, each gap of its own."""
+"""Openings: the gaps between segments of open space."""
 
 from dataclasses import dataclass, fields
 from typing import Self

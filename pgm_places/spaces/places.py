@@ -1,4 +1,4 @@
-"""Places: what lies between accepted gates, the rooms and corridors that a person would draw."""
+"""Places: the areas between accepted gates, the rooms and corridors that a person would draw."""
 
 from dataclasses import dataclass
 

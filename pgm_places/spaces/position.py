@@ -1,4 +1,4 @@
-"""Where a segment lies in the building: on the way between others, and what it holds together."""
+"""The position of a segment in the building: on the paths between others, and what it connects."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""The relief of a map: how far each open cell is from the nearest wall, smoothed by one cell."""
+"""The relief of a map: the distance of each open cell to the nearest wall, smoothed by one cell."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,4 +1,4 @@
-"""The features of segments: one row each."""
+"""The features of segments, one row per segment."""
 
 from collections.abc import Mapping
 

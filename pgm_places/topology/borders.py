@@ -1,4 +1,4 @@
-"""Where pieces touch: the length of the border between every pair of them."""
+"""Borders between pieces: the length of the border of every touching pair."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""How far every cell is from what is around it."""
+"""Distances from cells to the nearest blocked cell, and to the edge of their own piece."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Confidence in the label of a piece: the mean probability of its label over its cells."""
+"""The confidence in a region's label: its mean probability over the region's cells."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,4 +1,4 @@
-"""The paper's heuristic corrections of regions (section 6.2), each one listed."""
+"""The paper's heuristic corrections of regions (section 6.2), each of them recorded."""
 
 import heapq
 from collections.abc import Iterator, Sequence

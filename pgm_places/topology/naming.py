@@ -1,4 +1,4 @@
-"""Stable ids and names: places are recognised by where they lie, new ones are numbered on."""
+"""Persistent ids and names: places are recognised by their position, new ones get new numbers."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

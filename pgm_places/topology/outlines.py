@@ -1,4 +1,4 @@
-"""Outlines of pieces: valid polygons with holes that neighbours share without gap or overlap."""
+"""Outlines of regions: valid polygons with holes, whose shared borders have no gap or overlap."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

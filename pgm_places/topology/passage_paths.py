@@ -1,4 +1,4 @@
-"""Paths from a place's anchor to its passages, as few straight lines as stay inside."""
+"""Paths from a place's anchor to its passages: as few straight lines as stay inside."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Passages: where one region leads to another, and how wide it is there."""
+"""Passages: where one region leads to another, and how wide the passage is."""
 
 from dataclasses import dataclass
 

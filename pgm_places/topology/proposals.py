@@ -1,4 +1,4 @@
-"""Proposed splits, for a person to decide: rooms joined by a missed doorway (paper, Fig. 9)."""
+"""Proposed splits, left to a person to decide: rooms joined by a missed doorway (paper, Fig. 9)."""
 
 from dataclasses import dataclass
 

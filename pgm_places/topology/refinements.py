@@ -1,4 +1,4 @@
-"""Corrections beyond the paper's: doorways too wide, leaking doorways, rooms that are two."""
+"""Corrections beyond the paper's: doorways too wide, leaking doorways, rooms to be split."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Regions: pieces of a labelled map with area, outline, anchor and confidence."""
+"""Regions: connected pieces of a labelled map with area, outline, anchor and confidence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

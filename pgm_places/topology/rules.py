@@ -1,4 +1,4 @@
-"""What counts as an error or a doorway of a labelled map, and which corrections are made."""
+"""Options of topological maps: which regions count as errors, and which corrections are made."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,4 +1,4 @@
-"""The topological map: places as nodes, passages between them as edges, and questions to it."""
+"""The topological map: places as nodes, passages as edges, and queries on it."""
 
 from dataclasses import dataclass
 from functools import cached_property

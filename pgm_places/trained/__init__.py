@@ -1,4 +1,4 @@
-"""The models that ship with the package: learned numbers and how they were learned, no data."""
+"""The models that ship with the package: learned numbers and their provenance, no data."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

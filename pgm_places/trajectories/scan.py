@@ -1,4 +1,4 @@
-"""A laser scan: where its beams point, how far they reach, and what they read."""
+"""A laser scan: the directions of its beams, their maximum range, and their readings."""
 
 from dataclasses import dataclass
 from functools import cached_property

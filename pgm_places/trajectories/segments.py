@@ -1,4 +1,4 @@
-"""Stretches of a trajectory that count as one observation: updates by distance travelled."""
+"""Segments of a trajectory: stretches that count as one observation, by distance travelled."""
 
 from math import hypot
 

@@ -1,4 +1,4 @@
-"""A similarity transform of the plane: how one frame lies in another."""
+"""A similarity transform of the plane, from one coordinate frame to another."""
 
 from dataclasses import dataclass
 from math import isfinite

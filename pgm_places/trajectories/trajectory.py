@@ -1,4 +1,4 @@
-"""A robot's trajectory: when it was where, what its laser saw there, and what place that was."""
+"""A robot's trajectory: times, poses, scans and places."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Lists that score the cells of one map while their features stream past."""
+"""Lists that score the cells of one map while their features are streamed."""
 
 from typing import Protocol
 

@@ -1,4 +1,4 @@
-"""Learning the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
+"""Training the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""From scans to unary potentials: what the boosted decision list says of every cell of a map."""
+"""The unary model of maps: from scans to the boosted list's scores of every cell."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field

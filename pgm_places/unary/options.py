@@ -1,4 +1,4 @@
-"""The options of the boosted lists that give every cell its unary potential."""
+"""Options of the boosted lists that give every cell its unary potential."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""From a robot's scans to what the boosted list says of each: features of the completed circle."""
+"""The unary model of scans: from completed scans to the boosted list's scores of each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

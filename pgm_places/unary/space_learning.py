@@ -1,4 +1,4 @@
-"""Learning from the spaces of maps: which gates are doorways, and what cells see of spaces."""
+"""Training on the spaces of maps: which gates are doorways, and the features of spaces per cell."""
 
 from dataclasses import dataclass
 

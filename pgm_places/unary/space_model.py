@@ -1,4 +1,4 @@
-"""What the spaces of a map say of its cells: segments, gates, and the places between them."""
+"""The spaces of a map as features of its cells: segments, gates, and the places between them."""
 
 from dataclasses import dataclass
 from typing import Self

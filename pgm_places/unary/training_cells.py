@@ -1,4 +1,4 @@
-"""The labelled cells of maps: those that lists are trained on, and all of them in blocks."""
+"""The labelled cells of maps: the training examples, and all cells in blocks."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

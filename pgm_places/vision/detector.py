@@ -1,4 +1,4 @@
-"""What counts objects: one protocol for cameras, files and simulations."""
+"""The protocol of object detectors: cameras, files and simulations."""
 
 from collections.abc import Iterable, Sequence
 from typing import Protocol, TypeVar, runtime_checkable

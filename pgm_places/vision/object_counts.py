@@ -1,4 +1,4 @@
-"""How many objects of each class were seen when, and what of it belongs to the steps of a robot."""
+"""Counts of objects over time, and the counts nearest to each step of a robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

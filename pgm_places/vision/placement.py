@@ -1,4 +1,4 @@
-"""Objects put into the places of a labelled map: monitors into offices, coffee into kitchens."""
+"""Objects placed in a labelled map: monitors in offices, coffee machines in kitchens."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""A camera without a camera: objects on a map, seen where no wall is between."""
+"""A simulated camera: counts the objects on a map that no wall hides."""
 
 from dataclasses import dataclass
 from typing import Annotated

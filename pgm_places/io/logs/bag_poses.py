@@ -1,4 +1,4 @@
-"""Poses over time from a bag: tracks, and the tree of coordinate frames that they span."""
+"""Poses over time from a bag: tracks, and the tree of coordinate frames they define."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

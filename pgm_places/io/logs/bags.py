@@ -1,4 +1,4 @@
-"""Trajectories from ROS bags: laser scans, and poses from odometry or the frames' tree."""
+"""Trajectories from ROS bags: laser scans, with poses from odometry or transforms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

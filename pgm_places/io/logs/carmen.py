@@ -1,4 +1,4 @@
-"""CARMEN logs: one message a line, the format of most public laser data sets.
+"""CARMEN logs: one message per line, the format of most public laser data sets.
 
 Lines that carry poses or scans (the last three fields of each are two time stamps with the
 computer's name between them)::

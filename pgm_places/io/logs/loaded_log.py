@@ -1,4 +1,4 @@
-"""What reading a robot's log gives: the trajectory, and warnings about the file."""
+"""The result of reading a robot's log: the trajectory, and warnings about the file."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Lines of a log: from a plain or compressed file, however it ends, or as they are written."""
+"""Lines of a log: from plain, compressed or truncated files, or while the log is being written."""
 
 import gzip
 import time

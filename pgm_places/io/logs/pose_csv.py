@@ -1,4 +1,4 @@
-"""Tables of poses: one step a line, columns found by their names."""
+"""Tables of poses: one step per line, with columns found by name."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""Trajectories from files and to files, whatever their format."""
+"""Reading and writing trajectories in any supported format."""
 
 from collections.abc import Sequence
 from pathlib import Path

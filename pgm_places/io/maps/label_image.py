@@ -1,4 +1,4 @@
-"""Label images: ground truth or results as a picture on the map image's own raster, with names."""
+"""Label images: ground truth or results on the map image's own raster, with a names file."""
 
 import io
 import logging

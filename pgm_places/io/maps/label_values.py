@@ -1,4 +1,4 @@
-"""The names file of a label image: which grey value is which label."""
+"""The names file of a label image, which assigns grey values to labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

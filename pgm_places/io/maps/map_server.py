@@ -1,4 +1,4 @@
-"""Maps of ROS's map_server: a YAML description beside an image, read exactly as Nav2 reads them."""
+"""Maps in ROS's map_server format: a YAML file and an image, read exactly as Nav2 does."""
 
 import io
 import logging

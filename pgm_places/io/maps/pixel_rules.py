@@ -1,4 +1,4 @@
-"""What a pixel of a map image means: the rules of Nav2's and of ROS 1's map_server."""
+"""The meaning of a map image's pixels: the rules of Nav2's and of ROS 1's map_server."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

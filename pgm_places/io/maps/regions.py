@@ -1,4 +1,4 @@
-"""Regions: ground truth as polygons in map metres, turned into a label for each cell."""
+"""Regions: ground truth as polygons in map metres, rasterised to a label per cell."""
 
 import itertools
 import logging

@@ -1,4 +1,4 @@
-"""Windows of a map, to train or to test on: ranges of columns, rows or metres."""
+"""Windows of a map for training or testing: ranges of columns, rows or metres."""
 
 from collections.abc import Sequence
 

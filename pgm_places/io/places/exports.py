@@ -1,4 +1,4 @@
-"""Every format that a topological map is exported to, by name."""
+"""The export formats of a topological map, by name."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The places as a ROS 2 bag in MCAP: a grid of classes and markers, for Foxglove and RViz."""
+"""Places as a ROS 2 bag in MCAP: a grid of classes and markers, for Foxglove and RViz."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The places as visualization markers: coloured areas, outlines, names, and the paths between."""
+"""Places as visualization markers: coloured areas, outlines, names, and the paths between them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Regions as GeoJSON polygons, for QGIS, for the web, and as ground truth for the next run."""
+"""Regions as GeoJSON polygons, for QGIS, for the web, and as ground truth for training."""
 
 import json
 from pathlib import Path
