@@ -175,10 +175,10 @@ class AssociativeMarkovNetwork:
         problems : sequence of LabelingProblem
             The training maps.
         labelings : sequence of (N,) int
-            The true label index of every node of each map, -1 where it is not known.
+            The true label index of every node of each map, -1 where it is unknown.
         on_iteration : callable, optional
             Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` (cuts, gap, seconds)
-            as learning goes on; when it answers True, the best weights so far are taken.
+            as learning goes on; when it returns True, the best weights so far are taken.
 
         Raises
         ------

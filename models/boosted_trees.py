@@ -117,7 +117,7 @@ class TreeTable:
         feature = np.concatenate([item.feature for item in classifiers])
         columns = np.unique(feature[feature >= 0]).astype(np.int64)
         if not len(columns):
-            columns = np.zeros(1, np.int64)  # trees without splits read a value in vain
+            columns = np.zeros(1, np.int64)  # trees without splits ignore it
         arrays = TreeArrays(
             columns,
             np.searchsorted(columns, np.maximum(feature, columns[0])),

@@ -23,7 +23,7 @@ class BoostingOptions:
         labels, is below this.
     max_depth : int
         1 boosts decision stumps by generalized AdaBoost, as the paper does; 2 to 4 boosts
-        regression trees of so many levels by gentle AdaBoost.
+        regression trees with this many levels by gentle AdaBoost.
     shrinkage : float
         The vote of every stump or tree is multiplied by this; 1 is the paper's. Trees generalise
         better with about 0.3.

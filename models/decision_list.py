@@ -71,7 +71,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         labels, is below this.
     max_depth : int
         1 boosts decision stumps by generalized AdaBoost, as the paper does; 2 to 4 boosts
-        regression trees of so many levels by gentle AdaBoost.
+        regression trees with this many levels by gentle AdaBoost.
     shrinkage : float
         The vote of every stump or tree is multiplied by this, above 0 and at most 1; 1 is the
         paper's. Trees generalise better with about 0.3 and 100 to 200 rounds.

@@ -30,7 +30,7 @@ def best_weight(
         The labels (N,) that the model infers with this weight, in the mode that it will be used in.
     problems, labelings
         Chains with the unaries of a classifier that has not seen them, and the true label index
-        (N,) of each step, -1 where it is not known.
+        (N,) of each step, -1 where it is unknown.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)

@@ -132,7 +132,7 @@ class HiddenMarkovModel:
             np.add.at(share, truth[known], 1)
             first[truth[known[:1]]] += 1
         if share.sum() == self.smoothing * n_labels:
-            raise InputError("no step is labelled; there is nothing to learn from")
+            raise InputError("no step is labelled, so there is nothing to train on")
         learned_now = replace(
             self,
             transition=normalised(moves),

@@ -154,7 +154,7 @@ class Relaxation:
         problem : LabelingProblem
             With unary log-probabilities.
         truth : (N,) int, optional
-            True label per node, -1 where not known: adds ``accuracy`` to the history, and
+            True label per node, -1 where unknown: adds ``accuracy`` to the history, and
             ``recording_seconds``, which ``seconds`` leaves out.
         on_iteration : callable, optional
             See :data:`pgm_places.solvers.relaxation.OnIteration`.
@@ -235,7 +235,7 @@ class Relaxation:
         if learned_tables not in (1, wanted):
             raise InputError(
                 f"relaxation learned coefficients for {learned_tables} directions, but this graph "
-                f"has {wanted}; learn from graphs of the same kind, or set directional=False"
+                f"has {wanted}; train on graphs of the same kind, or set directional=False"
             )
 
 
@@ -253,7 +253,7 @@ def grid_connectivity(graph: LabelGraph) -> int | None:
 def _labels_and_walls(
     graph: LabelGraph, known: NDArray[np.int64], n_labels: int
 ) -> NDArray[np.int16]:
-    """(H, W) labels, -1 where not known; walls that touch a labelled cell are label K."""
+    """(H, W) labels, -1 where unknown; walls that touch a labelled cell are label K."""
     from scipy.ndimage import binary_dilation
 
     layout = graph.layout

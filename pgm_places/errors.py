@@ -11,7 +11,7 @@
     │   └── ModelFileError             a stored model that is damaged or of another kind
     ├── NotFittedError (ValueError)    a method was asked to infer before it learned
     ├── OutputError (RuntimeError)     a result could not be written; nothing is left half-written
-    └── SolverError (RuntimeError)     a numerical solver ended without a usable answer
+    └── SolverError (RuntimeError)     a numerical solver ended without a usable result
 
 Every message says what was wanted, what came, where, and what to do.
 """
@@ -68,7 +68,7 @@ class OutputError(PgmPlacesError, RuntimeError):
 
 
 class SolverError(PgmPlacesError, RuntimeError):
-    """A numerical solver ended without a usable answer; the message carries its status."""
+    """A numerical solver ended without a usable result; the message carries its status."""
 
 
 def nearest_name(name: str, known: list[str]) -> str:

@@ -54,7 +54,7 @@ _PARAMETER = re.compile(r"^(\w[\w, ]*) : [^\n]*\n((?: +[^\n]*\n?)+)", re.MULTILI
 
 
 class OptionError(ConfigError):
-    """A value that an option does not take; whoever knows more of its place says so."""
+    """A value that an option does not accept; callers that know where it came from add that."""
 
     def __init__(self, option: str, problem: str) -> None:
         super().__init__(f"{option} {problem}")
@@ -204,7 +204,7 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
 
 @functools.cache
 def _validator(hint: Any) -> Any:
-    """The TypeAdapter of what an option takes besides other classes of options."""
+    """The TypeAdapter of an option's values, other classes of options aside."""
     from pydantic import ConfigDict, TypeAdapter  # at use: it takes longer to import than to run
 
     others = tuple(arm for arm in arms(hint) if not dataclasses.is_dataclass(arm))

@@ -64,7 +64,7 @@ def belief_propagation(
     """Approximate marginals or a labelling from messages between neighbours.
 
     On a forest two sweeps from the leaves make it exact (:mod:`pgm_places.solvers.forest` does just
-    that). Elsewhere messages may circle for ever: look at ``converged``, and damp.
+    that). Elsewhere messages may oscillate forever: check ``converged``, and use damping.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     Parameters
     ----------
     labels : (H, W) int
-        Label of each cell, negative where it is not known; such cells form no pairs.
+        Label of each cell, negative where it is unknown; such cells form no pairs.
     n_labels : int
         L, at most 32 767.
 
@@ -46,7 +46,7 @@ def edge_pair_counts(labels: ArrayLike, edges: ArrayLike, n_labels: int) -> NDAr
     Parameters
     ----------
     labels : (N,) int
-        Label of each node, negative where it is not known; such nodes form no pairs.
+        Label of each node, negative where it is unknown; such nodes form no pairs.
     edges : (E, 2) int
         Node pairs.
     n_labels : int

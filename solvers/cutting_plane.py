@@ -65,7 +65,7 @@ def cutting_plane(
     tolerance : float
         Stop when (objective - lower bound) / objective is at most this.
     max_iterations : int
-        At most so many calls of the oracle.
+        Maximum number of calls of the oracle.
     time_limit_s : float, optional
         Wall-clock seconds; the best weights so far are returned.
     cuts : sequence of Cut

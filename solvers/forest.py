@@ -1,4 +1,4 @@
-"""Exact answers on chains, trees and forests by dynamic programming."""
+"""Exact inference on chains, trees and forests by dynamic programming."""
 
 from dataclasses import dataclass
 

@@ -175,7 +175,7 @@ def frank_wolfe(
     tolerance : float
         Stop when (objective - lower bound) / objective is at most this.
     max_passes : int
-        At most so many passes over all maps.
+        Maximum number of passes over all maps.
     time_limit_s : float, optional
         Wall-clock seconds, looked at after every pass.
     seed : int

@@ -87,7 +87,7 @@ def max_margin_qp(
     InputError
         An unknown solver.
     SolverError
-        No solver gave an answer; the message has every status.
+        No solver found a solution; the message lists every status.
     """
     if solver not in QP_SOLVERS:
         raise InputError(f"the QP's solver must be one of {', '.join(QP_SOLVERS)}, got {solver!r}")

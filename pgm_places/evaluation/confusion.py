@@ -30,7 +30,7 @@ def paired_labels(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
     """True labels, predicted labels and the mask of the nodes that have a true one, all checked.
 
-    ``truth`` is -1 where it is not known; what was predicted there is ignored and comes back as 0.
+    ``truth`` is -1 where it is unknown; what was predicted there is ignored and comes back as 0.
     """
     true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
     known = true >= 0

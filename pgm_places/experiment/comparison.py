@@ -40,7 +40,7 @@ class TestMap:
     grid : OccupancyGrid
         The map that the scans were taken in.
     truth : (H, W) int16
-        True label index per cell, -1 where it is not known.
+        True label index per cell, -1 where it is unknown.
     layout : GridLayout
         The cells that were labelled: the free cells inside the window.
     window : (H, W) bool

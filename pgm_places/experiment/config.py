@@ -43,7 +43,7 @@ Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 @dataclass(frozen=True)
 class LabelsConfig:
-    """The labels to tell apart; their order is the order of every table."""
+    """The labels to distinguish; their order is the order of every table."""
 
     names: Annotated[tuple[str, ...], MinLen(2)]
 
@@ -176,7 +176,7 @@ def load_config(path: Path) -> ExperimentConfig:
     Raises
     ------
     ConfigError
-        The file is missing, is not TOML, or holds a key, a value or a method that is not known.
+        The file is missing, is not TOML, or holds a key, a value or a method that is unknown.
     """
     try:
         if path.stat().st_size > MAX_CONFIG_BYTES:

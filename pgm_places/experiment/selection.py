@@ -116,7 +116,7 @@ def select(experiment: Experiment, maps: Sequence[LabelledMap]) -> Selection:
 def held_out_splits(
     maps: Sequence[LabelledMap], n_folds: int, n_labels: int
 ) -> Iterator[tuple[list[LabelledMap], list[LabelledMap]]]:
-    """Maps to learn from and maps to test on, fold by fold.
+    """Training maps and test maps, fold by fold.
 
     Whole buildings are held out where there are several, else contiguous blocks of the only one,
     never single cells: neighbours look alike. A fold outside which some label has no example is

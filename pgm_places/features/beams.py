@@ -61,7 +61,7 @@ def clean_beams(
     invalid : {"max-range", "interpolate"}
         ``"max-range"`` makes such a beam ``max_range_m`` long; ``"interpolate"`` draws a straight
         line, over the beam's number, between the nearest beams with a return on both sides. A
-        scan without any answer becomes ``max_range_m`` everywhere.
+        scan without any return becomes ``max_range_m`` everywhere.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Features of one's own: columns beside the 321 of the laser, by name, with options.
+"""Custom features: columns in addition to the 321 of the laser, by name, with options.
 
 A feature is a frozen dataclass. Its fields are its options, ``column_names`` names its columns,
 and one of two methods computes them: ``of_scans`` from scans all around, simulated or real, or

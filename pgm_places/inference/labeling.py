@@ -25,7 +25,7 @@ class Status(StrEnum):
     STOPPED = "stopped"
     """A limit on iterations or time was reached first."""
     RELAXED = "relaxed"
-    """A relaxation's answer was fractional and has been rounded."""
+    """A relaxation's solution was fractional and has been rounded."""
 
 
 @dataclass(frozen=True, eq=False)

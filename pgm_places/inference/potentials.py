@@ -1,4 +1,4 @@
-"""Potentials: how well labels fit nodes and edges, and the one judge of every answer.
+"""Potentials: how well labels fit nodes and edges, and the score of every labelling.
 
 One sign everywhere: log-potentials, larger is better, the score is maximised.
 """

@@ -139,7 +139,7 @@ class LabelingProblem:
 def labelled_problems(
     problems: Sequence[LabelingProblem], labelings: Sequence[ArrayLike]
 ) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
-    """What a method learns from: each problem with its true labels (N,), -1 where not known.
+    """What a method learns from: each problem with its true labels (N,), -1 where unknown.
 
     Raises
     ------

@@ -8,9 +8,9 @@ scikit-learn is not imported: it takes a second, and labelling does without it.
 ``fit(...)``
     Learns into attributes with a trailing underscore, and returns the labeler.
 ``scores(thing)``
-    What the classifier says of each node by itself.
+    The classifier's scores of each node on its own.
 ``infer(thing, scores)``
-    What the method makes of scores that are already there: a
+    The method's labelling of given scores: a
     :class:`~pgm_places.inference.labeling.Labeling`.
 ``label(thing)``
     Both.

@@ -110,7 +110,7 @@ def check_labels_maps(name: str, backend: Any) -> None:
 
 
 def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
-    """What a backend makes of a problem; with ``truth`` it follows its accuracy where it can."""
+    """A backend's labelling of a problem; with ``truth`` it records its accuracy if it can."""
     follows = truth is not None and "truth" in inspect.signature(backend.infer).parameters
     options = {"truth": truth} if follows else {}
     found: Labeling = backend.infer(problem, **options)

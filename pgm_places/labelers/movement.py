@@ -17,7 +17,7 @@ def confusion_counts(
 ) -> NDArray[np.int64]:
     """(K, K) how often the best label of scores (N, K) was the column where the row was true.
 
-    Truths are label indices (N,), -1 where not known.
+    Truths are label indices (N,), -1 where unknown.
 
     Examples
     --------

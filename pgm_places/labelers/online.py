@@ -104,7 +104,7 @@ class OnlineLabeler:
         pose : (3,) float, optional
             x, y in metres and heading in radians, where the scan's own is not the one to use.
         extra : (D,) float, optional
-            The columns beside the laser's that the model learned with.
+            The columns in addition to the laser's that the model was trained with.
 
         Raises
         ------

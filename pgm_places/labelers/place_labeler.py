@@ -58,7 +58,7 @@ class PlaceLabeler(Labeler):
     Parameters
     ----------
     label_names : sequence of K str
-        The places to tell apart, for example ``("corridor", "room", "doorway")``.
+        The places to distinguish, for example ``("corridor", "room", "doorway")``.
     methods : mapping of str to PlaceMethod, backend, or name; or sequence of names
         The methods to learn, by the name they are asked for later.
     sensor : Sensor
@@ -73,11 +73,11 @@ class PlaceLabeler(Labeler):
     space : SpaceOptions, optional
         The list that also sees segments, gates and places; None to do without.
     learn_on : {"out-of-fold", "in-sample"}
-        Which scores the methods learn from.
+        Which scores the methods are trained on.
     n_folds, n_node_features, max_examples_per_map : int
         See :func:`pgm_places.unary.learning.fit_unary`.
     features : sequence of features or names
-        Columns of your own that the lists see beside the laser's: see
+        Custom columns that the lists use in addition to the laser's: see
         :mod:`pgm_places.features.own`.
 
     Attributes
@@ -282,7 +282,7 @@ class PlaceLabeler(Labeler):
         method: str | None = None,
         truth: ArrayLike | None = None,
     ) -> Labeling:
-        """What a method makes of scores that are already there.
+        """A method's labelling of given scores.
 
         With ``truth`` (N,), true labels or -1, methods that follow their accuracy add it to their
         history; the labels are the same.

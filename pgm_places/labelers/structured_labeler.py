@@ -110,7 +110,7 @@ class StructuredLabeler(Labeler):
         X : sequence of LabelingProblem
             With ``node_features``, or with ``unary`` where there is no classifier.
         y : sequence of (N,) int
-            The true label index of every node, -1 where it is not known.
+            The true label index of every node, -1 where it is unknown.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class StructuredLabeler(Labeler):
         *,
         truth: ArrayLike | None = None,
     ) -> Labeling:
-        """What the backend makes of scores (N, K) that are already there."""
+        """The backend's labelling of given scores (N, K)."""
         self.check_fitted()
         seen = dataclasses.replace(problem, unary=scores)
         return infer(self.backend_, seen, truth)

@@ -61,7 +61,7 @@ class TrajectoryLabeler(Labeler):
     Parameters
     ----------
     label_names : sequence of K str
-        The places to tell apart.
+        The places to distinguish.
     method : Backend or str
         What labels the chain of observations: any method of :mod:`pgm_places.inference.backends`,
         or its name.
@@ -81,7 +81,7 @@ class TrajectoryLabeler(Labeler):
     features : sequence of features or names
         Columns of your own that are computed from scans: see :mod:`pgm_places.features.own`.
     extra_names : sequence of D str
-        Names of columns beside the laser's that :meth:`fit` and :meth:`label` are given as
+        Names of columns in addition to the laser's that :meth:`fit` and :meth:`label` are given as
         ``extra``.
 
     Attributes
@@ -235,9 +235,9 @@ class TrajectoryLabeler(Labeler):
             Their labelled cells are examples, and simulated runs in them give the transitions.
         trajectories : sequence of Trajectory
             Their labelled steps are examples; without maps they give the transitions as well.
-            Labels are indices into ``label_names``, -1 where not known.
+            Labels are indices into ``label_names``, -1 where unknown.
         extra : sequence of (T, D) float, optional
-            Columns beside the laser's for each trajectory; then there can be no maps.
+            Columns in addition to the laser's for each trajectory; maps are then not allowed.
         known_map : OccupancyGrid, optional
             The map in which missing beams are cast, where ``beams`` asks for it.
 
@@ -246,7 +246,7 @@ class TrajectoryLabeler(Labeler):
         LabelError
             A label has no example.
         InputError
-            An option is not understood, there is nothing to learn from, or columns do not fit.
+            An option is invalid, there is nothing to train on, or columns do not fit.
         """
         self.check_options()
         names, extra_names = tuple(self.label_names), tuple(self.extra_names)
@@ -348,7 +348,7 @@ class TrajectoryLabeler(Labeler):
         known_map : OccupancyGrid, optional
             A map in the frame of the poses.
         extra : (T, D) float, optional
-            The columns beside the laser's that the model learned with.
+            The columns in addition to the laser's that the model was trained with.
         truth, n_threads, progress
             As for every labeler: see :mod:`pgm_places.labelers.labeler`.
         """
@@ -364,7 +364,7 @@ class TrajectoryLabeler(Labeler):
         *,
         truth: ArrayLike | None = None,
     ) -> Labeling:
-        """What the method makes of scores (T, K) that are already there."""
+        """The method's labelling of given scores (T, K)."""
         self.check_fitted()
         if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
             return self._filter().run(trajectory.poses, scores)

@@ -100,7 +100,7 @@ def trajectory_examples(
     Raises
     ------
     InputError
-        There is nothing to learn from, a trajectory has no labels or those of other names, or
+        There is nothing to train on, a trajectory has no labels or those of other names, or
         extra columns are given together with maps, whose cells have none.
     LabelError
         A label has no example.
@@ -224,8 +224,8 @@ def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
     if trajectories or isinstance(method, HiddenMarkovModel) or not isinstance(method, Learnable):
         return
     raise InputError(
-        f"{type(method).__name__} learns from labelled trajectories; give some, or use the method "
-        "'hmm', for which maps suffice"
+        f"{type(method).__name__} is trained on labelled trajectories; pass some, or use the "
+        "method 'hmm', for which maps suffice"
     )
 
 
@@ -242,12 +242,12 @@ def _require_sources(
     label_names: tuple[str, ...],
 ) -> None:
     if not maps and not trajectories:
-        raise InputError("there is nothing to learn from; give labelled maps or trajectories")
+        raise InputError("there is nothing to train on; pass labelled maps or trajectories")
     if (extra is None) != (not extra_names):
         raise InputError("extra columns and extra_names belong together: give both, or neither")
     if extra is not None and maps:
         raise InputError(
-            "cells of maps have no extra columns; learn from labelled trajectories alone"
+            "cells of maps have no extra columns; train on labelled trajectories alone"
         )
     if extra is not None and len(extra) != len(trajectories):
         raise InputError(

@@ -23,9 +23,9 @@ class LabelledMap:
     grid : OccupancyGrid
         The whole map: scans are taken in it, whatever the window.
     labels : (H, W) int16
-        Label index per cell in the grid's order (row 0 at the bottom), -1 where not known.
+        Label index per cell in the grid's order (row 0 at the bottom), -1 where unknown.
     window : (H, W) bool, optional
-        The part to learn from or to test on; the whole map by default.
+        The part to train or test on; the whole map by default.
     name : str
         What to call it in messages and tables.
     building : str, optional
@@ -73,7 +73,7 @@ class LabelledMap:
         return LabelGraph.from_grid(self.grid, connectivity=connectivity, mask=mask)
 
     def truth(self, graph: LabelGraph) -> NDArray[np.int64]:
-        """(N,) label index per node of one of this map's graphs, -1 where not known."""
+        """(N,) label index per node of one of this map's graphs, -1 where unknown."""
         return graph.layout.from_raster(self.labels).astype(np.int64)  # type: ignore[union-attr]
 
 

@@ -46,7 +46,7 @@ def load_sensor(record: Mapping[str, Any]) -> Sensor:
 
 
 def dump_features(features: tuple[Any, ...]) -> list[dict[str, Any]]:
-    """Features of one's own as plain data: their registered names, options and columns."""
+    """Custom features as plain data: their registered names, options and columns."""
     return [
         {
             "name": FEATURES.name_of(type(feature)),

@@ -171,7 +171,7 @@ class _Share:
 
 
 def _truth(comparison: Comparison, labels: Sequence[Swatch]) -> list[_Share]:
-    """What a constant answer would score."""
+    """The score of a constant labelling."""
     counts = np.zeros(len(labels), np.int64)
     areas_m2 = np.zeros(len(labels))
     for item in comparison.maps:

@@ -20,7 +20,7 @@ _MOST_ITEMS, _MOST_NUMBERS = 24, 12
 
 
 def render(template: str, *, script: str | None = None, **values: object) -> str:
-    """The page that a template makes of its values; every text among them is escaped.
+    """The page rendered from a template and its values; all text is escaped.
 
     Parameters
     ----------

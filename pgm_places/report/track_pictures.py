@@ -132,7 +132,7 @@ def _strip(
     colours: tuple[str, ...],
     end: float,
 ) -> None:
-    """Bars in the colour of each stretch of one label; nothing where it is not known."""
+    """Bars in the colour of each stretch of one label; nothing where it is unknown."""
     changes = np.flatnonzero(np.diff(labels)) + 1
     starts = [0, *changes.tolist()] if len(labels) else []
     ends = [*changes.tolist(), len(labels) - 1] if len(labels) else []

@@ -43,7 +43,7 @@ class Building79:
 
     @property
     def place(self) -> NDArray[np.int64]:
-        """(T,) index into PLACES, -1 where not known."""
+        """(T,) index into PLACES, -1 where unknown."""
         assert self.path.labels is not None
         return self.path.labels
 

@@ -55,7 +55,7 @@ class Floor:
     ----------
     grid : OccupancyGrid
     labels : (H, W) int16
-        The use of each cell, -1 where not known.
+        The use of each cell, -1 where unknown.
     drive : Trajectory
     names : tuple of str
         The uses.

@@ -56,7 +56,7 @@ def scored_modes(
     labeler : TrajectoryLabeler
         Fitted, with a hidden Markov model.
     drives : sequence of Trajectory
-        With true labels, -1 where not known.
+        With true labels, -1 where unknown.
     scores : sequence of (T, K) float
         The decision list's scores of each step.
     """

@@ -1,4 +1,4 @@
-"""A rolling map around the robot: what its laser saw recently, and what it has seen of the space behind itself."""
+"""A rolling map around the robot: what its laser saw recently, including the space behind it."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING

@@ -17,7 +17,7 @@ PLANNING_CELL_M = 0.1
 """Finer maps are planned on every other cell, or every third, so that cells are about so large."""
 
 WALL_COST = 1.0
-"""Metres beside a wall count up to so many times more, so that ways keep to the middle."""
+"""Metres beside a wall count up to so many times more, so that paths keep to the middle."""
 
 SNAP_M = 1.0
 """A position that is no place for the robot moves to one at most so far away."""

@@ -113,7 +113,7 @@ def iter_cast(
     grid, sensor, mask, n_threads, on_progress
         As in :func:`cast_cells`.
     memory_bytes : int
-        At most so much memory is taken at a time, besides the map and the mask themselves: for the
+        Maximum memory used at a time, besides the map and the mask themselves: for the
         block and for the work on it. Larger blocks take less time: the surroundings that beams can
         reach are looked at again for each block.
 

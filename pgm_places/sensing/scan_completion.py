@@ -147,7 +147,7 @@ class ScanCompletion:
         for row, pose in enumerate(poses):
             beams = np.flatnonzero(wanted[row])
             simulated, met = self._cast(pose, self._angles[beams])
-            # No answer from a beam that the laser has says that there is no obstacle, unless the
+            # No return of a beam that the laser has means that there is no obstacle, unless the
             # map knows one: glass and black surfaces give no return either.
             open_space = seen[beams] & ~met & (not self.all_from_map)
             found[row, beams] = np.where(open_space, reach, simulated)

@@ -33,7 +33,7 @@ def simulate_moves(
 
     A run starts at a random position, heading anywhere, in a random labelled free cell of all maps
     together, and goes a random distance straight on (paper, section 5). Runs that would leave the
-    free space, or end where the label is not known, are drawn again.
+    free space, or end where the label is unknown, are drawn again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a node lies in a graph: shortest paths through it, and what hangs together without it."""
+"""Where a node lies in a graph: shortest paths through it, and connections without it."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -113,7 +113,7 @@ class DoorMatch:
 def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
     """The door that each gate matches.
 
-    A door is a piece of free cells labelled ``doorway`` that hang together by sides or corners. A
+    A door is a piece of free cells labelled ``doorway`` that are connected by sides or corners. A
     gate matches where the cells in its rectangle, 0.1 m larger at every end, and those of the door
     overlap by at least three tenths of the smaller of the two.
 
@@ -121,7 +121,7 @@ def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
     ----------
     gates : Gates
     labels : (H, W) int
-        Label of each cell, -1 where not known.
+        Label of each cell, -1 where unknown.
     doorway : int
         The label of doorways.
     """
@@ -144,7 +144,7 @@ def match_painted(
         What the method found for each cell, -1 for none.
     grid : OccupancyGrid
     labels : (H, W) int
-        Label of each cell, -1 where not known.
+        Label of each cell, -1 where unknown.
     doorway : int
         The label of doorways.
 

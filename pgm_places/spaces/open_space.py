@@ -17,7 +17,7 @@ SMALLEST_SPACE_M2 = 1.0
 def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """(H, W) which cells are open: free space with small obstacles filled, small pieces dropped.
 
-    Obstacles hang together by sides and corners, free space by sides. A dropped piece stays
+    Obstacles are connected by sides and corners, free space by sides. A dropped piece stays
     dropped, its obstacles with it.
 
     Examples

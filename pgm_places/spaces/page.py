@@ -28,7 +28,7 @@ END = "<!-- end of table -->"
 
 
 def updated_page(text: str) -> str:
-    """The page with its tables made anew.
+    """The page with its tables renewed.
 
     Raises
     ------

@@ -46,7 +46,7 @@ def betweenness(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.f
 def area_cut_off(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,) share of the rest of its component that each node cuts off from the largest part.
 
-    0 where the rest hangs together without it.
+    0 where the rest remains connected without it.
 
     Examples
     --------

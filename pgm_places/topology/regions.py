@@ -88,7 +88,7 @@ def describe_regions(
     ids, names : sequences
         One per piece.
     confidences : sequence of float or None, optional
-        Mean probability of each piece's label, None where it is not known.
+        Mean probability of each piece's label, None where it is unknown.
     gates : sequence of Gate or None, optional
         The gate that each piece is, None for other pieces.
     tolerance : float

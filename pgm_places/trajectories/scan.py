@@ -26,7 +26,7 @@ class ScanGeometry:
     angles_rad : (M,) float
         Direction of each beam against the sensor's heading, counter-clockwise, at least one beam.
     range_max_m : float
-        Longest distance. A beam that met nothing within it *reads it*: that is the one way in
+        Maximum range. A beam without a return within it *reads it*: that is the one way in
         which "no return" is written everywhere in this package.
     range_min_m : float
         Shortest distance; anything below it is no measurement.

@@ -33,13 +33,13 @@ class Trajectory:
         x, y in metres and heading in radians, counter-clockwise from the x axis: of the laser
         where there are scans, else of the robot.
     ranges_m : (T, M) float32 or None
-        What each beam read, from 0 to ``geometry.range_max_m``; a beam that met nothing reads
+        What each beam read, from 0 to ``geometry.range_max_m``; a beam without a return reads
         exactly ``geometry.range_max_m``. :meth:`ScanGeometry.cleaned` makes such ranges from raw
         readings.
     geometry : ScanGeometry or None
         The beams; given exactly where ``ranges_m`` is.
     labels : (T,) int or None
-        True place of each step as an index into ``label_names``, -1 where it is not known.
+        True place of each step as an index into ``label_names``, -1 where it is unknown.
     label_names : tuple of str or None
         Given exactly where ``labels`` is.
     odometry : (T, 3) float or None
@@ -157,7 +157,7 @@ class Trajectory:
         return replace(self, ranges_m=np.asarray(ranges_m, np.float32), geometry=geometry)
 
     def with_labels(self, labels: ArrayLike, label_names: Iterable[str]) -> Self:
-        """The same steps with other labels (T,), -1 where the place is not known."""
+        """The same steps with other labels (T,), -1 where the place is unknown."""
         return replace(self, labels=np.asarray(labels), label_names=tuple(label_names))
 
     def relabelled(self, new_names: Mapping[str, str], label_names: Iterable[str]) -> Self:
@@ -195,7 +195,7 @@ class Trajectory:
     def labelled_by(self, labelled_map: "LabelledMap", label_names: Iterable[str]) -> Self:
         """The same steps with the labels that a map of the same frame has at their positions.
 
-        Steps outside the map, or outside its window, become -1: not known.
+        Steps outside the map, or outside its window, become -1: unknown.
 
         Raises
         ------

@@ -99,13 +99,13 @@ def fit_unary(
         Whether the returned scores come from the fitted lists, or from lists that did not see the
         building that a cell lies in, or its contiguous block where there is only one building.
     n_folds : int
-        Folds for out-of-fold scores: so many blocks, or at most so many groups of buildings.
+        Folds for out-of-fold scores: number of blocks, or maximum number of groups of buildings.
     max_examples_per_map : int, optional
-        Train the lists on a random choice of so many cells of each map.
+        Train the lists on a random sample of this many cells of each map.
     features : tuple
-        Custom features, beside the laser's: see :mod:`pgm_places.features.own`.
+        Custom features, in addition to the laser's: see :mod:`pgm_places.features.own`.
     with_scores : bool
-        Whether all labelled cells are scored for structured methods to learn from.
+        Whether all labelled cells are scored, to train structured methods on.
     """
     progress = progress or Silent()
     cells = TrainingCells.of(

@@ -124,7 +124,7 @@ class SpaceOptions(ListOptions):
         )
 
     def doorway(self, label_names: Sequence[str]) -> int | None:
-        """The number of the label of doorways among these names, None where there is none."""
+        """The index of the doorway label among these names, None if there is none."""
         names = list(label_names)
         return names.index(self.doorway_label) if self.doorway_label in names else None
 

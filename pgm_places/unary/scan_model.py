@@ -100,7 +100,7 @@ class ScanModel:
     extra_names : tuple of D str
         Columns after the features, such as counts of objects seen by a camera.
     features : tuple
-        Scan features of one's own: see :mod:`pgm_places.features.own`.
+        Custom features of scans: see :mod:`pgm_places.features.own`.
     """
 
     classifier: BoostedList

@@ -137,7 +137,7 @@ class SimulatedDetector:
         return counts
 
     def _chance(self, pose: NDArray[np.float64]) -> np.random.Generator:
-        """The chances of one pose: drawn anew for every pose, the same whenever it is taken."""
+        """The random draws of one pose: each pose has its own, the same on every visit."""
         words = np.frombuffer((pose + 0.0).tobytes(), np.uint32)  # -0.0 is 0.0
         return np.random.default_rng([self.seed, *words.tolist()])
 

@@ -179,7 +179,7 @@ def test_bad_input_is_refused_with_a_reason() -> None:
         TrajectoryLabeler.from_places(PlaceLabeler(names))
     with pytest.raises(NotFittedError):
         save(tool, "unused")
-    with pytest.raises(InputError, match="nothing to learn"):
+    with pytest.raises(InputError, match="nothing to train"):
         tool.fit()
     with pytest.raises(InputError, match="no extra columns"):
         cups.fit([known], [path], extra=[np.zeros((len(path), 1))])

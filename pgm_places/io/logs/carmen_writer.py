@@ -92,7 +92,7 @@ def _message_ends(geometry: ScanGeometry) -> tuple[str, tuple[str, str]]:
 
 
 def _in_millimetres(ranges_m: NDArray[np.float32], geometry: ScanGeometry) -> NDArray[np.float64]:
-    """Rounded ranges; one that met something stays below the longest range."""
+    """Rounded ranges; one with a return stays below the maximum range."""
     rounded = np.round(ranges_m.astype(np.float64), 3)
     # Rounding must not turn a wall just within reach into "nothing seen", nor the other way round.
     below = np.ceil(geometry.range_max_m / _RESOLUTION_M - 1e-6) * _RESOLUTION_M - _RESOLUTION_M

@@ -68,7 +68,7 @@ def follow_lines(
     stream : binary file
         An open plain file, or ``sys.stdin.buffer``. It is read line by line, never ahead.
     poll_s : float or None
-        At the end of the data: look again after so many seconds, as in a growing file. None ends
+        At the end of the data: look again after this many seconds, as in a growing file. None ends
         there, as is right for a pipe, whose end is final.
     is_over : callable
         Asked at each end of the data; true ends the lines.

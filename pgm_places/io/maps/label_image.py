@@ -19,7 +19,7 @@ __all__ = ["LABEL_COLOURS", "load_labels", "save_labels"]
 
 _log = logging.getLogger(__name__)
 
-# Okabe and Ito's colours that tell apart with every kind of colour vision; black is left out, it
+# Okabe and Ito's colours, distinguishable with every kind of colour vision; black is left out, it
 # stands for "no label".
 LABEL_COLOURS = (
     (0, 114, 178),
