@@ -69,14 +69,16 @@ def largest_rests(
     leads above the node.
     """
     n = len(weight)
-    seen = np.full(n, -1, np.int64)  # the order of discovery
-    lowest = np.empty(n, np.int64)
-    parent = np.full(n, -1, np.int64)
-    below = weight.copy()  # of the subtree
-    cut = np.zeros(n)  # of the subtrees that are cut off, together
-    largest = np.zeros(n)
-    edge = start[:-1].astype(np.int64)
+    seen = np.empty(n, np.int64)  # the order of discovery
+    lowest, parent, edge = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     stack, found = np.empty(n, np.int64), np.empty(n, np.int64)
+    below, largest = np.empty(n), np.empty(n)  # of the subtree, and of those that are cut off
+    cut = np.empty(n)  # of the latter together
+    for i in range(n):
+        seen[i] = parent[i] = -1
+        edge[i] = start[i]
+        below[i] = weight[i]
+        cut[i] = largest[i] = 0.0
     time = 0
     for root in range(n):
         if seen[root] >= 0:

@@ -47,9 +47,9 @@ def _run_end(cells_rc: NDArray[np.int32], segment: NDArray[np.int32], first: int
 
 @fused
 def _lines_near(
-    row: int,
-    low: int,
-    high: int,
+    row: float,
+    low: float,
+    high: float,
     lines: NDArray[np.float64],
     first: int,
     end: int,
@@ -97,22 +97,24 @@ def write_features(
     ``lines[start[s]:start[s + 1]]``, and ``most`` bounds their number.
     """
     n_own = table.shape[1]
-    values = np.zeros(n_own + CELL_COLUMNS, np.float32)
-    searched = len(source) > 0 and source.max() > n_own
+    values = np.empty(n_own + CELL_COLUMNS, np.float32)
+    searched = False
+    for k in range(len(source)):
+        searched |= source[k] > n_own
     near, away = np.empty(most, np.int64), np.empty(most)
-    first = 0
+    first = np.int64(0)  # no literal, for which helpers would be compiled again
     while first < len(cells_rc):
         end, s = _run_end(cells_rc, segment, first), segment[first]
         for k in range(n_own):
             values[k] = table[s, k]
-        row, count = cells_rc[first, 0], 0
+        row, count = float(cells_rc[first, 0]), 0
         if searched:
-            low, high = cells_rc[first, 1], cells_rc[end - 1, 1]
+            low, high = float(cells_rc[first, 1]), float(cells_rc[end - 1, 1])
             count = _lines_near(row, low, high, lines, start[s], start[s + 1], near, away)
         for n in range(first, end):
             distance, width = np.inf, 0.0
             for m in range(count):
-                to_it = _away(row, cells_rc[n, 1], lines, near[m])
+                to_it = _away(row, float(cells_rc[n, 1]), lines, near[m])
                 if to_it < distance or (to_it == distance and lines[near[m], 4] > width):
                     distance, width = to_it, lines[near[m], 4]
             values[n_own] = clearance[n] / radius[s]

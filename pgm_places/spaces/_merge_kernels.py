@@ -54,10 +54,10 @@ def merge_basins(
     radius, then area, and none where these are equal too. The outcome depends on no order.
     """
     n_basins = len(parent)
+    chosen = np.empty(n_basins, np.int32)  # of a small one: the large one to join
+    tied = np.empty(n_basins, np.bool_)
     for i in range(n_basins):
-        parent[i] = i
-    chosen = np.full(n_basins, -1, np.int32)  # of a small one: the large one to join
-    tied = np.zeros(n_basins, np.bool_)
+        parent[i], chosen[i], tied[i] = i, -1, False
     begin = 0
     while begin < len(pairs):
         end = begin

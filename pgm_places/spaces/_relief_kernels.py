@@ -18,15 +18,13 @@ def smoothed_roots(squared: NDArray[np.int32], unit: int, relief: NDArray[np.int
     height, width = squared.shape
     roots = np.zeros((3, width + 2), np.int32)
     column_sum = np.zeros(width + 2, np.int32)
-    relief[0] = 0
-    relief[height + 1] = 0
+    for c in range(width + 2):  # slices would take longer to compile
+        relief[0, c] = relief[height + 1, c] = 0
     for r in range(-1, height):
         below, here, above = roots[(r + 2) % 3], roots[(r + 3) % 3], roots[(r + 4) % 3]
-        if r + 1 < height:
-            for c in range(width):
-                above[c + 1] = np.int32(np.sqrt(float(squared[r + 1, c])) * unit + 0.5)
-        else:
-            above[:] = 0
+        for c in range(width):
+            root = np.sqrt(float(squared[r + 1, c])) if r + 1 < height else 0.0
+            above[c + 1] = np.int32(root * unit + 0.5)
         if r < 0:
             continue
         for c in range(width + 2):

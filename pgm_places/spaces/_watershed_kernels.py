@@ -118,10 +118,11 @@ def number_summits(
     ways: NDArray[np.uint8],
     basin: NDArray[np.int32],
     stack: NDArray[np.int32],
-) -> NDArray[np.int64]:
-    """(B,) rank of each summit: the higher and then the larger plateau; writes their basins.
+) -> tuple[int, NDArray[np.int64]]:
+    """B and (B or more,) rank of each summit: the higher and then the larger plateau.
 
-    Summits are the plateaus that lead nowhere higher, numbered in the order of their first cell.
+    Summits are the plateaus that lead nowhere higher, numbered in the order of their first cell;
+    their basins are written.
     """
     width = -steps[0]
     rank = np.empty(1024, np.int64)
@@ -131,7 +132,8 @@ def number_summits(
             continue
         if count == len(rank):
             longer = np.empty(2 * count, np.int64)
-            longer[:count] = rank
+            for k in range(count):  # a slice would take a second to compile
+                longer[k] = rank[k]
             rank = longer
         basin[i] = count
         stack[0] = i
@@ -148,7 +150,7 @@ def number_summits(
                     top += 1
         rank[count] = (np.int64(relief[i]) << 32) + size
         count += 1
-    return rank[:count].copy()
+    return count, rank
 
 
 @njit
@@ -204,13 +206,14 @@ def climb(
 @njit
 def number_lines(
     basin: NDArray[np.int32], steps: NDArray[np.int64], count: int, stack: NDArray[np.int32]
-) -> tuple[int, NDArray[np.int64]]:
+) -> tuple[int, int, NDArray[np.int64]]:
     """Number the lines that ``PARTED`` cells form from ``count`` on.
 
-    Returns how many there are, and the pairs (line, basin beside it), with repetitions.
+    Returns how many there are, and how many pairs (line, basin beside it), with repetitions, are
+    the first of the flat list that follows.
     """
     width = -steps[0]
-    beside = np.empty((1024, 2), np.int64)
+    beside = np.empty(2048, np.int64)
     n_pairs, n_lines = 0, 0
     for i in range(width, basin.size - width):
         if basin[i] != PARTED:
@@ -230,14 +233,15 @@ def number_lines(
                     stack[top] = j
                     top += 1
                 elif 0 <= basin[j] < count:
-                    if n_pairs == len(beside):
-                        longer = np.empty((2 * n_pairs, 2), np.int64)
-                        longer[:n_pairs] = beside
+                    if 2 * n_pairs == len(beside):
+                        longer = np.empty(4 * n_pairs, np.int64)
+                        for n in range(2 * n_pairs):
+                            longer[n] = beside[n]
                         beside = longer
-                    beside[n_pairs, 0] = line
-                    beside[n_pairs, 1] = basin[j]
+                    beside[2 * n_pairs] = line
+                    beside[2 * n_pairs + 1] = basin[j]
                     n_pairs += 1
-    return n_lines, beside[:n_pairs].copy()
+    return n_lines, n_pairs, beside
 
 
 @njit

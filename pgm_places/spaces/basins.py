@@ -72,13 +72,14 @@ def find_basins(relief: NDArray[np.int32]) -> Basins:
     scratch = np.empty(flat.size, np.int32)  # its pages are touched only as far as it is used
     kernels.steepest_ways(flat, steps, ways)
     kernels.cross_plateaus(flat, steps, ways, basin, scratch)
-    rank = kernels.number_summits(flat, steps, ways, basin, scratch)
+    count, room = kernels.number_summits(flat, steps, ways, basin, scratch)
+    rank = room[:count]
     n_parted = kernels.climb(flat, steps, ways, rank, basin, scratch)
     n_lines, beside = 0, np.empty((0, 2), np.int64)
     area, volume = kernels.areas_and_volumes(basin, flat, len(rank))
     if n_parted:
-        n_lines, beside = kernels.number_lines(basin, steps, len(rank), scratch)
-        beside = np.unique(beside, axis=0)
+        n_lines, n_pairs, room = kernels.number_lines(basin, steps, len(rank), scratch)
+        beside = np.unique(room[: 2 * n_pairs].reshape(-1, 2), axis=0)
         number, n_lines, beside = _settled(len(rank), n_lines, beside, rank, area, volume)
         kernels.renumber(basin, number)
         area = kernels.areas_and_volumes(basin, flat, len(rank) + n_lines)[0]

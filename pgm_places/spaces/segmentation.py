@@ -236,9 +236,11 @@ def _divisions(
     from pgm_places.spaces._merge_kernels import merge_basins
 
     steps = neighbour_steps(relief.shape[1])
-    pairs, height = highest_passes(
-        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count
+    first = np.full(basins.count, -1, np.int32)
+    n_passes, room = highest_passes(
+        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count, first
     )
+    pairs, height = room[:n_passes, :2], room[:n_passes, 2]
     order = np.argsort(-height, kind="stable")
     widths = half_width_m(height[order], resolution_m)
     radii = half_width_m(basins.summit[: basins.count], resolution_m)
@@ -259,7 +261,7 @@ def _borders(
     """Where basins touch that lie in different segments of any division."""
     from pgm_places.spaces._border_kernels import border_sites
 
-    sites, height = border_sites(
+    n_sites, room = border_sites(
         basins.raster.reshape(-1),
         relief.reshape(-1),
         neighbour_steps(relief.shape[1]),
@@ -268,5 +270,6 @@ def _borders(
         grid.cells,
         FREE,
     )
-    is_side, is_free = sites[:, 4:].astype(np.bool_).T
-    return Borders(sites[:, :2], sites[:, 2:4], height, is_side, is_free)
+    sites = room[:n_sites]
+    is_side, is_free = sites[:, 4:6].astype(np.bool_).T
+    return Borders(sites[:, :2].copy(), sites[:, 2:4].copy(), sites[:, 6].copy(), is_side, is_free)

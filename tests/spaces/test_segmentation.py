@@ -84,11 +84,12 @@ def test_passes_are_those_of_a_search(relief: np.ndarray) -> None:
 
     flat = framed(relief)
     found = find_basins(flat)
-    pairs, height = highest_passes(
-        found.raster.reshape(-1), flat.reshape(-1), neighbour_steps(flat.shape[1]), found.count
+    steps, first = neighbour_steps(flat.shape[1]), np.full(found.count, -1, np.int32)
+    n, passes = highest_passes(
+        found.raster.reshape(-1), flat.reshape(-1), steps, found.count, first
     )
-    got = {(int(a), int(b)): int(h) for (a, b), h in zip(pairs, height, strict=True)}
-    assert len(got) == len(pairs)
+    got = {(int(a), int(b)): int(h) for a, b, h, _ in passes[:n]}
+    assert len(got) == n
     assert got == reference.passes(inner(found.raster, found.count), relief)
 
 
