@@ -101,7 +101,7 @@ class SpaceList:
     ) -> None:
         used = model.classifier.used_features
         self.features, self.layout, self.n_labels = spaces.features, layout, n_labels
-        self.at_gate, self.doorway = model.at_gates(spaces, layout), model.doorway
+        self.at_gates, self.doorway = model.at_gates(spaces, layout), model.doorway
         self.columns = np.asarray(used[used < n_own], np.int64)
         self.of_spaces = np.asarray(used[used >= n_own], np.int64) - n_own
         self.part = model.classifier.restricted(used)
@@ -130,9 +130,9 @@ class SpaceList:
         cells = self.layout.cells_rc[nodes]
         self.features.write(cells, self.of_spaces, both, n_own, n_threads=1)
         found = aligned_log_proba(self.part, both, self.n_labels, 1)
-        if self.at_gate is None or self.doorway is None:
+        if self.at_gates is None or self.doorway is None:
             return found
-        return with_gates(found, self.at_gate[nodes], self.doorway)
+        return with_gates(found, self.at_gates.of(nodes), self.doorway)
 
 
 def aligned_log_proba(

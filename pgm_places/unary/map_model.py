@@ -26,6 +26,9 @@ __all__ = ["UNARIES", "CellScores", "UnaryModel"]
 UNARIES = ("laser", "context", "space")
 """What a method can be given, by name."""
 
+_SCANS_AT_ONCE = 32_768
+"""Scans whose features are held at a time: some ten megabytes, however many columns there are."""
+
 
 @dataclass(frozen=True, eq=False)
 class CellScores:
@@ -159,17 +162,19 @@ class UnaryModel:
         done, total = 0, len(layout.cells_rc)
         of_cells = values_on_map(self.features, grid, layout.cells_rc, columns)
         for block in iter_cast(grid, self.sensor, mask=layout.mask(), n_threads=n_threads):
-            values = feature_values(
-                block.ranges,
-                self.features,
-                columns,
-                max_range_m=self.sensor.max_range_m,
-                from_map={place: rows[block.nodes] for place, rows in of_cells.items()},
-                n_threads=n_threads,
-            )
-            take(block.nodes, values)
-            done += len(block.nodes)
-            stage.update(done / max(total, 1))
+            for first in range(0, len(block.nodes), _SCANS_AT_ONCE):
+                nodes = block.nodes[first : first + _SCANS_AT_ONCE]
+                values = feature_values(
+                    block.ranges[first : first + _SCANS_AT_ONCE],
+                    self.features,
+                    columns,
+                    max_range_m=self.sensor.max_range_m,
+                    from_map={place: rows[nodes] for place, rows in of_cells.items()},
+                    n_threads=n_threads,
+                )
+                take(nodes, values)
+                done += len(nodes)
+                stage.update(done / max(total, 1))
 
     def _add_context(
         self,

@@ -17,7 +17,7 @@ from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 
-__all__ = ["N_SPACE_COLUMNS", "MapSpaces", "SpaceModel", "with_gates"]
+__all__ = ["N_SPACE_COLUMNS", "AtGates", "MapSpaces", "SpaceModel", "with_gates"]
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
 """Columns that cells get from segments and places."""
@@ -64,8 +64,8 @@ class MapSpaces:
         """The accepted gates, and the places that they part."""
         return Doorways.of(self.places, self.probability)
 
-    def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
-        """(N,) the largest probability of the gates that each node of a layout lies at, 0 for none.
+    def at_gates(self, layout: GridLayout) -> "AtGates":
+        """The nodes of a layout that lie at gates.
 
         A node lies at a gate where it is in its rectangle, 0.1 m wider at either end and at least
         0.6 m deep on either side.
@@ -77,9 +77,33 @@ class MapSpaces:
             cells.append(gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m))
         node = layout.nodes_at(np.concatenate(cells))
         probability = np.repeat(self.probability, [len(item) for item in cells[1:]])
-        found = np.zeros(len(layout.cells_rc), np.float32)
-        np.maximum.at(found, node[node >= 0], probability[node >= 0].astype(np.float32))
-        return found
+        order = np.lexsort((-probability, node))
+        kept, first = np.unique(node[order], return_index=True)
+        strongest = probability[order][first].astype(np.float32)
+        return AtGates(kept[kept >= 0], strongest[kept >= 0])
+
+
+@dataclass(frozen=True, eq=False)
+class AtGates:
+    """The few nodes that lie at gates, so that nothing is kept for all the others.
+
+    Parameters
+    ----------
+    node : (M,) int64
+        Ascending.
+    strength : (M,) float32
+        The largest probability of the gates that each lies at.
+    """
+
+    node: NDArray[np.int64]
+    strength: NDArray[np.float32]
+
+    def of(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(n,) the strength at some nodes, 0 for those at no gate."""
+        if not len(self.node):
+            return np.zeros(len(nodes), np.float32)
+        place = np.minimum(np.searchsorted(self.node, nodes), len(self.node) - 1)
+        return np.where(self.node[place] == nodes, self.strength[place], np.float32(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +131,8 @@ class SpaceModel:
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
         return MapSpaces.of(candidates, probability)
 
-    def at_gates(self, spaces: MapSpaces, layout: GridLayout) -> NDArray[np.float32] | None:
-        """(N,) the gates' probabilities at each node; None where scores are not weighed by them."""
+    def at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
+        """The nodes of a layout at gates; None where scores are not weighed by gates."""
         if self.gates is None or self.doorway is None:
             return None
         return spaces.at_gates(layout)

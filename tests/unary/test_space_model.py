@@ -55,9 +55,15 @@ def test_nodes_take_the_largest_probability_of_their_gates(everywhere: bool) -> 
     spaces, layout = small_floor()
     if not everywhere:
         layout = layout.part(np.random.default_rng(1).random(len(layout.cells_rc)) < 0.5)
-    found = spaces.at_gates(layout)
+    found = spaces.at_gates(layout).of(np.arange(len(layout.cells_rc)))
     assert found.dtype == np.float32 and 0 < np.count_nonzero(found) < len(found) / 2
     assert np.array_equal(found, slow_at_gates(spaces, layout))
+
+
+def test_maps_without_gates_have_no_nodes_at_them() -> None:
+    spaces, layout = small_floor()
+    none = GridLayout.of_mask(np.zeros(layout.shape, np.bool_))
+    assert spaces.at_gates(none).of(np.arange(3)).tolist() == [0, 0, 0]
 
 
 def test_gates_multiply_the_odds_of_doorways(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,7 +88,7 @@ def test_cells_are_scored_alike_in_blocks_of_any_size(
     every = np.concatenate([own, spaces.features.lookup(layout.cells_rc)], axis=1)
     wanted = aligned_log_proba(model.classifier, every, 3)
     if doorway is not None:
-        wanted = with_gates(wanted, spaces.at_gates(layout), doorway)
+        wanted = with_gates(wanted, slow_at_gates(spaces, layout), doorway)
     monkeypatch.setattr(cell_lists, "_CELLS_PER_TASK", 1000)
     for given in (np.arange(N_OWN), None):
         item = SpaceList(model, spaces, layout, N_OWN, 3)
