@@ -20,6 +20,7 @@ TOPICS = (
     "features",
     "boosting",
     "boosted_trees",
+    "spaces",
     "labelling",
     "large_map",
     "relaxation",

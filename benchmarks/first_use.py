@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-STAGES = ("casting", "features", "relaxation", "topology")
+STAGES = ("casting", "features", "segments", "space", "relaxation", "topology")
 MEASURE = "--measure"
 
 

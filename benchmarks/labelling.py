@@ -1,7 +1,8 @@
 """Labelling a whole map: load, cast, features, classify.
 
 The real map of building 79 at 5 cm if the data is available, otherwise the generated building; the
-list is trained on the same map.
+lists are trained on the same map: stumps on laser features, or trees that also see the segments,
+gates and places around a cell.
 """
 
 import os
@@ -9,6 +10,7 @@ import statistics
 import sys
 import tempfile
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,10 @@ import numpy as np
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
-from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.stored import load, save
+from pgm_places.unary.options import SpaceOptions
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("corridor", "room", "doorway")
@@ -57,21 +60,26 @@ def run(quick: bool) -> list[dict[str, Any]]:
         title, map_yaml, label_path = map_files(folder)
         grid = load_map(map_yaml).grid
         labels = load_labels(label_path, NAMES, grid=grid)
-        methods = {"relaxation": "relaxation", "adaboost": "independent"}
-        labeler = PlaceLabeler(NAMES, methods).fit([LabelledMap(grid, labels)])
+        methods = {
+            "stumps, laser": PlaceMethod("independent", "laser"),
+            "trees, laser and spaces": PlaceMethod("independent", "space"),
+        }
+        labeler = PlaceLabeler(NAMES, methods, space=SpaceOptions())
+        labeler.fit([LabelledMap(grid, labels)])
         labeler = load(save(labeler, folder / "model"))
 
-        for threads in (1, 2):
+        for method, threads in product(methods, (1, 2)):
 
-            def label(threads: int = threads) -> None:
+            def label(method: str = method, threads: int = threads) -> None:
                 loaded = load_map(map_yaml).grid
-                labeler.label(loaded, method="adaboost", n_threads=threads)
+                labeler.label(loaded, method=method, n_threads=threads)
 
             label()
             wall, processor = median_seconds(label, repeats)
             rows.append(
                 {
                     "map": title,
+                    "list": method,
                     "free cells": int(np.count_nonzero(grid.free)),
                     "threads": threads,
                     "wall s": wall,

@@ -27,7 +27,8 @@ def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "It
     from pgm_places.experiment.config import load_config
 
     config = load_config(config_path)
-    stages = ["features", "boosting", *(item.name for item in config.methods)]
+    spaces = [] if config.space is None else ["segments", "space", "trees"]
+    stages = ["features", "boosting", *spaces, *(item.name for item in config.methods)]
     with WarmUp(stages, n_threads=n_threads):
         from pgm_places.experiment.experiment import Experiment
 
@@ -122,8 +123,9 @@ def run_label(
 
         stored = read(folder, "place-labeler")
         labeler, rules = stored.item, rules_of(stored.record, doorways)
-        backend = labeler.method(method).backend  # an unknown method shows before the work
-        warm_up.compile([METHODS.name_of(type(backend)), "topology"])
+        chosen = labeler.method(method)  # an unknown method shows before the work
+        spaces = ["space"] if chosen.unary == "space" else []
+        warm_up.compile([*spaces, METHODS.name_of(type(chosen.backend)), "topology"])
         with progress.stage("map"):
             loaded = load_map(map_yaml, unknown_value=unknown_value)
         for message in loaded.warnings:

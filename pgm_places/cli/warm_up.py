@@ -135,6 +135,32 @@ def _warm_up_features() -> None:
     extract(np.ones((1, 360), np.float32), max_range_m=10.0, columns=columns)
 
 
+def _warm_up_segments() -> None:
+    from pgm_places.datasets import generate_building
+    from pgm_places.spaces.gates import gate_candidates
+    from pgm_places.spaces.segmentation import Segmentation
+    from pgm_places.unary.space_model import MapSpaces, gate_probabilities
+
+    gates = gate_candidates(Segmentation.of(generate_building(size="small").grid))
+    MapSpaces.of(gates, gate_probabilities(None, [[]] * len(gates)))
+
+
+def _warm_up_space() -> None:
+    """Looking up what one cell sees of a segment, and trees; the run itself divides the map."""
+    import numpy as np
+
+    from pgm_places.models.boosted_trees import BoostedTrees
+    from pgm_places.spaces.segment_lookup import SegmentLookup
+
+    none, one = np.zeros(1, np.int64), np.zeros((1, 1), np.float32)
+    lookup = SegmentLookup(
+        none.astype(np.int32), one, np.ones(1), np.zeros(2, np.int64), np.zeros((0, 5)), 0, 1.0
+    )
+    cells = np.zeros((1, 2), np.int32)
+    lookup.write(cells, cells[0, :1], np.zeros(1), none, none, one)
+    BoostedTrees(np.full((1, 3), -1), np.full((1, 3), np.inf), np.zeros((1, 4))).scores(one)
+
+
 def _warm_up_topology() -> None:
     from pgm_places.datasets import generate_building
     from pgm_places.topology.from_labels import topological_map
@@ -184,6 +210,19 @@ def _warm_up_boosting() -> None:
     fitted.boosted_list_.log_histogram(features)
 
 
+def _warm_up_trees() -> None:
+    """Growing trees, of the depths that spaces are learned with."""
+    import numpy as np
+
+    from pgm_places.models.decision_list import DecisionListClassifier
+
+    rng = np.random.default_rng(0)
+    features = rng.random((300, 8), np.float32)
+    DecisionListClassifier(n_rounds=2, max_depth=3, shrinkage=0.3).fit(
+        features, np.arange(300) % 3, groups=np.arange(300) // 60
+    )
+
+
 def _warm_up_amn() -> None:
     import numpy as np
 
@@ -203,6 +242,9 @@ def _warm_up_amn() -> None:
 STAGES: dict[str, Callable[[], None]] = {
     "features": _warm_up_features,
     "boosting": _warm_up_boosting,
+    "segments": _warm_up_segments,
+    "space": _warm_up_space,
+    "trees": _warm_up_trees,
     "relaxation": _warm_up_relaxation,
     "potts": _warm_up_potts,
     "amn": _warm_up_amn,
