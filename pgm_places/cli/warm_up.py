@@ -158,7 +158,8 @@ def _warm_up_space() -> None:
     )
     cells = np.zeros((1, 2), np.int32)
     lookup.write(cells, cells[0, :1], np.zeros(1), none, none, one)
-    BoostedTrees(np.full((1, 3), -1), np.full((1, 3), np.inf), np.zeros((1, 4))).scores(one)
+    cut, value = np.full((1, 3), np.inf, np.float32), np.zeros((1, 4), np.float32)
+    BoostedTrees(np.full((1, 3), -1, np.int32), cut, value).scores(one)
 
 
 def _warm_up_topology() -> None:

@@ -25,7 +25,7 @@ def highest_passes(
     """
     width = -steps[0]
     passes = np.empty((1024, 4), np.int32)
-    n = np.int64(0)  # no literal, for which helpers would be compiled again
+    n = 0
     for i in range(width, basin.size - width):
         here = basin[i]
         if here < 0:

@@ -102,7 +102,7 @@ def write_features(
     for k in range(len(source)):
         searched |= source[k] > n_own
     near, away = np.empty(most, np.int64), np.empty(most)
-    first = np.int64(0)  # no literal, for which helpers would be compiled again
+    first = 0
     while first < len(cells_rc):
         end, s = _run_end(cells_rc, segment, first), segment[first]
         for k in range(n_own):

@@ -101,7 +101,7 @@ class SpaceList:
     ) -> None:
         used = model.classifier.used_features
         self.features, self.layout, self.n_labels = spaces.features, layout, n_labels
-        self.at_gates, self.doorway = model.at_gates(spaces, layout), model.doorway
+        self.at_gates, self.doorway = model.nodes_at_gates(spaces, layout), model.doorway
         self.columns = np.asarray(used[used < n_own], np.int64)
         self.of_spaces = np.asarray(used[used >= n_own], np.int64) - n_own
         self.part = model.classifier.restricted(used)

@@ -61,10 +61,10 @@ class LearnedSpaces:
         """(N, K) the scores of all cells, those of doorways weighed by the gates."""
         if self.gates is None or self.doorway is None:
             return log_z
-        at_gate = []
-        for item, spaces in zip(self.cells.maps, self.spaces, strict=True):
-            layout = _layout(item)
-            at_gate.append(spaces.at_gates(layout).of(np.arange(len(layout.cells_rc))))
+        at_gate = [
+            spaces.at_gates(_layout(item))
+            for item, spaces in zip(self.cells.maps, self.spaces, strict=True)
+        ]
         return with_gates(log_z, np.concatenate(at_gate), self.doorway)
 
     def model(self, classifier: BoostedList) -> SpaceModel:

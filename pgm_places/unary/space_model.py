@@ -64,7 +64,11 @@ class MapSpaces:
         """The accepted gates, and the places that they part."""
         return Doorways.of(self.places, self.probability)
 
-    def at_gates(self, layout: GridLayout) -> "AtGates":
+    def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
+        """(N,) the largest probability of the gates that each node lies at, 0 for none."""
+        return self.nodes_at_gates(layout).of(np.arange(len(layout.cells_rc)))
+
+    def nodes_at_gates(self, layout: GridLayout) -> "AtGates":
         """The nodes of a layout that lie at gates.
 
         A node lies at a gate where it is in its rectangle, 0.1 m wider at either end and at least
@@ -131,11 +135,11 @@ class SpaceModel:
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
         return MapSpaces.of(candidates, probability)
 
-    def at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
+    def nodes_at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
         """The nodes of a layout at gates; None where scores are not weighed by gates."""
         if self.gates is None or self.doorway is None:
             return None
-        return spaces.at_gates(layout)
+        return spaces.nodes_at_gates(layout)
 
 
 def gate_probabilities(

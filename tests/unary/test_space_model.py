@@ -55,7 +55,7 @@ def test_nodes_take_the_largest_probability_of_their_gates(everywhere: bool) -> 
     spaces, layout = small_floor()
     if not everywhere:
         layout = layout.part(np.random.default_rng(1).random(len(layout.cells_rc)) < 0.5)
-    found = spaces.at_gates(layout).of(np.arange(len(layout.cells_rc)))
+    found = spaces.at_gates(layout)
     assert found.dtype == np.float32 and 0 < np.count_nonzero(found) < len(found) / 2
     assert np.array_equal(found, slow_at_gates(spaces, layout))
 
@@ -63,7 +63,7 @@ def test_nodes_take_the_largest_probability_of_their_gates(everywhere: bool) -> 
 def test_maps_without_gates_have_no_nodes_at_them() -> None:
     spaces, layout = small_floor()
     none = GridLayout.of_mask(np.zeros(layout.shape, np.bool_))
-    assert spaces.at_gates(none).of(np.arange(3)).tolist() == [0, 0, 0]
+    assert spaces.nodes_at_gates(none).of(np.arange(3)).tolist() == [0, 0, 0]
 
 
 def test_gates_multiply_the_odds_of_doorways(monkeypatch: pytest.MonkeyPatch) -> None:
