@@ -59,7 +59,7 @@ def instances(resolution_m: float) -> list[Model]:
         labels, grid = coarsen_labels(labels, grid, coarse), coarse
     window = np.broadcast_to(np.arange(grid.shape[1]) * grid.resolution_m < share, grid.shape)
     network = AssociativeMarkovNetwork(certify_learning=False)
-    labeler = PlaceLabeler(NAMES, {"amn": network}, learn_on="in-sample")
+    labeler = PlaceLabeler(NAMES, {"amn": network}, learn_on="in-sample", space=None)
     labeler = labeler.fit([LabelledMap(grid, labels, window)])
     problem = labeler.problem(grid)
     potentials = labeler.method("amn").backend.potentials(problem)

@@ -59,7 +59,7 @@ def measure(map_yaml: Path, model: Path, method: str, out: Path) -> dict[str, An
 def save_model(folder: Path) -> Path:
     """A model with all methods, learned on one floor."""
     building = generate_building()
-    labeler = PlaceLabeler(building.label_names, METHODS, context_m=CONTEXT_M)
+    labeler = PlaceLabeler(building.label_names, METHODS, context_m=CONTEXT_M, space=None)
     labeler.fit([LabelledMap(building.grid, building.labels)])
     return save(labeler, folder / "model")
 

@@ -51,7 +51,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     names = tuple(building.label_names)
     kept = np.random.default_rng(0).random(building.labels.shape) < (1.0 if quick else 0.1)
     known = LabelledMap(building.grid, np.where(kept, building.labels, -1))
-    places = PlaceLabeler(names, sensor=Sensor(max_range_m=12.0)).fit([known])
+    places = PlaceLabeler(names, sensor=Sensor(max_range_m=12.0), space=None).fit([known])
     labeler = TrajectoryLabeler.from_places(places)
     path = SimulatedRobot(GEOMETRY).explore(building.grid, max_length_m=30.0 if quick else 120.0)
     model = labeler.scan_model_

@@ -29,9 +29,8 @@ buildings = [generate_building(seed, size="small") for seed in (0, 1, 2)]
 names = buildings[0].label_names
 first = LabelledMap(buildings[0].grid, buildings[0].labels)
 sensor = Sensor(noise=SensorNoise(sigma_m=0.05))
-labeler = PlaceLabeler(
-    names, sensor=sensor, classifier=DecisionListClassifier(10, order="rarest-first")
-).fit([first])
+quick = DecisionListClassifier(10, order="rarest-first")
+labeler = PlaceLabeler(names, sensor=sensor, classifier=quick, space=None).fit([first])
 
 
 def drive(cells, rng):

@@ -39,7 +39,7 @@ methods = {
     for n, options in enumerate(settings)
 }
 quick = DecisionListClassifier(20, order="rarest-first")
-labeler = PlaceLabeler(names, methods, classifier=quick).fit(maps[:-1])
+labeler = PlaceLabeler(names, methods, classifier=quick, space=None).fit(maps[:-1])
 graph, scores = labeler.scores(grid)
 truth = maps[-1].truth(graph)
 
