@@ -130,7 +130,7 @@ def _value(key: str, value: str | int | bool) -> str:
 
 def main() -> None:
     """Write both files."""
-    everything = [*robot_maps(), *floors(), *generated(1, 2)]
+    everything = [*robot_maps(), *floors(), *generated(1, 4)]
     (HERE / "default.toml").write_text(
         configuration("All labelled buildings", iter(everything), 5000), encoding="utf-8"
     )
