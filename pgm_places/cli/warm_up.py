@@ -163,11 +163,16 @@ def _warm_up_space() -> None:
 
 
 def _warm_up_topology() -> None:
+    """By labels; gates need components of larger numbers besides."""
+    import numpy as np
+
     from pgm_places.datasets import generate_building
+    from pgm_places.topology.components import connected_components
     from pgm_places.topology.from_labels import topological_map
 
     building = generate_building(size="small")
     topological_map(building.grid, building.labels, building.label_names)
+    connected_components(building.labels.astype(np.int32))
 
 
 def _blank_problem() -> "LabelingProblem":
