@@ -60,7 +60,7 @@ classifier = make_pipeline(StandardScaler(), LogisticRegression())
 start = time.perf_counter()
 model = StructuredLabeler("amn", classifier).set_params(backend__certify=True)
 model.fit([train], [truth[left]])
-print(f"learned from {left.sum()} points in {time.perf_counter() - start:.1f} s")
+print(f"trained on {left.sum()} points in {time.perf_counter() - start:.1f} s")
 
 unary, edges = model.scores(test), test.graph.edges
 mean = unary.copy()
