@@ -259,9 +259,9 @@ def test_the_table_of_methods_lists_every_option(name: str) -> None:
     [head] = [i for i, row in enumerate(table) if "`relaxation`" in row]
     column = table[head].index(f"`{name}`")
     listed = set()
-    for row in itertools.takewhile(lambda row: row[0] != "learns", table[head + 2 :]):
+    for row in itertools.takewhile(lambda row: row[0] != "trainable", table[head + 2 :]):
         if row[column]:
-            cell = row[column] if row[0] == "its own" else row[0].partition(":")[0]
+            cell = row[column] if row[0] == "specific to the method" else row[0].partition(":")[0]
             listed |= set(re.findall(r"`(\w+)`", cell))
     assert listed == set(option_hints(METHODS.find(name)))
 
@@ -413,7 +413,7 @@ def test_the_first_sentence_describes_an_option() -> None:
     lines = option_lines(Outer)
     assert lines["parts"] == "What it is made of, line by line."
     assert lines["counts"] == lines["weights"] == "Lists."
-    assert option_lines(TopologyOptions)["min_area_m2"].startswith("Least area of a room")
+    assert option_lines(TopologyOptions)["min_area_m2"].startswith("Minimum area of a room")
 
 
 def test_flags_are_made_from_options() -> None:

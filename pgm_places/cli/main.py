@@ -111,8 +111,8 @@ def label(
         str | None,
         typer.Option(
             metavar="gates|labels",
-            help="Doorways that part the places: the map's gates, where the model knows any, or "
-            "cells labelled as doorways; as in [topology] by default.",
+            help="What separates places: gates, if the model finds any, or cells labelled as "
+            "doorways; by default, as set in the model's [topology].",
         ),
     ] = None,
     unknown_value: UnknownValue = None,

@@ -26,13 +26,13 @@ class MapSimulation:
     Parameters
     ----------
     furniture : (float, float)
-        Amount of furniture in rooms (1 = an office that somebody works in).
+        Amount of furniture in rooms (1 = a typical office).
     corridor_furniture : (float, float)
         Amount of furniture in corridors and halls (1 = a cupboard every 9 m).
     empty_rooms : (float, float)
         Share of the rooms without furniture.
     routes : (int, int)
-        Number of routes that the robot drives, each with pose errors of its own.
+        Number of routes that the robot drives, each with its own pose errors.
     coverage : (float, float)
         Share of the places visited; those farthest from the start are left out.
     entered_rooms : (float, float)
@@ -42,25 +42,25 @@ class MapSimulation:
     range_noise_m : (float, float)
         Standard deviation of the range noise (m).
     pose_noise_m : (float, float)
-        Largest error of a pose (m).
+        Maximum pose error (m).
     glass : (float, float)
-        Share of the rooms with panes in their walls, which some rays pass through.
+        Share of the rooms with glass panes in their walls, which some rays pass through.
     bend : (float, float)
         Steepest drift (metres sideways per metre ahead).
     turn_degrees : (float, float)
-        Turn of the map (degrees, -45 to 45).
+        Rotation of the map (degrees, -45 to 45).
     oblique : float
-        Share of the maps that are turned by any angle instead.
+        Share of the maps that are rotated by an arbitrary angle instead.
     specks : (float, float)
         Share of the free cells with a speck that is unknown or occupied.
     scale : (float, float)
-        Factor of the building's size.
+        Scale factor of the building's size.
     cell : (float, float)
-        Factor of the side of a cell.
+        Scale factor of the cell size.
     passages : tuple of str
         Labels of corridors and halls.
     doorways : tuple of str
-        Labels of doorways; all labels but these and the passages are kinds of rooms.
+        Labels of doorways; all labels other than these and the passages are kinds of rooms.
 
     Raises
     ------

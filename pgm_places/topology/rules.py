@@ -12,14 +12,14 @@ DoorwaysFrom = Literal["gates", "labels"]
 
 @dataclass(frozen=True)
 class CorrectionRules:
-    """When a region is taken for a classification error.
+    """Which regions count as classification errors.
 
     Parameters
     ----------
     min_area_m2 : float
-        Least area of a room or a corridor (m²); a smaller one is an error (the paper: 1 m²).
+        Minimum area of a room or corridor (m²); smaller ones are errors (the paper: 1 m²).
     min_doorway_area_m2 : float
-        Least area of a doorway (m²); a smaller one is an error (the paper: 0.1 m²).
+        Minimum area of a doorway (m²); smaller ones are errors (the paper: 0.1 m²).
     doorways_join_two : bool
         Relabel doorways that touch fewer than two regions.
     doorway_label : str
@@ -27,12 +27,12 @@ class CorrectionRules:
     widest_doorway_m : float
         Relabel doorway cells wider than this (m); 0 keeps them. Not in the paper.
     close_leaks_m : float
-        Complete leaking doorways up to this wide from wall to wall (m); 0 completes none. Not in
-        the paper.
+        Extend leaking doorways from wall to wall up to this width (m); 0 extends none. Not in the
+        paper.
     split_rooms_m : float
         Split places at constrictions narrower than this (m); 0 splits none. Not in the paper.
     min_part_m2 : float
-        Least area of either part that closing or splitting leaves (m²).
+        Minimum area of both parts that closing a leak or splitting leaves (m²).
     """
 
     min_area_m2: AtLeastZero = 1.0
@@ -55,7 +55,7 @@ class TopologyOptions(CorrectionRules):
     Parameters
     ----------
     correct : bool
-        Correct regions that are errors.
+        Correct erroneous regions.
     min_width_m : float
         Passages narrower than this (m) connect nothing.
     doorways : {"gates", "labels"}

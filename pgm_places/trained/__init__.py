@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 __all__ = ["DEFAULT", "NAMES", "model_folder", "trained_labeler"]
 
 NAMES = ("default", "generated")
-"""``default`` learned from real office buildings and generated ones, ``generated`` from generated
-ones alone; both tell corridor, room and doorway apart on cells of 5 cm."""
+"""``default`` was trained on real and generated office buildings, ``generated`` on generated ones
+alone; both distinguish corridor, room and doorway on 5 cm cells."""
 
 DEFAULT = NAMES[0]
 

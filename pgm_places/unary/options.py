@@ -25,8 +25,8 @@ __all__ = [
 ]
 
 PRIOR_WEIGHT = 0.5
-"""How far z follows the frequencies of training: at 0 rare labels are found too often, at 1 seldom;
-halfway kept both accuracy and balanced accuracy on buildings held out."""
+"""How far z follows the label frequencies of training: at 0 rare labels are predicted too often, at
+1 too rarely; halfway preserved accuracy and balanced accuracy on held-out buildings."""
 
 LearnOn = Literal["out-of-fold", "in-sample"]
 NumberOfFolds = Annotated[int, Ge(2), Le(50)]
@@ -37,23 +37,22 @@ WindowsM = tuple[Positive, ...]
 
 @dataclass(frozen=True)
 class ClassifierOptions(ListOptions):
-    """The options of the list, and how it is learned from maps.
+    """Options of the list and of its training on maps.
 
     Parameters
     ----------
     order : {"rarest-first", "heuristic", "exhaustive"} or list of label names
-        In which order the list asks for the labels: by their frequency in training, as the paper
-        does, or the best of all on held-out cells. A list may leave out the last label.
+        Order of the labels in the list: by increasing frequency in training, by the paper's
+        heuristic, or the best of all on held-out cells. A list of names may omit the last label.
     max_examples_per_map : int, optional
-        Train the lists on a random choice of this many cells of each map; all cells by default.
+        Train the lists on a random sample of this many cells per map; all cells by default.
     learn_on : {"out-of-fold", "in-sample"}
-        Which scores the structured methods learn from: those of cells held out (whole buildings
-        where there are several, contiguous blocks of the only one else), or those of cells the list
-        was trained on.
+        Scores that structured methods are trained on: those of held-out cells (whole buildings, or
+        contiguous blocks if there is only one), or those of cells that the list was trained on.
     n_folds : int
         Folds of the held-out scores.
     n_node_features : int
-        How many of the features that boosting chose first are handed to structured methods.
+        Number of features passed to structured methods: the first ones chosen by boosting.
     """
 
     prior_weight: PriorWeight = PRIOR_WEIGHT
@@ -81,8 +80,8 @@ class ContextOptions:
     Parameters
     ----------
     half_widths_m : list of float
-        Half-widths of the windows, chosen on training buildings (docs/results); none for no second
-        list. It serves the methods with ``unary = "context"``.
+        Half-widths of the windows, chosen on training buildings (docs/results); an empty list
+        disables the second list, which serves the methods with ``unary = "context"``.
     """
 
     half_widths_m: WindowsM = (0.3, 0.75, 1.5, 3.0)
@@ -93,7 +92,7 @@ class ContextOptions:
 
 @dataclass(frozen=True)
 class SpaceOptions(ListOptions):
-    """The list of trees that sees the space around a cell besides its scan.
+    """The list of trees that sees the space around a cell in addition to its scan.
 
     It serves the methods with ``unary = "space"``. Its columns are the shape of the segments of
     free space at three scales, and of the places between doorways (docs/spaces.md); which openings
@@ -102,10 +101,10 @@ class SpaceOptions(ListOptions):
     Parameters
     ----------
     doorway_label : str
-        The label of doorways; without one among the labels, no opening is taken for a doorway.
+        The label of doorways; if it is not among the labels, no opening counts as a doorway.
     max_examples_per_map : int
-        Train the list on a random choice of at most this many of each map's examples: trees take
-        longer than stumps, and neighbouring cells tell them little new.
+        Train the list on a random sample of at most this many of each map's examples: trees take
+        longer than stumps, and neighbouring cells add little information.
     """
 
     n_rounds: Annotated[int, Ge(1), Le(100_000)] = 150
