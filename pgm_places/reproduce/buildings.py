@@ -58,21 +58,22 @@ def run(setting: Setting) -> Outcome:
     tested = {item.scored.sample.known.building for item in results}
     generated = sum(each.known.source == GENERATED for each in samples)
     return Outcome(
-        setting=f"{len(tested)} buildings in {N_FOLDS} folds; whatever labels one was learned "
-        f"without its fold, gates included. {EXAMPLES_PER_MAP:,} cells of each map to learn from, "
-        f"and of {generated} generated buildings, which are not tested; tested are the labelled "
-        f"cells of every {LATTICE_STEP}th row and column. A robot-like copy of each floor is "
-        "learned from and tested with its building.",
+        setting=f"{len(tested)} buildings in {N_FOLDS} folds; every building is labelled by lists "
+        "trained without its fold, those of gates included. They are trained on "
+        f"{EXAMPLES_PER_MAP:,} cells of each map and of {generated} generated buildings, which are "
+        f"not tested, and tested on the labelled cells of every {LATTICE_STEP}th row and column. A "
+        "robot-like copy of each floor is on the same side of every split as the floor.",
         findings=tuple(_finding(kind, items) for kind, items in kinds.items()),
         tables=(_kind_table(kinds), _ablation(kinds), _calibration(kinds), _worst_table(results)),
         pictures=(Picture(_PICTURE, f"The worst map: {_name(worst)}."),),
         files={_PICTURE: _sheet(worst)},
         remarks=(
-            "Accuracy, balanced accuracy and F1 are means over maps; doors found are shares of the "
-            "labelled ones, doors invented of the accepted gates; ECE, the expected calibration "
-            "error, is over all cells or gates of a kind.",
+            "Accuracy, balanced accuracy and F1 are means over maps. Doors found are a share of "
+            "the labelled doors, doors invented a share of the accepted gates. ECE, the expected "
+            "calibration error, is over all cells or all gates of a kind.",
             "Platt's scaling and temperatures are fitted to the held-out cells of the other folds. "
-            "What is learned without some maps keeps the gates that were learned with them.",
+            "The two rows without some of the training maps keep the gates of the full training "
+            "set. Run it with `pgm-places reproduce buildings`.",
         ),
     )
 
