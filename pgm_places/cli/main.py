@@ -391,7 +391,10 @@ def track(
 def reproduce(
     sections: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[SECTION]...", help="Sections such as 7.1 7.5; all by default."),
+        typer.Argument(
+            metavar="[SECTION]...",
+            help="Sections such as 7.1 7.5, ablations, buildings; 7.1 to 7.6 by default.",
+        ),
     ] = None,
     out: Out = Path("reproduced"),
     again: Annotated[
