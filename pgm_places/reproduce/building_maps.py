@@ -33,6 +33,7 @@ __all__ = [
     "KnownMap",
     "Sample",
     "building_numbers",
+    "real_maps",
     "sampled_maps",
 ]
 
@@ -145,7 +146,7 @@ def sampled_maps(setting: Setting) -> list[Sample]:
     """All maps, their robot-like copies and generated buildings; what is learned from is ready."""
     kept, found = KeptArrays(setting.kept), []
     with setting.progress.stage("maps, robot-like copies and features") as stage:
-        plans = [*(_stand_ins() if setting.data is None else _real_maps(setting.data))]
+        plans = [*(_stand_ins() if setting.data is None else real_maps(setting.data))]
         plans += _generated()
         for number, known in enumerate(plans):
             some = [known]
@@ -167,7 +168,8 @@ def _sample(known: KnownMap, kept: KeptArrays) -> Sample:
     return Sample(known, kept, fingerprint(sampling, grid.cells, known.item.labels))
 
 
-def _real_maps(data: Path) -> Iterator[KnownMap]:
+def real_maps(data: Path) -> Iterator[KnownMap]:
+    """Every labelled map of the real data, with its kind."""
     with (data / "floors" / "index.csv").open(encoding="utf-8", newline="") as file:
         floors = list(csv.DictReader(file))
     for row in floors:
