@@ -124,7 +124,8 @@ def run_label(
         stored = read(folder, "place-labeler")
         labeler, rules = stored.item, rules_of(stored.record, doorways)
         chosen = labeler.method(method)  # an unknown method shows before the work
-        spaces = ["space"] if chosen.unary == "space" else []
+        # The run divides the map first, which leaves time for all that comes after it.
+        spaces = ["scans", "space"] if chosen.unary == "space" else []
         warm_up.compile([*spaces, METHODS.name_of(type(chosen.backend)), "topology"])
         with progress.stage("map"):
             loaded = load_map(map_yaml, unknown_value=unknown_value)

@@ -135,6 +135,21 @@ def _warm_up_features() -> None:
     extract(np.ones((1, 360), np.float32), max_range_m=10.0, columns=columns)
 
 
+def _warm_up_scans() -> None:
+    """Scans from the cells of a map and all features, while the run itself divides the map."""
+    import numpy as np
+
+    from pgm_places.features.extraction import extract
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
+    from pgm_places.sensing.ray_casting import iter_cast
+    from pgm_places.sensing.sensor import Sensor
+
+    cells = np.zeros((8, 8), np.int8)
+    cells[0] = 100
+    for block in iter_cast(OccupancyGrid(cells, 0.05), Sensor()):
+        extract(block.ranges, max_range_m=30.0)
+
+
 def _warm_up_segments() -> None:
     from pgm_places.datasets import generate_building
     from pgm_places.spaces.gates import gate_candidates
@@ -248,6 +263,7 @@ def _warm_up_amn() -> None:
 STAGES: dict[str, Callable[[], None]] = {
     "features": _warm_up_features,
     "boosting": _warm_up_boosting,
+    "scans": _warm_up_scans,
     "segments": _warm_up_segments,
     "space": _warm_up_space,
     "trees": _warm_up_trees,

@@ -330,7 +330,7 @@ def test_a_method_for_chains_is_refused_before_anything_is_learned(
     )
     with pytest.raises(ConfigError, match=r"the backend \(HiddenMarkovModel\) labels only chains"):
         StructuredLabeler("hmm", LogisticRegression()).fit([ring], [np.array([0, 1, 0])])
-    with pytest.raises(InputError, match="Relaxation learns from labelled trajectories"):
+    with pytest.raises(InputError, match="Relaxation is trained on labelled trajectories"):
         TrajectoryLabeler(NAMES, "relaxation").fit([known(0)])
 
 
