@@ -26,6 +26,10 @@ DOCS = FOLDER.parent / "docs"
 SECTIONS = FOLDER / "sections"  # what each experiment wrote last
 REPRODUCED = FOLDER / "reproduced"  # the paper's sections with their pictures: not committed
 MAPS = {
+    "building79_spaces": "The paper's split, with the list on laser features alone, with the one "
+    "that also sees its neighbourhood, and with the one that also sees segments, gates and places, "
+    "by itself and in front of three methods. Segments are those of the whole map, labels those of "
+    "its left half.",
     "default_models/without_79": "The default model's training procedure, leaving out all maps of "
     "building 79. The paper's section 7.4 has no figures.",
     "default_models/without_52": "The same with building 52 left out.",
