@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -62,8 +62,13 @@ def assert_same_trees(got: BoostedTrees, wanted: list[reference.Node], shrinkage
     np.testing.assert_allclose(got.value, values, rtol=1e-6, atol=1e-7)
 
 
+# After the first tree no split is heavy enough on both sides, but a single leaf still gains.
+LEAF_LEFT = (np.array([[0], [0], [1], [0]], np.float32), np.array([1, -1, -1, -1]), np.ones(4))
+
+
 @settings(max_examples=60, deadline=None)
 @given(training_sets(), st.integers(2, 4), st.sampled_from([0.1, 1.0]), st.sampled_from([0.0, 0.1]))
+@example(LEAF_LEFT, 2, 1.0, 0.1)
 def test_grows_the_trees_of_the_exhaustive_search(
     data: tuple[Any, Any, Any], depth: int, shrinkage: float, least_weight: float
 ) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 WHOLE = 2**30
 TIE = Fraction(1, 2**40)
+TOLERANCE = 1e-6
 
 
 @dataclass
@@ -76,6 +77,18 @@ def value_at(node: Node, x: Array) -> float:
     return node.value
 
 
+def correlation(node: Node, mass: Array) -> float:
+    """The weighted correlation of the labels and the tree's values, which are their means."""
+    explained, todo = 0.0, [node]
+    while todo:
+        node = todo.pop()
+        if node.left is not None and node.right is not None:
+            todo += [node.left, node.right]
+        else:
+            explained += node.value**2 * int(mass[node.rows].sum())
+    return float(np.sqrt(explained / int(mass.sum())))
+
+
 def boost(
     X: Array,
     y: Array,
@@ -98,7 +111,7 @@ def boost(
         mass = np.rint(weights).astype(np.int64)
         least = max(1, int(least_weight * WHOLE))
         tree = grow(X, y, mass, np.arange(len(y)), depth, least, splits)
-        if tree.left is None:
+        if correlation(tree, mass) < TOLERANCE:
             break
         trees.append(tree)
         vote = np.array([np.float32(shrinkage * value_at(tree, x)) for x in X], np.float64)
