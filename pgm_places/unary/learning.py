@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.features.context import window_means
-from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent
@@ -342,7 +341,7 @@ def _context_means(
     cells: TrainingCells, scores: NDArray[np.float64], context_m: tuple[float, ...]
 ) -> NDArray[np.float32]:
     parts = []
-    for item, places, part in zip(cells.maps, cells.cells_rc(), cells.by_map(scores), strict=True):
-        layout = GridLayout(item.grid.shape, places.astype(np.int32))
-        parts.append(window_means(layout, part, context_m, item.grid.resolution_m))
+    for m, part in enumerate(cells.by_map(scores)):
+        resolution_m = cells.maps[m].grid.resolution_m
+        parts.append(window_means(cells.layout(m), part, context_m, resolution_m))
     return np.concatenate(parts)

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.graph.layout import GridLayout
-from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress
 from pgm_places.spaces.door_truth import match_doors
@@ -50,21 +48,18 @@ class LearnedSpaces:
         """(n, F) what some cells see of their spaces."""
         found = np.empty((len(some), N_SPACE_COLUMNS), np.float32)
         starts = np.cumsum([0, *self.cells.sizes])
-        for number, (item, spaces) in enumerate(zip(self.cells.maps, self.spaces, strict=True)):
-            mine = (some >= starts[number]) & (some < starts[number + 1])
-            if mine.any():
-                cells = np.argwhere(item.labelled_cells)[some[mine] - starts[number]]
-                found[mine] = spaces.features.lookup(cells)
+        number = np.searchsorted(starts, some, side="right") - 1
+        for m in np.unique(number).tolist():
+            mine = number == m
+            cells = self.cells.layout(m).cells_rc[some[mine] - starts[m]]
+            found[mine] = self.spaces[m].features.lookup(cells)
         return found
 
     def scores(self, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, K) the scores of all cells, those of doorways weighed by the gates."""
         if self.gates is None or self.doorway is None:
             return log_z
-        at_gate = [
-            spaces.at_gates(_layout(item))
-            for item, spaces in zip(self.cells.maps, self.spaces, strict=True)
-        ]
+        at_gate = [spaces.at_gates(self.cells.layout(m)) for m, spaces in enumerate(self.spaces)]
         return with_gates(log_z, np.concatenate(at_gate), self.doorway)
 
     def model(self, classifier: BoostedList) -> SpaceModel:
@@ -161,7 +156,3 @@ def _folds(cells: TrainingCells, gates: list[Gates]) -> NDArray[np.int64]:
         else:
             found.append(np.full(len(item), -1))
     return np.concatenate(found)
-
-
-def _layout(item: LabelledMap) -> GridLayout:
-    return GridLayout(item.grid.shape, np.argwhere(item.labelled_cells).astype(np.int32))

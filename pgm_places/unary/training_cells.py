@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation.folds import building_folds
 from pgm_places.features.own import feature_values, n_columns, values_on_map
+from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress
 from pgm_places.sensing.ray_casting import iter_cast
@@ -79,7 +81,7 @@ class TrainingCells:
             training_features(maps, sensor, n_threads, progress, own, masks=examples),
         )
 
-    @property
+    @cached_property
     def sizes(self) -> list[int]:
         """Number of labelled cells of each map."""
         return [int(item.labelled_cells.sum()) for item in self.maps]
@@ -95,9 +97,9 @@ class TrainingCells:
         sizes = [int(part.sum()) for part in np.split(self.chosen, ends)]
         return np.flatnonzero(_chosen(sizes, limit))
 
-    def cells_rc(self) -> list[NDArray[np.int64]]:
-        """(N_m, 2) row and column of each map's cells."""
-        return [np.argwhere(item.labelled_cells) for item in self.maps]
+    def layout(self, number: int) -> GridLayout:
+        """The cells of one map."""
+        return GridLayout.of_mask(self.maps[number].labelled_cells)
 
     def blocks(self, n_threads: int | None = None) -> Iterator[Block]:
         """All cells with their features, some at a time."""
