@@ -85,9 +85,9 @@ class AssociativeMarkovNetwork:
         problem has them. Repeated columns are dropped, the rest is standardised, and a constant is
         added.
     edge_features : tuple of str
-        ``constant``, ``diagonal``, ``unary-difference``, ``raw-difference``, ``given``; or
-        ``auto``: ``constant``, ``raw-difference`` where the problem has node features, and
-        ``given`` where it has edge features. See
+        ``constant``, ``diagonal``, ``kind``, ``unary-difference``, ``raw-difference``,
+        ``given``; or ``auto``: ``constant``, ``raw-difference`` where the problem has node
+        features, and ``given`` where it has edge features. See
         :func:`pgm_places.models.amn_features.edge_features`.
     edge_scale : float
         Edge features are multiplied by this before learning: the larger, the less the size of

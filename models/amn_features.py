@@ -26,7 +26,9 @@ NODE_FEATURES = ("auto", "logz", "z", "raw")
 """Parts of the node features, joined by ``+``: log-probabilities of the unary (floored),
 probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``raw`` where there."""
 
-EDGE_FEATURES = ("auto", "constant", "diagonal", "unary-difference", "raw-difference", "given")
+EDGE_FEATURES = (
+    "auto", "constant", "diagonal", "kind", "unary-difference", "raw-difference", "given",
+)  # fmt: skip
 """Edge features, each at least 0; see :func:`edge_features`."""
 
 LOG_FLOOR = -15.0
@@ -118,7 +120,8 @@ def _probabilities(
 def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
     """F, the number of columns that :func:`edge_features` gives for a problem."""
     given = 0 if problem.edge_features is None else problem.edge_features.shape[1]
-    return sum(given if name == "given" else 1 for name in _resolved_edges(problem, names))
+    widths = {"given": given, "kind": len(EdgeKind)}
+    return sum(widths.get(name, 1) for name in _resolved_edges(problem, names))
 
 
 def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.float64]:
@@ -129,6 +132,9 @@ def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.
         with its length.
     ``diagonal``
         1 on diagonal edges, else 0: lets diagonals weigh more than that.
+    ``kind``
+        One column for each :class:`~pgm_places.graph.edge_kind.EdgeKind`, 1 on edges of that kind:
+        lets neighbours in a map, successive steps, and links between them weigh differently.
     ``unary-difference``
         1 - TV(p_i, p_j), with the total variation distance of the ends' label probabilities:
         1 where the classifier says the same at both ends, 0 where it excludes that.
@@ -161,6 +167,12 @@ def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:
         if problem.edge_features is None:
             raise InputError("edge_features='given' needs the problem's edge features; it has none")
         return problem.edge_features
+    if name == "kind":
+        if graph.edge_kind is None:
+            raise InputError(
+                "edge_features='kind' needs the kinds of the graph's edges; it has none"
+            )
+        return (graph.edge_kind[:, None] == np.arange(len(EdgeKind))).astype(np.float64)
     first, second = graph.edges[:, 0], graph.edges[:, 1]
     diagonal = np.zeros(graph.n_edges, np.bool_)
     if graph.edge_kind is not None:

@@ -16,6 +16,7 @@ from .io.maps.map_server import load_map as load_map
 from .io.maps.map_server import save_map as save_map
 from .io.places.topology_files import load_topology as load_topology
 from .io.places.topology_files import save_topology as save_topology
+from .labelers.joint_labeler import JointLabeler as JointLabeler
 from .labelers.label_map import label_map as label_map
 from .labelers.method import PlaceMethod as PlaceMethod
 from .labelers.place_labeler import PlaceLabeler as PlaceLabeler
@@ -30,6 +31,7 @@ from .sensing.sensor import Sensor as Sensor
 from .sensing.sensor import SensorNoise as SensorNoise
 from .topology.from_labels import topological_map as topological_map
 from .trained import trained_labeler as trained_labeler
+from .trajectories.mapped_drive import MappedDrive as MappedDrive
 from .trajectories.scan import Scan as Scan
 from .trajectories.scan import ScanGeometry as ScanGeometry
 from .trajectories.similarity import Similarity as Similarity

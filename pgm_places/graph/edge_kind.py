@@ -16,3 +16,5 @@ class EdgeKind(IntEnum):
     """Two steps that follow each other."""
     LINK = 3
     """Nodes of two graphs that were joined."""
+    LOOP = 4
+    """Two steps at one spot on different passes."""

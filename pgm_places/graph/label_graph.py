@@ -239,15 +239,36 @@ class LabelGraph:
         return cls.from_edges(n_nodes, pairs, positions_m=positions_m)
 
     @classmethod
-    def from_trajectory(cls, positions_m: ArrayLike) -> Self:
-        """A chain over a trajectory's steps; ``positions_m`` (T, 2), or (T, 3) with heading."""
+    def from_trajectory(cls, positions_m: ArrayLike, *, loops: ArrayLike | None = None) -> Self:
+        """A chain over a trajectory's steps, with links where it closes loops.
+
+        Parameters
+        ----------
+        positions_m : (T, 2) or (T, 3) float
+            Position of each step in metres, and its heading, which is not used.
+        loops : (L, 2) int, optional
+            Pairs of steps at one spot on different passes, as
+            :func:`pgm_places.trajectories.loops.loop_links` finds them.
+
+        Edges have the kinds TIME and LOOP.
+        """
         poses = np.asarray(positions_m, np.float64)
         if poses.ndim != 2 or poses.shape[1] not in (2, 3):
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
         steps = np.arange(len(poses), dtype=np.int32)
         edges = np.stack([steps[:-1], steps[1:]], axis=1)
-        links = EdgeList(edges, np.full(len(edges), EdgeKind.TIME, np.int8))
-        return cls(len(poses), links, poses[:, :2].copy(), StepLayout(len(poses)))
+        kinds = np.full(len(edges), EdgeKind.TIME, np.int8)
+        layout = StepLayout(len(poses))
+        if loops is None or not len(empty_pairs(loops)):
+            return cls(len(poses), EdgeList(edges, kinds), poses[:, :2].copy(), layout)
+        extra = np.asarray(loops)
+        return cls.from_edges(
+            len(poses),
+            np.concatenate([edges, extra]),
+            edge_kind=np.append(kinds, np.full(len(extra), EdgeKind.LOOP, np.int8)),
+            positions_m=poses[:, :2],
+            layout=layout,
+        )
 
     @classmethod
     def from_networkx(cls, graph: "nx.Graph[Any]", *, position: str | None = "pos") -> Self:

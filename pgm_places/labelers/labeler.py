@@ -17,8 +17,9 @@ scikit-learn is not imported: it takes a second, and labelling does without it.
 ``save(labeler, folder)``, ``load(folder)``
     Of :mod:`pgm_places.persistence.stored`, for all labelers and backends alike.
 
-The thing is a map for PlaceLabeler, a trajectory for TrajectoryLabeler and a problem for
-StructuredLabeler. Keywords mean the same wherever they occur:
+The thing is a map for PlaceLabeler, a trajectory for TrajectoryLabeler, a map and a trajectory
+through it for JointLabeler, and a problem for StructuredLabeler. Keywords mean the same wherever
+they occur:
 
 ``method``
     Name of the method to use, where a labeler has several; the last one by default.

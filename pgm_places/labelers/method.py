@@ -23,6 +23,7 @@ __all__ = [
     "infer",
     "labels_chains_only",
     "unfitted",
+    "with_edge_kinds",
 ]
 
 Unary = Literal["auto", "laser", "context", "space"]
@@ -69,6 +70,16 @@ def unfitted(backend: Any) -> Any:
     """The backend with its options and nothing that it has learned."""
     learned = [item.name for item in dataclasses.fields(backend) if item.metadata.get("learned")]
     return dataclasses.replace(backend, **dict.fromkeys(learned))
+
+
+def with_edge_kinds(backend: Any) -> Any:
+    """The backend with a weight for each kind of edge, if its edge features are its own choice.
+
+    For graphs that join nodes of several sorts: neighbours in a map, successive steps, links.
+    """
+    if getattr(backend, "edge_features", None) != ("auto",):
+        return backend
+    return dataclasses.replace(backend, edge_features=("constant", "kind"))
 
 
 def labels_chains_only(backend: Any) -> bool:

@@ -29,7 +29,7 @@ from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.learning import fit_unary
+from pgm_places.unary.learning import LearnedUnary, fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
     ClassifierOptions,
@@ -177,6 +177,38 @@ class PlaceLabeler(Labeler):
         InputError
             The maps have different resolutions; structured weights do not carry over.
         """
+        self._fit(maps, n_threads=n_threads, progress=progress)
+        return self
+
+    def fit_with_scores(
+        self,
+        maps: Sequence[LabelledMap],
+        *,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> list[CellScores]:
+        """Fit, and return what lists that have not seen them say of each map's labelled cells.
+
+        That is what a further method is to learn from; cells are in the order of
+        ``map.graph(labelled_only=True)``.
+
+        Raises
+        ------
+        ConfigError, LabelError, InputError
+            As :meth:`fit`.
+        """
+        unary = self._fit(maps, with_scores=True, n_threads=n_threads, progress=progress)
+        assert unary.scores is not None  # asked for
+        return unary.scores
+
+    def _fit(
+        self,
+        maps: Sequence[LabelledMap],
+        *,
+        with_scores: bool = False,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> LearnedUnary:
         progress = progress or Silent()
         maps, names = list(maps), tuple(self.label_names)
         self.check_options()
@@ -197,13 +229,13 @@ class PlaceLabeler(Labeler):
             learn_on=self.learn_on,
             n_folds=self.n_folds,
             features=as_features(self.features),
-            with_scores=learn_from_scores(methods),
+            with_scores=with_scores or learn_from_scores(methods),
             n_threads=n_threads,
             progress=progress,
         )
         nodes = LabelledNodes.of_maps(maps, self.connectivity, names, unary.scores)
         fitted, seconds = learn_methods(methods, nodes, progress)
-        return self.set_learned(
+        self.set_learned(
             unary_model_=unary.model,
             methods_=fitted,
             learn_seconds_=seconds,
@@ -211,6 +243,7 @@ class PlaceLabeler(Labeler):
             movement_=movement_of(maps, unary, len(names), progress),
             label_names_=names,
         )
+        return unary
 
     def scores(
         self,

@@ -12,14 +12,17 @@ from pgm_places.features.own import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import as_backend, infer, unfitted
+from pgm_places.labelers.method import as_backend, infer, unfitted, with_edge_kinds
 from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_learning import (
-    chain_problem,
+    Examples,
+    KnownMaps,
     check_can_learn,
     learn_list,
     learn_method,
+    loops_for,
+    segment_problem,
     trajectory_examples,
 )
 from pgm_places.maps.labelled_map import LabelledMap
@@ -67,6 +70,10 @@ class TrajectoryLabeler(Labeler):
         or its name.
     every_m : float
         Distance in metres after which the robot counts as moved; 0 for every scan.
+    loop_m : float
+        Segments of different passes that lie within this many metres of each other are linked, so
+        that a place is labelled alike whenever the robot comes back; 0 for a chain. Methods for
+        chains, such as the hidden Markov model, see the chain alone.
     beams : BeamOptions
         How scans are completed.
     sensor : Sensor
@@ -127,6 +134,7 @@ class TrajectoryLabeler(Labeler):
         seed: Seed = 0,
         features: Sequence[Any] = (),
         extra_names: Sequence[str] = (),
+        loop_m: AtLeastZero = 0.0,
     ) -> None:
         self.label_names = label_names
         self.method = method
@@ -139,6 +147,7 @@ class TrajectoryLabeler(Labeler):
         self.seed = seed
         self.features = features
         self.extra_names = extra_names
+        self.loop_m = loop_m
 
     # ------------------------------------------------------------------ learning
 
@@ -189,6 +198,7 @@ class TrajectoryLabeler(Labeler):
         *,
         every_m: float = EVERY_M,
         beams: BeamOptions = BEAMS,
+        loop_m: float = 0.0,
     ) -> Self:
         """One whose list and method were learned elsewhere."""
         labeler = cls(
@@ -199,6 +209,7 @@ class TrajectoryLabeler(Labeler):
             model.sensor,
             features=model.features,
             extra_names=model.extra_names,
+            loop_m=loop_m,
         )
         labeler.check_options()
         return labeler.set_learned(
@@ -223,7 +234,7 @@ class TrajectoryLabeler(Labeler):
         trajectories: Sequence[Trajectory] = (),
         *,
         extra: Sequence[ArrayLike] | None = None,
-        known_map: OccupancyGrid | None = None,
+        known_map: KnownMaps = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
@@ -238,8 +249,9 @@ class TrajectoryLabeler(Labeler):
             Labels are indices into ``label_names``, -1 where unknown.
         extra : sequence of (T, D) float, optional
             Columns in addition to the laser's for each trajectory; maps are then not allowed.
-        known_map : OccupancyGrid, optional
-            The map in which missing beams are cast, where ``beams`` asks for it.
+        known_map : OccupancyGrid or sequence of them, optional
+            The map in which missing beams are cast, where ``beams`` asks for it: one for all
+            trajectories, or one for each.
 
         Raises
         ------
@@ -248,9 +260,55 @@ class TrajectoryLabeler(Labeler):
         InputError
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
+        self._fit(
+            maps,
+            trajectories,
+            extra=extra,
+            known_map=known_map,
+            n_threads=n_threads,
+            progress=progress,
+        )
+        return self
+
+    def fit_with_scores(
+        self,
+        maps: Sequence[LabelledMap] = (),
+        trajectories: Sequence[Trajectory] = (),
+        *,
+        known_map: KnownMaps = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> list[NDArray[np.float64]]:
+        """Fit, and return what lists that have not seen them say of each trajectory's steps.
+
+        One (n, K) array per trajectory, of its steps whose place is known: what a further method is
+        to learn from.
+
+        Raises
+        ------
+        LabelError, InputError
+            As :meth:`fit`.
+        """
+        examples, scores = self._fit(
+            maps, trajectories, known_map=known_map, n_threads=n_threads, progress=progress
+        )
+        return examples.split(scores)[1]
+
+    def _fit(
+        self,
+        maps: Sequence[LabelledMap],
+        trajectories: Sequence[Trajectory],
+        *,
+        extra: Sequence[ArrayLike] | None = None,
+        known_map: KnownMaps = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> tuple[Examples, NDArray[np.float64]]:
         self.check_options()
         names, extra_names = tuple(self.label_names), tuple(self.extra_names)
         method, features = as_backend(self.method), as_features(self.features)
+        if self.loop_m > 0:
+            method = with_edge_kinds(method)
         if maps or trajectories:
             check_can_learn(method, trajectories)
         examples = trajectory_examples(
@@ -285,10 +343,12 @@ class TrajectoryLabeler(Labeler):
                 examples,
                 scores,
                 every_m=self.every_m,
+                loop_m=self.loop_m,
                 n_runs=self.n_runs,
                 seed=self.seed,
             )
-        return self.set_learned(scan_model_=model, method_=fitted, label_names_=names)
+        self.set_learned(scan_model_=model, method_=fitted, label_names_=names)
+        return examples, scores
 
     # ------------------------------------------------------------------ labelling
 
@@ -376,9 +436,11 @@ class TrajectoryLabeler(Labeler):
         return replace(found, labels=found.labels[segments.of_step], beliefs=beliefs)
 
     def problem(self, segments: Segments, scores: NDArray[np.float64]) -> LabelingProblem:
-        """The chain of a trajectory's segments with the mean scores of their steps."""
+        """The graph of a trajectory's segments with the mean scores of their steps."""
         self.check_fitted()
-        return chain_problem(segments, scores, self.label_names_)
+        return segment_problem(
+            segments, scores, self.label_names_, loop_m=loops_for(self.method_, self.loop_m)
+        )
 
     def _part(self, name: str) -> Any:
         return as_backend(self.method) if name == "method" else super()._part(name)

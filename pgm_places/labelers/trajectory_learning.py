@@ -12,6 +12,7 @@ from pgm_places.evaluation.folds import building_folds, contiguous_blocks
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.method import labels_chains_only
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -39,12 +40,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Examples",
-    "chain_problem",
+    "KnownMaps",
     "check_can_learn",
     "learn_list",
     "learn_method",
+    "loops_for",
+    "segment_problem",
     "trajectory_examples",
 ]
+
+
+KnownMaps = OccupancyGrid | Sequence[OccupancyGrid | None] | None
+"""The map of all trajectories, or one for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +94,7 @@ def trajectory_examples(
     *,
     sensor: Sensor,
     beams: BeamOptions,
-    known_map: OccupancyGrid | None = None,
+    known_map: KnownMaps = None,
     extra: Sequence[ArrayLike] | None = None,
     extra_names: tuple[str, ...] = (),
     features: tuple[Any, ...] = (),
@@ -117,7 +124,9 @@ def trajectory_examples(
         for number, item in enumerate(trajectories):
             labels = _labels(item)
             known = np.flatnonzero(labels >= 0)
-            circles = circles_along(item, sensor, beams, known_map=known_map, n_threads=n_threads)
+            circles = circles_along(
+                item, sensor, beams, known_map=_map_of(known_map, number), n_threads=n_threads
+            )
             columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
             values = feature_values(
                 circles[known], features, max_range_m=sensor.max_range_m, n_threads=n_threads
@@ -175,6 +184,7 @@ def learn_method(
     scores: NDArray[np.float64],
     *,
     every_m: float,
+    loop_m: float = 0.0,
     n_runs: int = 1000,
     seed: int = 0,
 ) -> Any:
@@ -184,13 +194,13 @@ def learn_method(
     """
     if not isinstance(method, Learnable):
         return method
-    n_labels = len(label_names)
+    n_labels, loop_m = len(label_names), loops_for(method, loop_m)
     of_cells, of_steps = examples.split(scores)
     problems, truths = [], []
     for item, steps, part in zip(trajectories, examples.steps, of_steps, strict=True):
         labelled = item.subset(steps)
         segments = Segments(labelled.poses, every_m)
-        problems.append(chain_problem(segments, part, label_names))
+        problems.append(segment_problem(segments, part, label_names, loop_m=loop_m))
         truths.append(segments.majority(_labels(labelled), n_labels))
     if not isinstance(method, HiddenMarkovModel) or not maps:
         return method.fit(problems, truths)
@@ -205,12 +215,24 @@ def learn_method(
     return learn_movement(maps, cells, of_cells, n_labels, model=method, n_runs=n_runs, seed=seed)
 
 
-def chain_problem(
-    segments: Segments, scores: NDArray[np.float64], label_names: tuple[str, ...]
+def loops_for(method: Any, loop_m: float) -> float:
+    """The distance within which loops are closed: 0 for methods that label chains only."""
+    return 0.0 if labels_chains_only(method) else loop_m
+
+
+def segment_problem(
+    segments: Segments,
+    scores: NDArray[np.float64],
+    label_names: tuple[str, ...],
+    *,
+    loop_m: float = 0.0,
 ) -> LabelingProblem:
-    """The chain of a trajectory's segments with the mean scores (T, K) of their steps."""
+    """The graph of a trajectory's segments with the mean scores (T, K) of their steps.
+
+    A chain, and for ``loop_m`` > 0 also links between passes of one spot.
+    """
     means = segments.means(np.exp(scores))
-    return LabelingProblem(segments.graph(), label_names, unary=np.log(means))
+    return LabelingProblem(segments.graph(loop_m=loop_m), label_names, unary=np.log(means))
 
 
 def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
@@ -227,6 +249,10 @@ def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
         f"{type(method).__name__} is trained on labelled trajectories; pass some, or use the "
         "method 'hmm', for which maps suffice"
     )
+
+
+def _map_of(known: KnownMaps, number: int) -> OccupancyGrid | None:
+    return known[number] if isinstance(known, Sequence) else known
 
 
 def _labels(trajectory: Trajectory) -> NDArray[np.int64]:

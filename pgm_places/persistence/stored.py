@@ -14,7 +14,13 @@ from pgm_places.persistence.model_folder import load_folder, readable, save_fold
 
 __all__ = ["KINDS", "Stored", "load", "read", "save"]
 
-KINDS = ("place-labeler", "trajectory-labeler", "structured-labeler", "backend")
+KINDS = (
+    "place-labeler",
+    "trajectory-labeler",
+    "joint-labeler",
+    "structured-labeler",
+    "backend",
+)
 """What a manifest says a folder holds."""
 
 
@@ -52,7 +58,7 @@ def save(
 
     Parameters
     ----------
-    item : PlaceLabeler, TrajectoryLabeler, StructuredLabeler or Backend
+    item : PlaceLabeler, TrajectoryLabeler, JointLabeler, StructuredLabeler or Backend
         Labelers must be fitted.
     folder : Path
         Absent, empty, or a model, which is then replaced.

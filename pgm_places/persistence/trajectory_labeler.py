@@ -23,8 +23,9 @@ __all__ = ["KIND", "dump", "load"]
 
 KIND = "trajectory-labeler"
 
-OPTIONS = ("n_folds", "n_runs", "seed")
-"""What only learning reads, kept so that a loaded labeler can be fitted again."""
+OPTIONS = ("n_folds", "n_runs", "seed", "loop_m")
+"""Plain options; those that only learning reads are kept so that a loaded labeler can be fitted
+again."""
 
 
 def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:

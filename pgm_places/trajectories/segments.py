@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.trajectories.loops import loop_links
 
 __all__ = ["DistanceGate", "Segments"]
 
@@ -74,9 +75,13 @@ class Segments:
     def __len__(self) -> int:
         return len(self.first)
 
-    def graph(self) -> LabelGraph:
-        """The chain of the segments, at the positions of their first steps."""
-        return LabelGraph.from_trajectory(self._xy[self.first])
+    def graph(self, *, loop_m: float = 0.0) -> LabelGraph:
+        """The chain of the segments, at the positions of their first steps.
+
+        Segments of different passes within ``loop_m`` metres of each other are linked as well.
+        """
+        positions = self._xy[self.first]
+        return LabelGraph.from_trajectory(positions, loops=loop_links(positions, loop_m))
 
     def means(self, values: ArrayLike) -> NDArray[np.float64]:
         """(S, D) mean over each segment of values (T, D) of its steps."""

@@ -136,3 +136,17 @@ def test_another_number_of_features_is_refused() -> None:
     scaling = Standardization.of(np.random.default_rng(0).normal(size=(9, 3)))
     with pytest.raises(InputError, match="trained on 3 node features, this problem has 2"):
         scaling.apply(np.zeros((4, 2)))
+
+
+def test_the_kinds_of_edges_are_told_apart_where_asked() -> None:
+    cells = LabelGraph.from_grid(np.ones((2, 2), np.bool_))
+    chain = LabelGraph.from_trajectory(np.arange(6.0).reshape(3, 2))
+    joined = LabelGraph.joined(cells, chain, [[0, 1]])
+    problem = LabelingProblem(joined, ["a", "b"], unary=np.zeros((7, 2)))
+    columns = edge_features(problem, ("kind",))
+    assert columns.sum(axis=0).tolist() == [4.0, 2.0, 2.0, 1.0, 0.0]  # side, corner, time, link
+    assert (columns.sum(axis=1) == 1).all()
+    assert edge_feature_count(problem, ("constant", "kind")) == 6
+    plain = LabelGraph.from_edges(2, [(0, 1)])
+    with pytest.raises(InputError, match="needs the kinds of the graph's edges; it has none"):
+        edge_features(LabelingProblem(plain, ["a"], unary=np.zeros((2, 1))), ("kind",))

@@ -1,0 +1,168 @@
+"""The cells of a map and the steps of a drive as one graph, and labellings of it taken apart."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.graph.edge_kind import EdgeKind
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.trajectories.segments import Segments
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["JointGraph", "JointLabeling"]
+
+
+@dataclass(frozen=True, eq=False)
+class JointLabeling:
+    """A labelling of the cells of a map and of the steps of a drive.
+
+    Parameters
+    ----------
+    whole : Labeling
+        Of all nodes: the cells, then the segments of the drive.
+    cells : Labeling or None
+        Of the map's cells alone, in the order of their graph.
+    steps : Labeling or None
+        Of the drive's steps alone.
+    """
+
+    whole: Labeling
+    cells: Labeling | None
+    steps: Labeling | None
+
+
+@dataclass(frozen=True, eq=False)
+class JointGraph:
+    """The cells of a map, the segments of a drive, or both, each segment linked to its cell.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+        The cells come first.
+    cells : LabelGraph or None
+    segments : Segments or None
+    """
+
+    graph: LabelGraph
+    cells: LabelGraph | None
+    segments: Segments | None
+
+    @classmethod
+    def of(
+        cls,
+        cells: LabelGraph | None,
+        grid: OccupancyGrid | None,
+        drive: Trajectory | None,
+        *,
+        every_m: float,
+        loop_m: float = 0.0,
+    ) -> Self:
+        """The graph of what there is.
+
+        Parameters
+        ----------
+        cells : LabelGraph, optional
+            The cells of the map ``grid`` that are to be labelled.
+        grid : OccupancyGrid, optional
+            In the frame of the drive's poses.
+        drive : Trajectory, optional
+        every_m, loop_m : float
+            As of :class:`pgm_places.labelers.trajectory_labeler.TrajectoryLabeler`.
+
+        Raises
+        ------
+        InputError
+            There is neither a map nor a drive, or the two have no place in common.
+        """
+        if drive is None:
+            if cells is None:
+                raise InputError("give a map, a drive, or both; there is neither")
+            return cls(cells, cells, None)
+        segments = Segments(drive.poses, every_m)
+        chain = segments.graph(loop_m=loop_m)
+        if cells is None:
+            return cls(chain, None, segments)
+        assert grid is not None and isinstance(cells.layout, GridLayout)
+        assert chain.positions_m is not None
+        under = cells.layout.nodes_at(grid.cells_at_m(chain.positions_m))
+        linked = np.flatnonzero(under >= 0)
+        if not len(linked):
+            raise InputError(
+                f"{drive.name}: none of its positions is on a labelled cell of the map; bring the "
+                "drive into the map's frame first (Trajectory.transformed)"
+            )
+        links = np.column_stack([under[linked], linked])
+        return cls(LabelGraph.joined(cells, chain, links), cells, segments)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of nodes that are cells of the map."""
+        return 0 if self.cells is None else self.cells.n_nodes
+
+    def problem(
+        self,
+        label_names: tuple[str, ...],
+        cell_scores: NDArray[np.float64] | None,
+        step_scores: NDArray[np.float64] | None,
+        *,
+        link_weight: float | None = None,
+    ) -> LabelingProblem:
+        """The problem with the scores of cells (N, K) and of steps (T, K) as its unary.
+
+        With ``link_weight``, edges come with a weight: that one for links between steps and cells,
+        1 for all others.
+        """
+        parts = [] if cell_scores is None else [np.asarray(cell_scores, np.float64)]
+        if step_scores is not None and self.segments is not None:
+            parts.append(np.log(self.segments.means(np.exp(step_scores))))
+        weights = None
+        if link_weight is not None:
+            kinds = self.graph.edge_kind
+            is_link = np.zeros(self.graph.n_edges, np.bool_)
+            if kinds is not None:
+                is_link = kinds == EdgeKind.LINK
+            weights = np.where(is_link, link_weight, 1.0)[:, None]
+        return LabelingProblem(
+            self.graph, label_names, np.concatenate(parts), edge_features=weights
+        )
+
+    def truth(
+        self,
+        of_cells: NDArray[np.int64] | None,
+        of_steps: NDArray[np.int64] | None,
+        n_labels: int,
+    ) -> NDArray[np.int64]:
+        """(N,) true label of each node from those of cells and of steps, -1 where unknown."""
+        parts = []
+        if self.cells is not None:
+            unknown = np.full(self.n_cells, -1, np.int64)
+            parts.append(unknown if of_cells is None else of_cells)
+        if self.segments is not None:
+            unknown = np.full(len(self.segments), -1, np.int64)
+            parts.append(
+                unknown if of_steps is None else self.segments.majority(of_steps, n_labels)
+            )
+        return np.concatenate(parts)
+
+    def split(self, whole: Labeling) -> JointLabeling:
+        """The labelling of the map's cells and that of the drive's steps."""
+        cells = steps = None
+        n = self.n_cells
+        if self.cells is not None:
+            cells = _part(whole, np.arange(n))
+        if self.segments is not None:
+            steps = _part(whole, n + self.segments.of_step)
+        return JointLabeling(whole, cells, steps)
+
+
+def _part(whole: Labeling, nodes: NDArray[np.int64]) -> Labeling:
+    """The labels and beliefs of some nodes; score and bound are of the whole."""
+    beliefs = None if whole.beliefs is None else whole.beliefs[nodes]
+    return replace(whole, labels=whole.labels[nodes], beliefs=beliefs)

@@ -1,0 +1,346 @@
+"""JointLabeler: labels a map, a drive, or a map together with a drive through it, as one graph."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.evaluation.evaluation import evaluate
+from pgm_places.inference.backends import Learnable
+from pgm_places.labelers.joint_graph import JointGraph, JointLabeling
+from pgm_places.labelers.labeler import Labeler
+from pgm_places.labelers.method import as_backend, check_labels_maps, infer, with_edge_kinds
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.options import Positive
+from pgm_places.progress import Progress, Silent
+from pgm_places.trajectories.mapped_drive import MappedDrive
+from pgm_places.trajectories.trajectory import Trajectory
+from pgm_places.unary.map_model import CellScores
+
+__all__ = ["LINK_WEIGHTS", "JointLabeler", "JointScores"]
+
+LINK_WEIGHTS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Weights of the links that are tried, relative to that of all other edges."""
+
+
+class JointScores(NamedTuple):
+    """What the lists say of each node by itself, and the graph that joins them.
+
+    Parameters
+    ----------
+    graph : JointGraph
+    cells : CellScores or None
+    steps : (T, K) float or None
+    """
+
+    graph: JointGraph
+    cells: CellScores | None
+    steps: NDArray[np.float64] | None
+
+
+class _Example(NamedTuple):
+    """A map with or without a drive, its held-out scores and its true labels."""
+
+    graph: JointGraph
+    cell_scores: NDArray[np.float64]
+    step_scores: NDArray[np.float64] | None
+    truth: NDArray[np.int64]
+
+
+class JointLabeler(Labeler):
+    """Learns places from labelled maps and drives, and labels both together.
+
+    The cells of the map and the steps of the drive are nodes of one graph: neighbouring cells,
+    successive steps and passes of one spot are joined, and each step is linked to the cell under
+    it. A step thus profits from what the whole map says of its surroundings, and the map from what
+    the robot saw there.
+
+    Parameters
+    ----------
+    label_names : sequence of K str
+        The places to distinguish.
+    method : Backend or str
+        What labels the graph: any method of :mod:`pgm_places.inference.backends` for graphs with
+        cycles, or its name. An associative Markov network learns a weight for each kind of edge.
+    link_weight : float or "fitted"
+        For methods that take given edge weights (``potts``): weight of a link between a step and
+        its cell, relative to all other edges. ``"fitted"`` takes the best on held-out scores of the
+        training drives.
+    places : PlaceLabeler, optional
+        The unfitted labeler whose lists score cells; its methods are not used.
+    steps : TrajectoryLabeler, optional
+        The unfitted labeler whose list scores scans, with the options of segments and beams; its
+        method is not used.
+
+    Attributes
+    ----------
+    label_names_ : tuple of K str
+        The labels that were learned.
+    places_, steps_ : PlaceLabeler, TrajectoryLabeler
+        The fitted parts.
+    method_ : Backend
+        The fitted method.
+    link_weight_ : float or None
+        The weight of links; None for methods that learn their own or have none.
+
+    Examples
+    --------
+    >>> from pgm_places.datasets import generate_building
+    >>> from pgm_places.sensing.simulated_robot import SimulatedRobot
+    >>> building = generate_building(size="small")
+    >>> known = LabelledMap(building.grid, building.labels)
+    >>> drive = SimulatedRobot().explore(building.grid, max_length_m=15.0)
+    >>> drive = drive.labelled_by(known, building.label_names)
+    >>> labeler = JointLabeler(building.label_names).fit([MappedDrive(known, drive)])
+    >>> found = labeler.label(building.grid, drive)
+    >>> len(found.steps.labels) == len(drive)
+    True
+    """
+
+    places_: PlaceLabeler
+    steps_: TrajectoryLabeler
+    method_: Any
+    link_weight_: float | None
+
+    stored_as: ClassVar[str] = "joint-labeler"
+    _call_first: ClassVar[str] = "fit(drives)"
+
+    def __init__(
+        self,
+        label_names: Sequence[str],
+        method: Any = "potts",
+        link_weight: Positive | Literal["fitted"] = "fitted",
+        places: PlaceLabeler | None = None,
+        steps: TrajectoryLabeler | None = None,
+    ) -> None:
+        self.label_names = label_names
+        self.method = method
+        self.link_weight = link_weight
+        self.places = places
+        self.steps = steps
+
+    def check_options(self) -> None:
+        """Refuse options that are not understood; :meth:`fit` does so before anything else.
+
+        Raises
+        ------
+        ConfigError
+            An option is not understood, the method is for chains, or a part has other labels.
+        """
+        super().check_options()
+        check_labels_maps("the method", as_backend(self.method))
+        for name in ("places", "steps"):
+            part = getattr(self, name)
+            if part is not None and tuple(part.label_names) != tuple(self.label_names):
+                raise ConfigError(
+                    f"{name} must have the labels {', '.join(self.label_names)}, got "
+                    f"{', '.join(part.label_names)}"
+                )
+
+    # ------------------------------------------------------------------ learning
+
+    def fit(
+        self,
+        drives: Sequence[MappedDrive],
+        maps: Sequence[LabelledMap] = (),
+        *,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Self:
+        """The labeler itself, fitted: both lists, then the method on what they say of others.
+
+        Parameters
+        ----------
+        drives : sequence of MappedDrive
+            Labelled drives with their labelled maps; one map may serve several drives.
+        maps : sequence of LabelledMap
+            Further labelled maps without a drive.
+        n_threads, progress
+            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+
+        Raises
+        ------
+        ConfigError
+            An option is not understood.
+        InputError
+            There is no drive, or maps of different resolutions.
+        LabelError
+            A label has no example.
+        """
+        self.check_options()
+        progress = progress or Silent()
+        if not drives:
+            raise InputError("learning cells and steps together takes a labelled drive at least")
+        names, method = tuple(self.label_names), with_edge_kinds(as_backend(self.method))
+        known = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
+        places, steps = self._parts()
+        of_cells = places.fit_with_scores(known, n_threads=n_threads, progress=progress)
+        of_steps = steps.fit_with_scores(
+            known,
+            [item.drive for item in drives],
+            known_map=[item.map.grid for item in drives],
+            n_threads=n_threads,
+            progress=progress,
+        )
+        examples = self._examples(drives, known, of_cells, of_steps)
+        weight: float | None = None
+        with progress.stage("method"):
+            if isinstance(method, Learnable):
+                problems = [_problem(item, names, None) for item in examples]
+                method = method.fit(problems, [item.truth for item in examples])
+            elif hasattr(method, "edge_weights"):
+                method = replace(method, edge_weights="given")
+                weight = self._link_weight(method, examples, names)
+        return self.set_learned(
+            places_=places,
+            steps_=steps,
+            method_=method,
+            link_weight_=weight,
+            label_names_=names,
+        )
+
+    def _parts(self) -> tuple[PlaceLabeler, TrajectoryLabeler]:
+        """The unfitted labelers of cells and of steps, each with the simplest method."""
+        from sklearn.base import clone
+
+        names = tuple(self.label_names)
+        places = clone(self.places or PlaceLabeler(names))
+        steps = clone(self.steps or TrajectoryLabeler(names))
+        if len(places.resolved_methods()) != 1:
+            places.set_params(methods=("independent",))
+        return places, steps.set_params(method="independent")
+
+    def _examples(
+        self,
+        drives: Sequence[MappedDrive],
+        known: Sequence[LabelledMap],
+        of_cells: Sequence[CellScores],
+        of_steps: Sequence[NDArray[np.float64]],
+    ) -> list[_Example]:
+        """A problem per drive with its map, and per map without one."""
+        places, _ = self._parts()
+        unary = next(iter(places.resolved_methods().values())).unary
+        number = {id(item): index for index, item in enumerate(known)}
+        found = []
+        for driven, scores in zip(drives, of_steps, strict=True):
+            assert driven.drive.labels is not None  # fit_with_scores has checked
+            part = driven.drive.subset(driven.drive.labels >= 0)
+            cell_scores = getattr(of_cells[number[id(driven.map)]], unary)
+            found.append(self._example(driven.map, part, cell_scores, scores))
+        with_drive = {id(item.map) for item in drives}
+        for item in known:
+            if id(item) not in with_drive:
+                cell_scores = getattr(of_cells[number[id(item)]], unary)
+                found.append(self._example(item, None, cell_scores, None))
+        return found
+
+    def _example(
+        self,
+        item: LabelledMap,
+        drive: Trajectory | None,
+        cell_scores: NDArray[np.float64],
+        step_scores: NDArray[np.float64] | None,
+    ) -> _Example:
+        places, steps = self._parts()
+        cells = item.graph(connectivity=places.connectivity, labelled_only=True)
+        graph = JointGraph.of(cells, item.grid, drive, every_m=steps.every_m, loop_m=steps.loop_m)
+        truth = graph.truth(
+            item.truth(cells), None if drive is None else drive.labels, len(tuple(self.label_names))
+        )
+        return _Example(graph, cell_scores, step_scores, truth)
+
+    def _link_weight(
+        self, method: Any, examples: Sequence[_Example], names: tuple[str, ...]
+    ) -> float:
+        """The weight given, or the one with the best balanced accuracy on held-out scores."""
+        if self.link_weight != "fitted":
+            return float(self.link_weight)
+        truth = np.concatenate([item.truth for item in examples])
+        figures = []
+        for weight in LINK_WEIGHTS:
+            labels = [method.infer(_problem(item, names, weight)).labels for item in examples]
+            found = evaluate(truth, np.concatenate(labels), names)
+            figures.append(found.balanced_accuracy)
+        return LINK_WEIGHTS[int(np.argmax(figures))]
+
+    # ------------------------------------------------------------------ labelling
+
+    def scores(
+        self,
+        grid: OccupancyGrid | None = None,
+        drive: Trajectory | None = None,
+        *,
+        mask: ArrayLike | None = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> JointScores:
+        """The graph of what is given, and what the lists say of each node by itself."""
+        self.check_fitted()
+        cells = cell_scores = step_scores = None
+        if grid is not None:
+            cells, cell_scores = self.places_.scores(
+                grid, mask=mask, n_threads=n_threads, progress=progress
+            )
+        if drive is not None:
+            step_scores = self.steps_.scores(
+                drive, known_map=grid, n_threads=n_threads, progress=progress
+            )
+        graph = JointGraph.of(
+            cells, grid, drive, every_m=self.steps_.every_m, loop_m=self.steps_.loop_m
+        )
+        return JointScores(graph, cell_scores, step_scores)
+
+    def infer(self, scores: JointScores, *, truth: ArrayLike | None = None) -> JointLabeling:
+        """The method's labelling of given scores; ``truth`` is that of all nodes."""
+        self.check_fitted()
+        unary = self.places_.method().unary
+        problem = scores.graph.problem(
+            self.label_names_,
+            None if scores.cells is None else getattr(scores.cells, unary),
+            scores.steps,
+            link_weight=self.link_weight_,
+        )
+        return scores.graph.split(infer(self.method_, problem, truth))
+
+    def label(
+        self,
+        grid: OccupancyGrid | None = None,
+        drive: Trajectory | None = None,
+        *,
+        mask: ArrayLike | None = None,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> JointLabeling:
+        """Labels for the cells of a map, the steps of a drive, or both together.
+
+        Parameters
+        ----------
+        grid : OccupancyGrid, optional
+            The map, in the frame of the drive's poses.
+        drive : Trajectory, optional
+            With scans, or without them if there is a map to cast them in.
+        mask, n_threads, progress
+            As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+
+        Raises
+        ------
+        InputError
+            There is neither a map nor a drive, or the drive is elsewhere.
+        NotFittedError
+            Before :meth:`fit`.
+        """
+        scores = self.scores(grid, drive, mask=mask, n_threads=n_threads, progress=progress)
+        return self.infer(scores)
+
+    def _part(self, name: str) -> Any:
+        return as_backend(self.method) if name == "method" else super()._part(name)
+
+
+def _problem(item: _Example, names: tuple[str, ...], weight: float | None) -> Any:
+    return item.graph.problem(names, item.cell_scores, item.step_scores, link_weight=weight)

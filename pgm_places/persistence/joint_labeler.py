@@ -1,0 +1,63 @@
+"""A fitted JointLabeler as plain data: the manifests and arrays of its parts, and its method's."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pgm_places.errors import ModelFileError
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.method import unfitted
+from pgm_places.persistence import place_labeler, trajectory_labeler
+from pgm_places.persistence.backend import dump_backend, load_backend
+from pgm_places.persistence.model_folder import Arrays
+
+__all__ = ["KIND", "dump", "load"]
+
+KIND = "joint-labeler"
+
+CODECS = {"places": place_labeler, "steps": trajectory_labeler}
+
+
+def dump(labeler: JointLabeler) -> tuple[dict[str, Any], Arrays]:
+    """The manifest and the arrays of a fitted labeler."""
+    arrays: Arrays = {}
+    manifest: dict[str, Any] = {
+        "label_names": list(labeler.label_names_),
+        "options": {"link_weight": labeler.link_weight},
+        "link_weight": labeler.link_weight_,
+        "method": dump_backend(arrays, "method", labeler.method_),
+    }
+    for name, codec in CODECS.items():
+        manifest[name], inner = codec.dump(getattr(labeler, f"{name}_"))
+        arrays |= {f"{name}/{key}": array for key, array in inner.items()}
+    return manifest, arrays
+
+
+def load(manifest: Mapping[str, Any], arrays: Arrays) -> JointLabeler:
+    """The labeler that :func:`dump` described so."""
+    names = tuple(str(name) for name in manifest["label_names"])
+    method = load_backend(arrays, "method", manifest["method"])
+    parts = {
+        name: codec.load(manifest[name], _inner(arrays, name)) for name, codec in CODECS.items()
+    }
+    for name, part in parts.items():
+        if part.label_names_ != names:
+            raise ModelFileError(f"{name} has labels {list(part.label_names_)}, not {list(names)}")
+    labeler = JointLabeler(names, unfitted(method), **manifest["options"])
+    labeler.check_options()
+    weight = manifest["link_weight"]
+    if weight is not None and not (isinstance(weight, float) and weight > 0):
+        raise ModelFileError(f"link_weight must be a number above 0, got {weight!r}")
+    return labeler.set_learned(
+        places_=parts["places"],
+        steps_=parts["steps"],
+        method_=method,
+        link_weight_=weight,
+        label_names_=names,
+    )
+
+
+def _inner(arrays: Arrays, name: str) -> Arrays:
+    prefix = f"{name}/"
+    return {
+        key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)
+    }
