@@ -32,6 +32,8 @@ def comparison_table(comparison: "Comparison") -> str:
     names = comparison.label_names
     heading = ["method", "accuracy", "95 %", "balanced", "macro F1"]
     heading += [f"{name} R|P" for name in names]
+    counts_doors = any(method.doors for method in comparison.methods)
+    heading += ["doors F/M/I"] if counts_doors else []
     heading += ["learn s", "infer s"]
     rows = [heading]
     for method in comparison.methods:
@@ -44,10 +46,12 @@ def comparison_table(comparison: "Comparison") -> str:
             _percent(found.macro_f1),
         ]
         row += [f"{_percent(found.recall[n])}|{_percent(found.precision[n])}" for n in names]
+        row += [_doors(method)] if counts_doors else []
         row += [f"{method.seconds.get(key, 0.0):.2f}" for key in ("learn", "infer")]
         rows.append(row)
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
+    note += "; doors: F found, M missed, I invented" if counts_doors else ""
     return f"\n{text_table(rows)}\n({note}; stages: {stages}){_selected(comparison)}"
 
 
@@ -68,6 +72,14 @@ def _selected(comparison: "Comparison") -> str:
 def _interval(method: "MethodResult") -> str:
     found = method.intervals.get("accuracy")
     return "-" if found is None else f"{100 * found.low:.1f}-{100 * found.high:.1f}"
+
+
+def _doors(method: "MethodResult") -> str:
+    """Doors of all maps together: found, missed and invented."""
+    from pgm_places.spaces.door_truth import DoorScores
+
+    total = DoorScores.total(method.doors)
+    return f"{total.found}/{total.missed}/{total.invented}" if method.doors else "-"
 
 
 def shares_line(fractions: "tuple[float, float, float]") -> str:
