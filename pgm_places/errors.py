@@ -16,6 +16,10 @@
 Every message says what was wanted, what came, where, and what to do.
 """
 
+import re
+import reprlib
+from collections.abc import Sequence
+
 __all__ = [
     "ConfigError",
     "InputError",
@@ -27,7 +31,10 @@ __all__ = [
     "OutputError",
     "PgmPlacesError",
     "SolverError",
+    "is_printable",
     "nearest_name",
+    "printable",
+    "shown",
 ]
 
 
@@ -71,10 +78,54 @@ class SolverError(PgmPlacesError, RuntimeError):
     """A numerical solver ended without a usable result; the message carries its status."""
 
 
-def nearest_name(name: str, known: list[str]) -> str:
-    """A sentence that offers the nearest known name and lists them all."""
+_HIDDEN = re.compile(
+    "[\x00-\x1f\x7f-\x9f"  # control characters, the escapes of terminals among them
+    "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # line separators, and marks that turn text around
+    "\ud800-\udfff\ufffe\uffff]"  # halves of characters, and what is none
+)
+_MOST_NAMES, _LONGEST_NAME = 50, 100
+_shown = reprlib.Repr()
+_shown.maxstring = _shown.maxother = _shown.maxlong = 120
+
+
+def printable(text: str, *, keep: str = "") -> str:
+    r"""Text that does nothing to a terminal, whoever wrote it: control characters are spelled out.
+
+    Parameters
+    ----------
+    text : str
+    keep : str
+        Characters to leave as they are, such as a line end.
+
+    Examples
+    --------
+    >>> print(printable("room\x1b[2J"))
+    room\x1b[2J
+    """
+
+    def spelled(match: re.Match[str]) -> str:
+        found = match.group()
+        return found if found in keep else found.encode("unicode_escape").decode("ascii")
+
+    return _HIDDEN.sub(spelled, text)
+
+
+def is_printable(text: str) -> bool:
+    """Whether text may stand in a name: no control characters, no halves of characters."""
+    return _HIDDEN.search(text) is None
+
+
+def shown(value: object) -> str:
+    """A value for a message, shortened: what came may be megabytes, or nested a thousand deep."""
+    return _shown.repr(value)
+
+
+def nearest_name(name: str, known: Sequence[str]) -> str:
+    """A sentence that offers the nearest known name and lists them all, as far as that helps."""
     import difflib
 
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    listed = [item for item in known if len(item) <= _LONGEST_NAME][:_MOST_NAMES]
+    close = difflib.get_close_matches(name[:_LONGEST_NAME], listed, n=1, cutoff=0.5)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}Known: {', '.join(sorted(known))}"
+    more = f" and {len(known) - len(listed)} more" if len(listed) < len(known) else ""
+    return f"{hint}Known: {', '.join(sorted(listed))}{more}"

@@ -5,7 +5,6 @@ stands what is about files, and how it all fits together.
 """
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
+from pgm_places.io.toml_file import read_toml
 from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Positive, check_options, from_mapping
@@ -34,9 +34,6 @@ __all__ = [
     "load_config",
     "parse_config",
 ]
-
-MAX_CONFIG_BYTES = 1_000_000
-"""A configuration larger than this is some other file."""
 
 Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
@@ -176,21 +173,9 @@ def load_config(path: Path) -> ExperimentConfig:
     Raises
     ------
     ConfigError
-        The file is missing, is not TOML, or holds a key, a value or a method that is unknown.
+        The file cannot be read, is not TOML, or holds a key, a value or a method that is unknown.
     """
-    try:
-        if path.stat().st_size > MAX_CONFIG_BYTES:
-            raise ConfigError(f"{path} is larger than {MAX_CONFIG_BYTES} bytes; is it a config?")
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"no configuration file at {path}") from None
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path} is not UTF-8 text; is it a TOML file?") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from None
-    return parse_config(content, str(path))
+    return parse_config(read_toml(path, ConfigError, "a configuration (TOML)"), str(path))
 
 
 def parse_config(content: Mapping[str, Any], where: str = "config") -> ExperimentConfig:

@@ -11,6 +11,7 @@ from typing import Any
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.io.checks import sha256_of
+from pgm_places.io.input_file import user_path
 from pgm_places.progress import Progress, Silent
 
 __all__ = ["DATA_VARIABLE", "Experiment"]
@@ -73,8 +74,8 @@ class Experiment:
                     f"the path {name!r} needs the environment variable {variable}; set it to the "
                     "folder that holds the data"
                 )
-            return (Path(folder) / rest).resolve()
-        return (self.folder / Path(name).expanduser()).resolve()
+            return _real(user_path(Path(folder) / rest, ConfigError))
+        return _real(self.folder / user_path(name, ConfigError))
 
     def record_input(self, path: Path) -> None:
         """Keep the hash of a file that was read, by the shortest name that says where it was."""
@@ -88,3 +89,8 @@ class Experiment:
         if path.is_relative_to(self.folder):
             return path.relative_to(self.folder).as_posix()
         return str(path)
+
+
+def _real(path: Path) -> Path:
+    """The path without links; Path.resolve would fail where links lead in a circle."""
+    return Path(os.path.realpath(path))

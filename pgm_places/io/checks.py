@@ -4,6 +4,7 @@ import hashlib
 from pathlib import Path
 
 from pgm_places.errors import InputError
+from pgm_places.io.input_file import open_input
 
 __all__ = ["sha256_of"]
 
@@ -16,10 +17,8 @@ def sha256_of(path: Path | str) -> str:
     InputError
         Where the file cannot be read.
     """
-    try:
-        with Path(path).open("rb") as file:
+    with open_input(Path(path), InputError, "an input of the run, to take its fingerprint") as file:
+        try:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(
-            f"cannot read {path} to take its fingerprint: {error.strerror or error}; check the path"
-        ) from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None

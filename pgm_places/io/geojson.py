@@ -1,6 +1,5 @@
 """GeoJSON files of polygons in a map's metres, checked feature by feature."""
 
-import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -8,10 +7,10 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
-from pydantic_core import from_json
 
-from pgm_places.errors import LabelError
-from pgm_places.io.text_file import read_text
+from pgm_places.errors import LabelError, is_printable, shown
+from pgm_places.io.input_file import user_path
+from pgm_places.io.json_file import read_json
 
 __all__ = ["Region", "read_regions"]
 
@@ -58,19 +57,15 @@ def read_regions(path: Path | str, property_name: str = "class") -> list[Region]
         Where the file is missing, not GeoJSON or larger than 64 MiB, or a feature is not a closed
         polygon of finite numbers or has no class; the message names the feature's index.
     """
-    file = Path(path).expanduser()
-    text = read_text(file, LabelError, "regions (GeoJSON)", max_bytes=MAX_BYTES)
-    try:
-        data = from_json(text, allow_inf_nan=False)
-    except ValueError as error:
-        raise LabelError(f"{file}: not a GeoJSON file: {error}") from None
+    file = user_path(path, LabelError)
+    data = read_json(file, LabelError, "regions (GeoJSON)", max_bytes=MAX_BYTES)
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "Feature":
         features = [data]
     elif kind == "FeatureCollection" and isinstance(data.get("features"), list):
         features = data["features"]
     else:
-        raise LabelError(f"{file}: not a GeoJSON FeatureCollection (its type is {kind!r})")
+        raise LabelError(f"{file}: not a GeoJSON FeatureCollection (its type is {shown(kind)})")
     return [
         _region(f"{file}: feature {i}", i, item, property_name) for i, item in enumerate(features)
     ]
@@ -98,13 +93,17 @@ def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
         raise LabelError(f"{where} has no geometry; remove it or draw its polygon")
     properties = feature.get("properties")
     code = properties.get(property_name) if isinstance(properties, dict) else None
-    if isinstance(code, bool) or not isinstance(code, str | int) or code == "":
+    named = isinstance(code, str) and code != "" and is_printable(code)
+    if not (named or type(code) is int):
         raise LabelError(
-            f"{where}: property {property_name!r} must be text that names its class, got {code!r}"
+            f"{where}: property {property_name!r} must be text that names its class, got "
+            f"{shown(code)}"
         )
     kind, coordinates = (feature["geometry"].get(key) for key in ("type", "coordinates"))
     if kind not in ("Polygon", "MultiPolygon"):
-        raise LabelError(f"{where} is a {kind!r}; a region must be a Polygon or a MultiPolygon")
+        raise LabelError(
+            f"{where} is a {shown(kind)}; a region must be a Polygon or a MultiPolygon"
+        )
     single = kind == "Polygon"
     try:
         polygons = _POLYGONS.validate_python([coordinates] if single else coordinates)
@@ -119,7 +118,7 @@ def _complaint(error: ValidationError, *, depth: int) -> str:
     """The first problem: what was wanted, what came, and where below a depth."""
     problem = error.errors(include_url=False)[0]
     steps = "".join(f"[{step}]" for step in problem["loc"][depth:])
-    wanted, got = _WANTED[len(problem["loc"])], reprlib.repr(problem["input"])
+    wanted, got = _WANTED[len(problem["loc"])], shown(problem["input"])
     return f"coordinates{steps} must be {wanted}, got {got}"
 
 

@@ -1,5 +1,6 @@
 """Counts of objects over time, and the counts nearest to each step of a robot."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -44,7 +45,7 @@ class ObjectCounts:
 
     def __post_init__(self) -> None:
         names = tuple(str(name) for name in self.object_names)
-        twice = sorted({name for name in names if names.count(name) > 1})
+        twice = sorted(name for name, times in Counter(names).items() if times > 1)
         if twice:
             raise InputError(f"object_names must differ, got {', '.join(twice)} more than once")
         times = finite_array("times_s", self.times_s, ("T",))

@@ -125,7 +125,7 @@ def test_mistakes_are_named_with_their_place(content: dict[str, Any], message: s
 
 
 def test_missing_and_broken_files(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no configuration file at"):
+    with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
         load_config(tmp_path / "none.toml")
     broken = tmp_path / "broken.toml"
     broken.write_text("labels = [")
@@ -134,7 +134,7 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe")
     with pytest.raises(ConfigError, match="not UTF-8"):
         load_config(broken)
-    with pytest.raises(ConfigError, match="cannot read"):
+    with pytest.raises(ConfigError, match="is a folder"):
         load_config(tmp_path)
 
 

@@ -15,5 +15,5 @@ def test_the_fingerprint_is_that_of_the_standard(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="absent to take its fingerprint: No such file"):
+    with pytest.raises(InputError, match="absent: no such file; expected an input"):
         sha256_of(tmp_path / "absent")

@@ -5,14 +5,13 @@ The ``rosbags`` package does the reading and writing; it needs no ROS. It is an 
 """
 
 import contextlib
-import sqlite3
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from pgm_places._extras import needed
-from pgm_places.errors import LogError, PgmPlacesError
+from pgm_places.errors import LogError, PgmPlacesError, printable
+from pgm_places.io.input_file import file_kind, user_path
 
 __all__ = ["is_bag", "open_bag", "stamp_s"]
 
@@ -22,7 +21,7 @@ _SUFFIXES = (".bag", ".mcap", ".db3")
 def is_bag(path: Path | str) -> bool:
     """Whether a path looks like a bag: by its ending, or a folder with a ``metadata.yaml``."""
     path = Path(path)
-    return path.suffix.lower() in _SUFFIXES or (path / "metadata.yaml").is_file()
+    return path.suffix.lower() in _SUFFIXES or file_kind(path / "metadata.yaml") == "file"
 
 
 @contextlib.contextmanager
@@ -41,37 +40,24 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     highlevel = needed("rosbags.highlevel", extra="bags", purpose="reading ROS bags")
     typesys = needed("rosbags.typesys", extra="bags", purpose="reading ROS bags")
     definitions = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    path = Path(path)
-    if not path.exists():
-        raise LogError(f"cannot read the bag {path}: no such file or folder")
-    if path.suffix == ".db3" and (path.parent / "metadata.yaml").is_file():
+    path = user_path(path, LogError)
+    if file_kind(path) not in ("file", "folder"):
+        raise LogError(f"{path}: no such file or folder; expected a ROS bag")
+    if path.suffix == ".db3" and file_kind(path.parent / "metadata.yaml") == "file":
         path = path.parent
     try:
         with highlevel.AnyReader([path], default_typestore=definitions) as reader:
             yield reader
     except PgmPlacesError:
         raise
-    except _damage() as error:
-        reason = str(error) or type(error).__name__
+    # Damaged bytes make rosbags, the databases below it, and whoever takes a message of other
+    # fields than its name promises raise anything at all: sizes that lie end in MemoryError.
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise LogError(
-            f"cannot read the bag {path}: {reason}; is it complete? 'rosbag reindex', 'ros2 bag "
-            "reindex' and 'mcap recover' repair truncated recordings"
+            f"cannot read the bag {path}: {printable(reason)[:300]}; is it complete? "
+            "'rosbag reindex', 'ros2 bag reindex' and 'mcap recover' repair truncated recordings"
         ) from error
-
-
-def _damage() -> tuple[type[Exception], ...]:
-    """What ``rosbags`` and the databases below it raise on damaged bytes."""
-    from rosbags.highlevel import AnyReaderError
-    from rosbags.rosbag1 import ReaderError as Ros1Error
-    from rosbags.rosbag2 import ReaderError as Ros2Error
-
-    own = (AnyReaderError, Ros1Error, Ros2Error, sqlite3.Error, struct.error)
-    parsing = (ValueError, LookupError, AssertionError, OSError)
-    try:
-        import apsw
-    except ImportError:  # some releases use Python's own sqlite3
-        return (*own, *parsing)
-    return (*own, *parsing, apsw.Error)
 
 
 def stamp_s(message: Any, recorded_ns: int) -> float:

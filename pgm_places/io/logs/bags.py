@@ -14,9 +14,8 @@ from pgm_places.io.logs.bag_access import open_bag, stamp_s
 from pgm_places.io.logs.bag_poses import FrameTree, Lookup, PoseTrack, at_times, planar
 from pgm_places.io.logs.loaded_log import (
     LoadedLog,
+    ScanColumns,
     code_warnings,
-    kind_warnings,
-    most_frequent_kind,
     order_warnings,
 )
 from pgm_places.trajectories.scan import Scan, ScanGeometry
@@ -101,11 +100,11 @@ def read_bag(
         tree = _read_tree(bag)
         poses = _choose_poses(bag, tree, frame, pose_topic, fixed_frame)
         wheels = _wheels(bag, tree, frame) if poses.source == "map" else None
-    kept = most_frequent_kind(scans)
-    warnings = kind_warnings(scans, kept) + list(poses.warnings)
-    times = np.array([scan.time_s for scan in kept])
+    trajectory, warnings = scans.trajectory(Path(path).stem)
+    warnings += poses.warnings
+    times = trajectory.times_s
     found, known, mirrored = at_times(poses.chain, times, lookup, max_gap_s)
-    trajectory = replace(Trajectory.from_scans(kept, name=Path(path).stem), poses=found)
+    trajectory = replace(trajectory, poses=found)
     if mirrored:
         trajectory = _turned_round(trajectory)
     if wheels is not None:
@@ -175,17 +174,17 @@ class _Bag:
             yield connection.topic, recorded_ns, message
 
 
-def _read_scans(bag: _Bag, topic: str, range_max_m: float | None) -> tuple[list[Scan], str]:
+def _read_scans(bag: _Bag, topic: str, range_max_m: float | None) -> tuple[ScanColumns, str]:
     """The scans, without poses yet, and the frame of the laser."""
     geometries: dict[tuple[float, ...], ScanGeometry] = {}
-    scans = []
+    scans = ScanColumns(bag.path)
     frame = ""
     for _, recorded_ns, message in bag.messages(topic):
         frame = frame or message.header.frame_id.lstrip("/")
         geometry = _geometry(bag, message, range_max_m, geometries)
         ranges = geometry.cleaned(message.ranges)
-        scans.append(Scan(stamp_s(message, recorded_ns), _ORIGIN, ranges, geometry))
-    if not scans:
+        scans.add(Scan(stamp_s(message, recorded_ns), _ORIGIN, ranges, geometry))
+    if not scans.n_scans:
         raise LogError(f"{bag.path}: the topic {topic} holds no scans")
     return scans, frame
 

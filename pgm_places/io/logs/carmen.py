@@ -15,6 +15,7 @@ computer's name between them)::
 Every other line is counted and skipped.
 """
 
+from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -23,14 +24,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, LogError
+from pgm_places.io.input_file import user_path
 from pgm_places.io.logs.loaded_log import (
+    MAX_SCANS,
     LoadedLog,
+    ScanColumns,
     code_warnings,
-    kind_warnings,
-    most_frequent_kind,
     order_warnings,
 )
 from pgm_places.io.logs.log_lines import LogLines
@@ -46,6 +47,7 @@ _LASERS: dict[Laser, tuple[bytes, bytes]] = {
     "rear": (b"RLASER", b"ROBOTLASER2"),
 }
 _KNOWN = {b"ODOM", b"PARAM", *(kind for kinds in _LASERS.values() for kind in kinds)}
+_MAX_WORDS, _LONGEST_WORD = 1000, 40
 _LONGEST_M = 81.83
 """The SICK LMS in centimetre mode: readings from 8183 on are codes for errors and no return."""
 
@@ -79,8 +81,8 @@ class CarmenReader:
     """Lines per first word, comments and empty lines left out."""
     n_damaged: int = 0
     """Lines of a known kind whose fields could not be read."""
-    odometry: list[tuple[float, float, float, float]] = field(default_factory=list, repr=False)
-    """(time, x, y, heading) of the ODOM lines, where :attr:`keep_odometry` is set."""
+    odometry: "array[float]" = field(default_factory=lambda: array("d"), repr=False)
+    """time, x, y, heading of one ODOM line after the other, where :attr:`keep_odometry` is set."""
     keep_odometry: bool = False
     _limit_m: float | None = None
     _geometries: dict[tuple[float | int, ...], ScanGeometry] = field(
@@ -100,7 +102,8 @@ class CarmenReader:
         if not fields or fields[0].startswith(b"#"):
             return None
         kind = fields[0]
-        self.counts[kind.decode("ascii", "replace")] += 1
+        word = kind[:_LONGEST_WORD].decode("ascii", "replace")
+        self.counts[word if word in self.counts or len(self.counts) < _MAX_WORDS else "other"] += 1
         if kind not in _KNOWN:
             return None
         plain, described = _LASERS[self.laser]
@@ -113,7 +116,7 @@ class CarmenReader:
                 self._take_parameter(fields)
             elif kind == b"ODOM" and self.keep_odometry:
                 x, y, heading = _finite(fields[1:4])
-                self.odometry.append((_finite(fields[7:8])[0], x, y, heading))
+                self.odometry.extend((_finite(fields[7:8])[0], x, y, heading))
         except (ValueError, IndexError):
             self.n_damaged += 1
         return None
@@ -219,19 +222,22 @@ def read_carmen(
     InputError
         An option is wrong.
     """
+    path = user_path(path, LogError)
     lines = LogLines(path)
     reader = CarmenReader(laser, range_max_m, keep_odometry=True)
-    scans = list(iter_carmen_scans(lines, reader=reader))
+    scans = ScanColumns(path)
+    for scan in iter_carmen_scans(lines, reader=reader):
+        scans.add(scan)
     warnings = []
     if lines.damage:
-        warnings.append(f"{lines.damage}; everything before it was read ({len(scans)} scans)")
+        warnings.append(f"{lines.damage}; everything before it was read ({scans.n_scans} scans)")
     if reader.n_damaged:
         warnings.append(f"{_lines(reader.n_damaged)} could not be read and were skipped")
-    name = Path(path).name.removesuffix(".gz").removesuffix(".log")
-    if scans:
-        kept = most_frequent_kind(scans)
-        warnings += kind_warnings(scans, kept)
-        trajectory = _with_real_odometry(Trajectory.from_scans(kept, name=name))
+    name = path.name.removesuffix(".gz").removesuffix(".log")
+    if scans.n_scans:
+        trajectory, left_out = scans.trajectory(name)
+        trajectory = _with_real_odometry(trajectory)
+        warnings += left_out
         if range_max_m is None:
             warnings += code_warnings(trajectory)
     else:
@@ -242,7 +248,7 @@ def read_carmen(
             "a trajectory without scans"
         )
     warnings += order_warnings(trajectory)
-    return LoadedLog(trajectory, Path(path), tuple(warnings), reader.counts)
+    return LoadedLog(trajectory, path, tuple(warnings), reader.counts)
 
 
 def _lines(n: int) -> str:
@@ -263,5 +269,7 @@ def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Traject
             f"{path} holds no readable laser scans or odometry "
             f"(lines: {found or 'none'}); is it a complete CARMEN log?"
         )
-    rows: NDArray[np.float64] = np.array(reader.odometry)
+    rows = np.frombuffer(reader.odometry).reshape(-1, 4)
+    if len(rows) > MAX_SCANS:
+        raise LogError(f"{path}: more than {MAX_SCANS} ODOM lines; divide it")
     return Trajectory(rows[:, 0], rows[:, 1:], name=name)

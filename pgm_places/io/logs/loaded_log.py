@@ -1,17 +1,22 @@
 """The result of reading a robot's log: the trajectory, and warnings about the file."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
-from pgm_places.trajectories.scan import Scan
+from pgm_places.errors import LogError
+from pgm_places.trajectories.scan import Scan, ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["LoadedLog", "code_warnings", "kind_warnings", "most_frequent_kind", "order_warnings"]
+__all__ = ["LoadedLog", "ScanColumns", "code_warnings", "order_warnings"]
+
+MAX_SCANS = 5_000_000
+MAX_READINGS = 500_000_000
+_MAX_KINDS = 1000
 
 # A wall does not stand at one and the same distance, the longest of all, for so many readings.
 _CODE_SHARE = 0.005
@@ -52,24 +57,78 @@ def order_warnings(trajectory: Trajectory) -> list[str]:
     return [f"{backward} {steps} than the step before; the order of the file is kept"]
 
 
-def most_frequent_kind(scans: Sequence[Scan]) -> list[Scan]:
-    """The scans of the most frequent geometry, the earlier one where two are as frequent.
+@dataclass
+class _Kind:
+    """Scans with the same beams."""
+
+    geometry: ScanGeometry
+    times_s: "array[float]" = field(default_factory=lambda: array("d"))
+    poses: "array[float]" = field(default_factory=lambda: array("d"))
+    odometry: "array[float]" = field(default_factory=lambda: array("d"))
+    ranges_m: "array[float]" = field(default_factory=lambda: array("f"))
+
+
+class ScanColumns:
+    """The scans of a log by their beams, as columns: a list of scans takes ten times the memory.
 
     Readers give scans with the same beams the same geometry object.
+
+    Parameters
+    ----------
+    path : Path
+        The log, for messages.
     """
-    frequency = Counter(id(scan.geometry) for scan in scans)
-    kind = frequency.most_common(1)[0][0]
-    return [scan for scan in scans if id(scan.geometry) == kind]
 
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.n_scans = self._n_readings = 0
+        self._kinds: dict[int, _Kind] = {}
 
-def kind_warnings(scans: Sequence[Scan], kept: Sequence[Scan]) -> list[str]:
-    """Warnings about scans whose number of beams changes."""
-    if len(kept) == len(scans):
-        return []
-    return [
-        f"the scans have different beams: {len(kept)} of {kept[0].geometry} are kept, "
-        f"{len(scans) - len(kept)} of other kinds left out"
-    ]
+    def add(self, scan: Scan) -> None:
+        """Keep a scan.
+
+        Raises
+        ------
+        LogError
+            There are too many, or of too many kinds.
+        """
+        kind = self._kinds.setdefault(id(scan.geometry), _Kind(scan.geometry))
+        kind.times_s.append(scan.time_s)
+        kind.poses.frombytes(scan.pose.tobytes())
+        kind.ranges_m.frombytes(scan.ranges_m.tobytes())
+        if scan.odometry is not None:
+            kind.odometry.frombytes(scan.odometry.tobytes())
+        self.n_scans += 1
+        self._n_readings += scan.geometry.n_beams
+        if self.n_scans > MAX_SCANS or self._n_readings > MAX_READINGS:
+            raise LogError(
+                f"{self.path}: more than {MAX_SCANS} scans or {MAX_READINGS} readings; divide it"
+            )
+        if len(self._kinds) > _MAX_KINDS:
+            raise LogError(
+                f"{self.path}: the beams change more than {_MAX_KINDS} times; is it the log of one "
+                "laser?"
+            )
+
+    def trajectory(self, name: str) -> tuple[Trajectory, list[str]]:
+        """The scans of the most frequent kind, the earlier one of two; and what was left out."""
+        kind = max(self._kinds.values(), key=lambda kind: len(kind.times_s))
+        n_kept = len(kind.times_s)
+        odometry = np.frombuffer(kind.odometry).reshape(-1, 3)
+        trajectory = Trajectory(
+            np.frombuffer(kind.times_s),
+            np.frombuffer(kind.poses).reshape(n_kept, 3),
+            np.frombuffer(kind.ranges_m, np.float32).reshape(n_kept, kind.geometry.n_beams),
+            kind.geometry,
+            odometry=odometry if len(odometry) == n_kept else None,
+            name=name,
+        )
+        if n_kept == self.n_scans:
+            return trajectory, []
+        return trajectory, [
+            f"the scans have different beams: {n_kept} of {kind.geometry} are kept, "
+            f"{self.n_scans - n_kept} of other kinds left out"
+        ]
 
 
 def code_warnings(trajectory: Trajectory) -> list[str]:

@@ -1,21 +1,28 @@
 """Lines of a log: from plain, compressed or truncated files, or while the log is being written."""
 
 import gzip
+import io
 import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO, TypeVar
 
 from pgm_places.errors import LogError
+from pgm_places.io.input_file import open_input
 
 __all__ = ["LogLines", "follow_lines"]
 
+MAX_LINE = 4 << 20
+"""Bytes of a line: a scan of half a million beams."""
+MAX_BYTES = 4 << 30
+"""Bytes of a log, unpacked."""
+AnyBytes = TypeVar("AnyBytes", bytes, bytearray)
 _GZIP_MAGIC = b"\x1f\x8b"
 
 
 class LogLines:
-    """The lines of a file, plain or gzip by its first bytes, whatever it is called.
+    """The lines of a file or a pipe, plain or gzip by its first bytes, whatever it is called.
 
     Where the compressed data are truncated or are damaged, the lines before that place come all
     the same, and :attr:`damage` then says what happened.
@@ -23,12 +30,13 @@ class LogLines:
     Parameters
     ----------
     path : path
-        An existing file.
+        An existing file, or a pipe.
 
     Raises
     ------
     LogError
-        When the lines are asked for and the file cannot be opened or read.
+        When the lines are asked for and the file cannot be opened or read, is larger than 4 GiB
+        unpacked, or has a line of more than 4 MiB.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -39,20 +47,26 @@ class LogLines:
     def __iter__(self) -> Iterator[bytes]:
         self.damage = None
         try:
-            with self.path.open("rb") as raw:
-                compressed = raw.read(2) == _GZIP_MAGIC
-                raw.seek(0)
-                if not compressed:
-                    yield from raw
-                    return
-                with gzip.GzipFile(fileobj=raw) as unpacked:
-                    yield from unpacked
+            with open_input(self.path, LogError, "a CARMEN log", pipes=True) as raw:
+                if raw.peek(2)[:2] == _GZIP_MAGIC:
+                    with gzip.GzipFile(fileobj=raw) as unpacked:
+                        yield from self._bounded(io.BufferedReader(unpacked))
+                else:
+                    yield from self._bounded(raw)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             cut = isinstance(error, EOFError)
             self.damage = "the compressed data are truncated" if cut else f"damaged data: {error}"
         except OSError as error:
             reason = error.strerror or str(error)
-            raise LogError(f"cannot read the log {self.path}: {reason}; check the path") from None
+            raise LogError(f"{self.path}: cannot be read: {reason}") from None
+
+    def _bounded(self, stream: IO[bytes]) -> Iterator[bytes]:
+        n_bytes = 0
+        while line := stream.readline(MAX_LINE + 1):
+            n_bytes += len(line)
+            if n_bytes > MAX_BYTES:
+                raise LogError(f"{self.path}: more than {MAX_BYTES} bytes, unpacked; divide it")
+            yield _checked(line, str(self.path))
 
 
 def follow_lines(
@@ -74,17 +88,29 @@ def follow_lines(
         Asked at each end of the data; true ends the lines.
 
     A last line without a line end is given once it is certain that nothing more comes.
+
+    Raises
+    ------
+    LogError
+        A line has more than 4 MiB.
     """
-    part = b""
+    part = bytearray()
     while True:
-        piece = stream.readline()
+        piece = stream.readline(MAX_LINE + 1)
         part += piece
         if part.endswith(b"\n"):
-            yield part
-            part = b""
+            yield bytes(part)
+            part.clear()
         elif not piece:
             if poll_s is None or is_over():
                 break
             time.sleep(poll_s)
+        _checked(part, "the log")
     if part:
-        yield part
+        yield bytes(part)
+
+
+def _checked(line: AnyBytes, where: str) -> AnyBytes:
+    if len(line) > MAX_LINE:
+        raise LogError(f"{where}: a line has more than {MAX_LINE} bytes; is it a CARMEN log?")
+    return line

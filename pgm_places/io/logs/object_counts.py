@@ -1,23 +1,23 @@
 """Counts of objects from other programs: CSV and JSON files."""
 
-import csv
-import io
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pgm_places.errors import LogError
-from pgm_places.io.text_file import read_text
+from pgm_places.errors import LogError, is_printable, printable, shown
+from pgm_places.io.csv_table import MAX_VALUES, open_table
+from pgm_places.io.input_file import user_path
+from pgm_places.io.json_file import read_json
 from pgm_places.vision.detector import MOST
 from pgm_places.vision.object_counts import ObjectCounts
 
 __all__ = ["read_object_counts"]
 
 TIME = "t_s"
-MAX_BYTES = 256 << 20
+MAX_CSV_BYTES, MAX_JSON_BYTES = 256 << 20, 32 << 20
+_WANTED = "counts of objects (CSV or JSON)"
 
 
 def read_object_counts(path: Path | str) -> ObjectCounts:
@@ -32,73 +32,71 @@ def read_object_counts(path: Path | str) -> ObjectCounts:
     LogError
         The file is missing, too large or something else, or a value is not a time or a count.
     """
-    source = Path(path)
-    text = read_text(source, LogError, "counts of objects (CSV or JSON)", max_bytes=MAX_BYTES)
+    source = user_path(path, LogError)
     if source.suffix.lower() == ".json":
-        return _from_json(source, text)
-    return _from_csv(source, text)
+        return _from_json(source)
+    return _from_csv(source)
 
 
-def _from_csv(source: Path, text: str) -> ObjectCounts:
-    rows = [row for row in csv.reader(io.StringIO(text, newline=None)) if row]
-    heading = [name.strip() for name in rows[0]] if rows else []
-    if TIME not in heading or len(heading) < 2:
-        raise LogError(
-            f"{source}: the heading must name {TIME} and at least one class of objects, got "
-            f"{', '.join(heading) or 'nothing'}"
-        )
-    names = [name for name in heading if name != TIME]
-    records: list[Mapping[str, Any]] = []
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(heading):
+def _from_csv(source: Path) -> ObjectCounts:
+    with open_table(source, LogError, _WANTED, max_bytes=MAX_CSV_BYTES) as table:
+        time = table.index(TIME)
+        if time is None or len(table.names) < 2:
             raise LogError(
-                f"{source}, row {number} after the heading: {len(heading)} values were expected, "
-                f"got {len(row)}"
+                f"{source}: the heading must name {TIME} and at least one class of objects, got "
+                f"{shown(table.names)}"
             )
-        records.append(dict(zip(heading, row, strict=True)))
-    return _checked(source, names, [(r[TIME], {n: r[n] for n in names}) for r in records])
+        others = [column for column in range(len(table.names)) if column != time]
+        numbers, _ = table.read([time, *others])
+    names = tuple(table.names[column] for column in others)
+    return _checked(f"{source}, row", names, numbers[:, 0], numbers[:, 1:])
 
 
-def _from_json(source: Path, text: str) -> ObjectCounts:
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise LogError(f"{source} is not JSON: {error}") from None
+def _from_json(source: Path) -> ObjectCounts:
+    content = read_json(source, LogError, _WANTED, max_bytes=MAX_JSON_BYTES)
     shape = f'a list of records such as {{"{TIME}": 12.3, "counts": {{"coffee machine": 1}}}}'
     if not isinstance(content, list):
         raise LogError(f"{source} must hold {shape}, got {type(content).__name__}")
-    rows: list[tuple[Any, Mapping[str, Any]]] = []
-    names: dict[str, None] = {}
+    columns: dict[str, int] = {}
     for number, record in enumerate(content, start=1):
         counts = record.get("counts") if isinstance(record, dict) else None
         if not isinstance(counts, dict) or TIME not in record:
-            raise LogError(f"{source}, record {number}: the file must hold {shape}, got {record!r}")
-        names.update(dict.fromkeys(counts))
-        rows.append((record[TIME], counts))
-    return _checked(source, list(names), rows)
+            raise LogError(
+                f"{source}, record {number}: the file must hold {shape}, got {shown(record)}"
+            )
+        for name in counts:
+            columns.setdefault(name, len(columns))
+    if len(content) * len(columns) > MAX_VALUES:
+        raise LogError(
+            f"{source} has {len(content)} records and {len(columns)} classes: more than "
+            f"{MAX_VALUES} values; divide it"
+        )
+    times, table = np.zeros(len(content)), np.zeros((len(content), len(columns)))
+    for row, record in enumerate(content):
+        where = f"{source}, record {row + 1}"
+        times[row] = _number(where, TIME, record[TIME])
+        for name, value in record["counts"].items():
+            table[row, columns[name]] = _number(where, name, value)
+    return _checked(f"{source}, record", tuple(columns), times, table)
 
 
 def _checked(
-    source: Path, names: list[str], rows: list[tuple[Any, Mapping[str, Any]]]
+    where: str, names: tuple[str, ...], times: NDArray[np.float64], values: NDArray[np.float64]
 ) -> ObjectCounts:
-    times = np.zeros(len(rows))
-    counts = np.zeros((len(rows), len(names)), np.int64)
-    for k, (time, found) in enumerate(rows):
-        where = f"{source}, row {k + 1} after the heading"
-        times[k] = _number(where, TIME, time)
-        for name, value in found.items():
-            count = _number(where, name, value)
-            if not (0 <= count < MOST and count == int(count)):
-                raise LogError(f"{where}: {name} must be a whole number from 0, got {value!r}")
-            counts[k, names.index(name)] = int(count)
-    return ObjectCounts(times, counts, tuple(names))
+    for name in names:
+        if not is_printable(name):
+            raise LogError(f"{where} 1: {shown(name)} is no name: it has control characters")
+    wrong = np.argwhere((values < 0) | (values >= MOST) | (values != np.floor(values)))
+    if len(wrong):
+        row, column = wrong[0]
+        raise LogError(
+            f"{where} {row + 1}: {names[column]} must be a whole number from 0 to {MOST - 1}, got "
+            f"{values[row, column]:g}"
+        )
+    return ObjectCounts(times, values.astype(np.int64), names)
 
 
 def _number(where: str, name: str, value: Any) -> float:
-    try:
-        number = float("nan") if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = float("nan")
-    if not np.isfinite(number):
-        raise LogError(f"{where}: {name} must be a finite number, got {value!r}")
-    return number
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise LogError(f"{where}: {printable(name)} must be a finite number, got {shown(value)}")
+    return float(value)

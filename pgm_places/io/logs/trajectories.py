@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from pgm_places.errors import InputError, LogError
+from pgm_places.io.input_file import file_kind, user_path
 from pgm_places.io.logs.bag_access import is_bag
 from pgm_places.io.logs.loaded_log import LoadedLog
 from pgm_places.trajectories.trajectory import Trajectory
@@ -46,9 +47,9 @@ def read_trajectory(
     LogError
         The file is missing, damaged, or holds no trajectory.
     """
-    path = Path(path)
-    if not path.exists():
-        raise LogError(f"cannot read the log {path}: no such file; check the path")
+    path = user_path(path, LogError)
+    if file_kind(path) is None:
+        raise LogError(f"{path}: no such file; expected a log, a bag or a table of poses")
     if path.suffix.lower() == ".csv":
         from pgm_places.io.logs.pose_csv import read_pose_csv
 
@@ -63,7 +64,7 @@ def read_trajectory(
             fixed_frame=fixed_frame,
             range_max_m=range_max_m,
         )
-    if path.is_dir():
+    if file_kind(path) == "folder":
         raise LogError(f"{path} is a folder without a metadata.yaml, so it is not a ROS 2 bag")
     from pgm_places.io.logs.carmen import read_carmen
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import label_raster
 from pgm_places.errors import LabelError
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.label_values import LabelValues, default_values, read_label_values
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, Strip, open_image
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -64,7 +65,7 @@ def load_labels(
         Where a file is missing or damaged, the sizes differ, a value has no name, a name is not
         among ``label_names`` or the other way round, or the image is upside down.
     """
-    path = Path(image_path).expanduser()
+    path = user_path(image_path, LabelError)
     values = read_label_values(path, label_names, names_path)
     with open_image(path, LabelError, max_pixels=max(MAX_PIXELS, grid.cells.size)) as image:
         if image.shape != grid.shape:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import LabelError
+from pgm_places.io.input_file import user_path
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
 
 __all__ = ["LabelValues", "default_values", "listed_names", "read_label_values"]
@@ -102,7 +103,7 @@ def listed_names(image_path: Path | str, names_path: Path | str | None = None) -
     LabelError
         The file is missing or damaged.
     """
-    path = Path(image_path).expanduser()
+    path = user_path(image_path, LabelError)
     file = read_yaml(_names_file(path, names_path), LabelError, "label names")
     values = _values(file)
     return tuple(sorted(values, key=values.__getitem__))
@@ -110,7 +111,7 @@ def listed_names(image_path: Path | str, names_path: Path | str | None = None) -
 
 def _names_file(image_path: Path, names_path: Path | str | None) -> Path:
     if names_path is not None:
-        return Path(names_path).expanduser()
+        return user_path(names_path, LabelError)
     own, shared = image_path.with_suffix(".yaml"), image_path.with_name("labels.yaml")
     if own.exists() or own == shared:
         return own

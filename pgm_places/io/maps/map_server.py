@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import MapError
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.pixel_rules import Compat, Mode, PixelRules, grey_of
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
 from pgm_places.io.strict_yaml import YamlFile, YamlValue, read_yaml
@@ -97,7 +98,7 @@ def load_map(
     MapError
         Where the YAML file or the image is missing, damaged, inconsistent or too large.
     """
-    yaml_path = Path(path).expanduser()
+    yaml_path = user_path(path, MapError)
     if compat not in get_args(Compat):
         raise MapError(f"compat {compat!r}: {nearest_name(str(compat), list(get_args(Compat)))}")
     if unknown_value is not None and not 0 <= unknown_value <= 255:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.io.input_file import open_input
 from pgm_places.io.maps.portable_graymap import MAGIC, Graymap, read_header
 
 if TYPE_CHECKING:
@@ -20,12 +21,25 @@ __all__ = ["MAX_PIXELS", "RasterImage", "Strip", "open_image"]
 
 # A map of 10 000 x 10 000 cells passes with a factor of 2 to spare; one byte per pixel is held.
 MAX_PIXELS = 200_000_000
+# Strips are whole rows; Pillow refuses to cut out more pixels than 179 million.
+_MAX_SIDE = 1_000_000
 _STRIP_PIXELS = 1 << 20
 # zlib shrinks no input by more than this factor (its documentation: 1032 : 1).
 _DEFLATE_LIMIT = 1040
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L", "I;16N"}
-_DAMAGED = (OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError)
+_DAMAGED = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    EOFError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    struct.error,
+)
+"""What Pillow's decoders raise on damaged bytes."""
 
 
 class Strip(NamedTuple):
@@ -127,11 +141,7 @@ def open_image(
         Where the file is missing, of another format, larger than allowed, or too short for the
         size its header states.
     """
-    try:
-        file = path.open("rb")
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    with file:
+    with open_input(path, error, "an image (PNG, PGM, BMP or TIFF)") as file:
         image = _opened(path, file, error)
         height, width = image.shape
         if height < 1 or width < 1:
@@ -141,6 +151,11 @@ def open_image(
                 f"{path}: the image's header states {width} x {height} = {height * width} pixels, "
                 f"more than the limit of {max_pixels}; raise max_pixels if the map really is that "
                 "large"
+            )
+        if max(height, width) > _MAX_SIDE:
+            raise error(
+                f"{path}: the image is {width} x {height} pixels; no side may be longer than "
+                f"{_MAX_SIDE}"
             )
         _check_length(image, path.stat().st_size, error)
         try:
@@ -192,7 +207,7 @@ def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) 
             from PIL.TiffImagePlugin import TiffImageFile
 
             return TiffImageFile(file)
-    except (*_DAMAGED, struct.error) as problem:
+    except _DAMAGED as problem:
         raise error(f"{path}: the image's header is damaged ({problem}); save it again") from None
     raise error(f"{path}: not a PNG, PGM, BMP or TIFF image; save it in one of these formats")
 
@@ -208,8 +223,8 @@ def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> 
         least = height * ((width * bits + 7) // 8)
     elif picture.format == "PNG":
         least = height * ((width * image._png_bits + 7) // 8) // _DEFLATE_LIMIT
-    else:
-        return
+    else:  # BMP and TIFF: at least a bit for each pixel, compressed as far as anything is
+        least = height * width // 8 // _DEFLATE_LIMIT
     if n_bytes < least:
         raise error(
             f"{image.path}: the header states {width} x {height} pixels, which take at least "

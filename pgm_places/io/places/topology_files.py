@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError, LabelError, OutputError
+from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.geojson import read_regions
+from pgm_places.io.input_file import user_path
+from pgm_places.io.json_file import read_json
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
 from pgm_places.io.places.gate_record import gate_record, read_gate
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.strict_yaml import read_yaml
-from pgm_places.io.text_file import read_text
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.regions import Polygon, Region
@@ -28,7 +29,7 @@ TOPOLOGY_FILE, REGION_FILE, FEATURES_FILE = "topology.json", "regions.png", "reg
 NAMES_FILE = "place_names.yaml"
 FORMAT, SCHEMA = "pgm-places-topology", 1
 MAX_REGIONS = 65535
-MAX_BYTES = 256 << 20
+MAX_BYTES = 64 << 20
 _WANTED = "a topological map, as 'pgm-places label' and 'pgm-places topology' write it"
 
 
@@ -103,18 +104,14 @@ def load_topology(folder: Path | str) -> TopologicalMap:
     InputError
         Where a file is missing, damaged, or does not fit the others.
     """
-    source = Path(folder).expanduser()
+    source = user_path(folder, InputError)
     path = source / TOPOLOGY_FILE
-    text = read_text(path, InputError, _WANTED, max_bytes=MAX_BYTES)
-    try:
-        record = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not a JSON file: {error}") from None
+    record = read_json(path, InputError, _WANTED, max_bytes=MAX_BYTES)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise InputError(f"{path} is not a topological map of this package; write it again")
     if record.get("schema") != SCHEMA:
         raise InputError(
-            f"{path} has schema {record.get('schema')!r}, but only {SCHEMA} can be read; "
+            f"{path} has schema {shown(record.get('schema'))}, but only {SCHEMA} can be read; "
             "write it again"
         )
     try:

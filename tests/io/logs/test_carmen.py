@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pgm_places import ScanGeometry
 from pgm_places.errors import InputError, LogError
+from pgm_places.io.logs import loaded_log
 from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans, read_carmen
 from pgm_places.io.logs.carmen_writer import write_carmen
 from tests.io.logs.log_files import HEADER, drive, flaser, robotlaser
@@ -286,3 +287,23 @@ def test_real_log_of_mixed_messages() -> None:
     # The laser sits 4 cm behind the robot's centre.
     away = np.hypot(*(path.poses - path.odometry)[:, :2].T)
     np.testing.assert_allclose(away, 0.04, rtol=0, atol=1e-5)
+
+
+def test_the_number_of_scans_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loaded_log, "MAX_SCANS", 3)
+    assert len(read_carmen(write(tmp_path / "a.log", *[flaser([1.0])] * 3)).trajectory) == 3
+    with pytest.raises(LogError, match="more than 3 scans or 500000000 readings; divide it"):
+        read_carmen(write(tmp_path / "a.log", *[flaser([1.0])] * 4))
+
+
+def test_beams_that_change_all_the_time_are_no_log(tmp_path: Path) -> None:
+    lines = [flaser([1.0] * (1 + k)) for k in range(1001)]
+    with pytest.raises(LogError, match="the beams change more than 1000 times"):
+        read_carmen(write(tmp_path / "a.log", *lines))
+
+
+def test_first_words_are_counted_up_to_a_number(tmp_path: Path) -> None:
+    words = [b"%d\n" % k for k in range(1500)] + [b"x" * 100_000 + b"\n"]
+    log = read_carmen(write(tmp_path / "a.log", flaser([1.0]), *words))
+    assert len(log.counts) == 1001
+    assert log.counts["other"] == 502

@@ -2,13 +2,16 @@
 
 import gzip
 import io
+import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from pgm_places.errors import LogError
-from pgm_places.io.logs.log_lines import LogLines, follow_lines
+from pgm_places.io.logs import log_lines
+from pgm_places.io.logs.log_lines import MAX_LINE, LogLines, follow_lines
 
 LINES = [f"ODOM {number}\n".encode() for number in range(20_000)]
 
@@ -53,7 +56,7 @@ def test_damage_in_the_middle_keeps_the_beginning(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_one_message(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"cannot read the log .*none\.log: No such file"):
+    with pytest.raises(LogError, match=r"none\.log: no such file; expected a CARMEN log"):
         list(LogLines(tmp_path / "none.log"))
 
 
@@ -72,3 +75,29 @@ def test_following_a_file_waits_for_whole_lines(tmp_path: Path) -> None:
         assert next(lines) == b"second\n"
         over.set()
         assert list(lines) == [b"third"]
+
+
+def test_an_endless_line_is_refused(tmp_path: Path) -> None:
+    zeros = gzip.compress(bytes(MAX_LINE + 1))
+    (tmp_path / "bomb.log.gz").write_bytes(zeros)
+    with pytest.raises(LogError, match="a line has more than 4194304 bytes; is it a CARMEN log"):
+        list(LogLines(tmp_path / "bomb.log.gz"))
+    with pytest.raises(LogError, match="a line has more than 4194304 bytes"):
+        list(follow_lines(io.BytesIO(bytes(MAX_LINE + 1)), poll_s=None))
+
+
+def test_an_endless_log_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_lines, "MAX_BYTES", 100)
+    (tmp_path / "a.log.gz").write_bytes(gzip.compress(b"SYNC\n" * 21))
+    with pytest.raises(LogError, match="more than 100 bytes, unpacked; divide it"):
+        list(LogLines(tmp_path / "a.log.gz"))
+
+
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_a_pipe_is_as_good_as_a_file(tmp_path: Path, pack: Callable[[bytes], bytes]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    data = pack(b"a\nb\n")
+    writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(data,))
+    writer.start()
+    assert list(LogLines(tmp_path / "pipe")) == [b"a\n", b"b\n"]
+    writer.join()

@@ -37,13 +37,21 @@ def test_json_names_only_what_was_seen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.csv", "", "the heading must name t_s"),
+        ("a.csv", "", "is empty"),
         ("a.csv", "time,cup\n1,2\n", "the heading must name t_s"),
-        ("a.csv", "t_s,cup\n1,2\n1\n", "row 2 after the heading: 2 values were expected, got 1"),
-        ("a.csv", "t_s,cup\n1,-2\n", "cup must be a whole number from 0, got '-2'"),
+        (
+            "a.csv",
+            "t_s,cup\n1,2\n1\n",
+            "row 2 after the heading: 1 fields, but there are 2 columns",
+        ),
+        (
+            "a.csv",
+            "t_s,cup\n1,-2\n",
+            "row 1: cup must be a whole number from 0 to 2147483647, got -2",
+        ),
         ("a.csv", "t_s,cup\n1,x\n", "cup must be a finite number, got 'x'"),
         ("a.csv", "t_s,cup\nnan,1\n", "t_s must be a finite number"),
-        ("a.json", "{", "is not JSON"),
+        ("a.json", "{", "not a JSON file"),
         ("a.json", "{}", "must hold a list of records"),
         ("a.json", '[{"t_s": 1}]', "record 1"),
         ("a.json", '[{"t_s": 1, "counts": {"cup": true}}]', "cup must be a finite number"),

@@ -65,7 +65,7 @@ def test_an_unknown_place_is_refused_where_the_labels_are_given(tmp_path: Path) 
     [
         ("", "is empty; expected a line of column names"),
         ("x,y\n", "has column names but no rows"),
-        ("x,t\n1,2\n", "no column for y in metres: wanted y_m or y, the columns are x, t"),
+        ("x,t\n1,2\n", "no column for y in metres: wanted y_m or y, the columns are ['x', 't']"),
         ("x,y,x\n1,2,3\n", "the column 'x' appears twice"),
         ("x,y\n1\n", "row 1 after the heading: 1 fields, but there are 2 columns"),
         ("x,y\n1,2\nnan,2\n", "row 2 after the heading: x must be a finite number, got 'nan'"),

@@ -26,7 +26,7 @@ def test_other_names_cannot_be_written(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_one_message(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no such file; check the path"):
+    with pytest.raises(LogError, match="no such file; expected a log"):
         read_trajectory(tmp_path / "none.log")
 
 

@@ -161,7 +161,7 @@ def test_bad_images_are_refused(tmp_path: Path, pixels: Any, message: str) -> No
 
 def test_a_missing_image_is_named(tmp_path: Path) -> None:
     write(tmp_path)
-    with pytest.raises(LabelError, match=r"absent\.png: cannot be read: No such file"):
+    with pytest.raises(LabelError, match=r"absent\.png: no such file; expected an image"):
         load_labels(tmp_path / "absent.png", NAMES, grid=free_grid(2, 3))
 
 

@@ -203,5 +203,5 @@ def test_kinds_without_a_meaning_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_image_is_named(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match=r"absent\.png: cannot be read: No such file"):
+    with pytest.raises(MapError, match=r"absent\.png: no such file; expected an image"):
         read(tmp_path / "absent.png")

@@ -1,0 +1,149 @@
+"""Tables of comma-separated values, read row by row, with one-line errors."""
+
+import csv
+import io
+from array import array
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import isfinite, nan
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError, shown
+from pgm_places.io.input_file import open_input
+
+__all__ = ["MAX_VALUES", "CsvTable", "open_table", "plain_number"]
+
+MAX_VALUES = 20_000_000
+"""Numbers of one table: 160 MB."""
+_MAX_COLUMNS = 10_000
+_MAX_LINE = 1 << 20
+
+
+class CsvTable:
+    """An open table: its heading, and the columns that are asked for.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    rows : iterator of lists of str
+        The heading and the rows that follow; empty ones are passed over.
+    error : type
+        The exception to raise for everything that is wrong.
+    """
+
+    def __init__(self, path: Path, rows: Iterator[list[str]], error: type[InputError]) -> None:
+        self.path, self._rows, self._error = path, rows, error
+        self.names = [name.strip() for name in next(rows, [])]
+        if not self.names:
+            raise error(f"{path} is empty; expected a line of column names and rows of values")
+        if len(self.names) > _MAX_COLUMNS:
+            raise error(
+                f"{path} has {len(self.names)} columns, more than the {_MAX_COLUMNS} allowed"
+            )
+        name, times = Counter(self.names).most_common(1)[0]
+        if times > 1:
+            raise error(f"{path}: the column {shown(name)} appears twice")
+
+    def index(self, *names: str) -> int | None:
+        """The first of the names that is a column."""
+        return next((self.names.index(name) for name in names if name in self.names), None)
+
+    def read(
+        self, numbers: Sequence[int], texts: Sequence[int] = ()
+    ) -> tuple[NDArray[np.float64], list[list[str]]]:
+        """(rows, columns) of the columns of numbers, and a list of each column of texts.
+
+        Raises
+        ------
+        error
+            There are no rows or too many, one has another number of fields than the heading, or a
+            field that should be a finite number is none.
+        """
+        values = array("d")
+        columns: list[list[str]] = [[] for _ in texts]
+        once: dict[str, str] = {}
+        number = 0
+        for number, row in enumerate(self._rows, 1):
+            where = f"{self.path}, row {number} after the heading"
+            if len(row) != len(self.names):
+                raise self._error(
+                    f"{where}: {len(row)} fields, but there are {len(self.names)} columns"
+                )
+            if number * (len(numbers) + len(texts)) > MAX_VALUES:
+                raise self._error(f"{where}: more than {MAX_VALUES} values; divide the table")
+            for column in numbers:
+                value = plain_number(row[column])
+                if not isfinite(value):
+                    raise self._error(
+                        f"{where}: {self.names[column]} must be a finite number, got "
+                        f"{shown(row[column])}"
+                    )
+                values.append(value)
+            for found, column in zip(columns, texts, strict=True):
+                found.append(once.setdefault(row[column], row[column]))
+        if number == 0:
+            raise self._error(f"{self.path} has column names but no rows")
+        return np.frombuffer(values, np.float64).reshape(number, -1), columns
+
+
+def plain_number(text: str) -> float:
+    """A number as programs write it, NaN where it is none: Python alone takes ``1_000`` and ``١``.
+
+    Examples
+    --------
+    >>> plain_number(" 5e-2"), plain_number("1_000")
+    (0.05, nan)
+    """
+    try:
+        return float(text) if text.isascii() and "_" not in text else nan
+    except ValueError:
+        return nan
+
+
+@contextmanager
+def open_table(
+    path: Path, error: type[InputError], what: str, *, max_bytes: int
+) -> Iterator[CsvTable]:
+    """A table that is read while the block lasts.
+
+    Parameters
+    ----------
+    path : Path
+        UTF-8 text with a heading, with or without a byte order mark.
+    error : type
+        The exception to raise for everything that is wrong.
+    what : str
+        What the file should be, for messages: "a table of poses (CSV)".
+    max_bytes : int
+        Larger files are refused.
+
+    Raises
+    ------
+    error
+        The file cannot be read, is too large, is no such table, or has a column twice.
+    """
+    with open_input(path, error, what, max_bytes=max_bytes) as raw:
+        text = io.TextIOWrapper(raw, "utf-8-sig", newline="")
+        rows = (row for row in csv.reader(_lines(path, text, error), strict=True) if row)
+        try:
+            yield CsvTable(path, rows, error)
+        except csv.Error as problem:
+            raise error(
+                f"{path} is not a table of comma-separated values: {problem}; expected {what}"
+            ) from None
+        except UnicodeDecodeError:
+            raise error(f"{path}: not UTF-8 text; expected {what}") from None
+        except OSError as problem:
+            raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+
+
+def _lines(path: Path, text: io.TextIOWrapper, error: type[InputError]) -> Iterator[str]:
+    while line := text.readline(_MAX_LINE):
+        if len(line) == _MAX_LINE:
+            raise error(f"{path} has a line of more than {_MAX_LINE} characters")
+        yield line

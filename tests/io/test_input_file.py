@@ -1,0 +1,64 @@
+"""What may be opened: regular files, and pipes where a file is read once."""
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from pgm_places.errors import MapError
+from pgm_places.io.input_file import file_kind, open_input, user_path
+
+
+def test_a_pipe_is_refused_without_opening_it(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")  # opening it would wait for somebody who writes
+    with pytest.raises(MapError, match="pipe: is a device or a pipe, not a file; expected a map"):
+        open_input(tmp_path / "pipe", MapError, "a map")
+
+
+def test_a_pipe_is_read_where_it_is_as_good_as_a_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=(b"hello",))
+    writer.start()
+    with open_input(tmp_path / "pipe", MapError, "a log", pipes=True) as file:
+        assert file.read() == b"hello"
+    writer.join()
+
+
+@pytest.mark.parametrize("pipes", [True, False])
+def test_devices_are_refused(pipes: bool) -> None:
+    with pytest.raises(MapError, match="/dev/zero: is a device or a pipe"):
+        open_input(Path("/dev/zero"), MapError, "a map", pipes=pipes)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a\0b", "no file can have this name; expected a map"),
+        ("\ud800", "no file can have this name; expected a map"),
+        ("a" * 300, "cannot be read: File name too long"),
+        ("none", "none: no such file; expected a map"),
+        ("", "is a folder; expected a map"),
+        ("large", "large: larger than 4 bytes; expected a map"),
+    ],
+)
+def test_what_is_no_file_is_one_message(tmp_path: Path, name: str, message: str) -> None:
+    (tmp_path / "large").write_bytes(b"12345")
+    with pytest.raises(MapError) as caught:
+        open_input(tmp_path / name, MapError, "a map", max_bytes=4)
+    assert message in str(caught.value)
+
+
+def test_users_and_their_paths() -> None:
+    assert user_path("~/map.yaml", MapError) == Path.home() / "map.yaml"
+    with pytest.raises(MapError, match="there is no such user"):
+        user_path("~nobody-of-this-name/map.yaml", MapError)
+    with pytest.raises(MapError, match="no file can have this name"):
+        user_path("a\0b", MapError)
+
+
+def test_kinds_of_files(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    found = [file_kind(tmp_path / name) for name in ("", "file", "none", "a" * 300, "a\0b")]
+    assert found == ["folder", "file", None, None, None]
+    assert file_kind(Path("/dev/null")) == "other"
