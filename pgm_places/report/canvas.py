@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,9 @@ from pgm_places.palette import (
     rgb_of,
     tinted,
 )
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 __all__ = [
     "Canvas",
@@ -92,19 +96,18 @@ class Canvas:
     colours: tuple[str, ...]
     m_per_pixel: float
 
-    @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """(h, w, 3) the image in full colour."""
-        return np.array([rgb_of(colour) for colour in self.colours])[self.indices]
-
-    def png(self) -> bytes:
-        """The image as a PNG file, one pixel per pixel."""
+    def image(self) -> "Image.Image":
+        """The image with its palette, for Pillow."""
         from PIL import Image
 
         image = Image.fromarray(self.indices)
         image.putpalette(np.concatenate([rgb_of(colour) for colour in self.colours]).tobytes())
+        return image
+
+    def png(self) -> bytes:
+        """The image as a PNG file, one pixel per pixel."""
         buffer = io.BytesIO()
-        image.save(buffer, "PNG", optimize=True)
+        self.image().save(buffer, "PNG", optimize=True)
         return buffer.getvalue()
 
 

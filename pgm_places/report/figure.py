@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-__all__ = ["INK", "MUTED", "PixelFigure", "text_width"]
+__all__ = ["INK", "MUTED", "PixelFigure"]
 
 INK, MUTED = "#1a202c", "#5a6472"
 _DPI = 100
@@ -78,18 +78,6 @@ class PixelFigure:
         with _without_missing_glyphs():
             self.figure.savefig(buffer, dpi=_DPI, **options)
         return buffer.getvalue()
-
-
-def text_width(content: str, size: int) -> float:
-    """Width in pixels of a line of text of a size in pixels."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextPath
-
-    if not content.strip():
-        return 0.4 * size * len(content)
-    with _without_missing_glyphs():
-        path = TextPath((0, 0), content.replace("$", "S"), size=size, prop=FontProperties())
-    return float(path.get_extents().width)
 
 
 @contextlib.contextmanager

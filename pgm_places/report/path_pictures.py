@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,16 +17,17 @@ from pgm_places.palette import (
     label_swatches,
 )
 from pgm_places.report.canvas import Canvas, label_canvas, view_of
+from pgm_places.report.drawing import Drawing, text_width
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.sheet import Panel, sheet_png
 
 __all__ = ["path_map"]
 
 _MOST_PIXELS = 1_500_000
-_POINTS_PER_PIXEL = 0.72
 _PATH, _CASING, _OTHER = 5.0, 8.0, 2.0
 """Widths in pixels of the path, of the white line below it, and of a path to compare with."""
 
+_TEXT = 16
 _NO_LABEL = "#8d96a3"
 _OTHER_COLOUR = "#0f766e"
 """Neither a place's nor a wall's; the line is thin and dashed besides."""
@@ -80,13 +80,14 @@ def path_map(
     canvas = _without_stripes(label_canvas(grid, nowhere, label_names, view))
     colours = [*label_colours(label_names), _NO_LABEL]  # -1 counts from the end
 
-    def draw(axes: Any) -> None:
-        pixels = view.pixels_at_m(grid, positions)
+    def draw(panel: Drawing, scale: int) -> None:
+        pixels = scale * view.pixels_at_m(grid, positions)
         if other is not None:
-            _line(axes, view.pixels_at_m(grid, other), _OTHER_COLOUR, _OTHER, dashes=(4, 2))
-        _line(axes, pixels, "white", _CASING)
-        _pieces(axes, pixels, [colours[place] for place in places])
-        _ends(axes, pixels)
+            dashed = scale * view.pixels_at_m(grid, other)
+            panel.line(dashed, colour=_OTHER_COLOUR, width=_OTHER, dashes=(8, 4))
+        panel.line(pixels, colour="white", width=_CASING)
+        _pieces(panel, pixels, [colours[place] for place in places])
+        _ends(panel, pixels)
 
     entries = [*label_swatches(label_names)]
     if (places < 0).any():
@@ -103,45 +104,21 @@ def _without_stripes(canvas: Canvas) -> Canvas:
     return replace(canvas, colours=colours)
 
 
-def _line(
-    axes: Any,
-    points: NDArray[np.float64],
-    colour: str,
-    width: float,
-    dashes: tuple[float, float] | None = None,
-) -> None:
-    axes.plot(
-        points[:, 0],
-        points[:, 1],
-        color=colour,
-        linewidth=width * _POINTS_PER_PIXEL,
-        linestyle=(0, dashes) if dashes else "-",
-        solid_capstyle="round",
-        solid_joinstyle="round",
-    )
-
-
-def _pieces(axes: Any, points: NDArray[np.float64], colours: Sequence[str]) -> None:
+def _pieces(panel: Drawing, points: NDArray[np.float64], colours: Sequence[str]) -> None:
     """One line per run of steps with the same colour, up to where the next run begins."""
     first = 0
     for step in range(1, len(points) + 1):
         if step == len(points) or colours[step] != colours[first]:
-            _line(axes, points[first : step + 1], colours[first], _PATH)
+            panel.line(points[first : step + 1], colour=colours[first], width=_PATH)
             first = step
 
 
-def _ends(axes: Any, points: NDArray[np.float64]) -> None:
+def _ends(panel: Drawing, points: NDArray[np.float64]) -> None:
     """A ring where the path begins, a disc where it ends."""
     if not len(points):
         return
-    for point, face, name in ((points[0], "white", "start"), (points[-1], INK, "end")):
-        axes.plot(*point, marker="o", markersize=7, markerfacecolor=face, markeredgecolor=INK)
-        axes.annotate(
-            name,
-            point,
-            xytext=(7, 6),
-            textcoords="offset points",
-            fontsize=12,
-            color=INK,
-            bbox={"facecolor": "white", "edgecolor": MUTED, "linewidth": 0.4, "pad": 1.5},
-        )
+    for (x, y), face, name in ((points[0], "white", "start"), (points[-1], INK, "end")):
+        panel.disc((x, y), diameter=10, fill=face, edge=INK)
+        width = text_width(name, _TEXT) + 8
+        panel.box(x + 9, y - 20, width, 22, fill="white", edge=MUTED)
+        panel.text(x + 13, y - 9, name, size=_TEXT)

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from pgm_places.palette import Swatch, levels
 from pgm_places.report.canvas import Canvas
-from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
+from pgm_places.report.drawing import Drawing, text_width
+from pgm_places.report.figure import INK, MUTED
 
 __all__ = ["ColourBar", "Panel", "draw_scale_bar", "round_length", "sheet_png"]
 
@@ -24,13 +24,12 @@ _WIDE = 1500
 class Panel:
     """A map, the line above it, and what is drawn over it.
 
-    ``overlay`` draws on axes whose units are the canvas's pixels, x to the right and y down from
-    the upper left corner.
+    ``overlay`` is given the enlarged map and how many of its pixels one of the canvas takes.
     """
 
     canvas: Canvas
     title: str = ""
-    overlay: Callable[[Any], None] | None = None
+    overlay: Callable[[Drawing, int], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -89,22 +88,23 @@ def sheet_png(
     below = sizes.line if scale_bar else 6
     row_height = above + high + below + 8
     foot = len(lines) * sizes.line + (sizes.line + 10) * bool(bars)
-    page = PixelFigure(
-        content + 2 * sizes.edge, 2 * sizes.edge + head + n_rows * row_height - 8 + foot
-    )
+    page = Drawing(content + 2 * sizes.edge, 2 * sizes.edge + head + n_rows * row_height - 8 + foot)
     if title:
-        page.text(sizes.edge, sizes.edge + sizes.title // 2, title, size=sizes.title, weight="bold")
+        page.text(sizes.edge, sizes.edge + sizes.title // 2, title, size=sizes.title, bold=True)
     for index, panel in enumerate(panels):
         row, column = divmod(index, columns)
         x = sizes.edge + column * (wide + sizes.gap)
         y = sizes.edge + head + row * row_height
         if panel.title:
-            page.text(x, y + sizes.text // 2, panel.title, size=sizes.text, color=MUTED)
-        _draw_map(page, panel, x, y + above, scale)
+            page.text(x, y + sizes.text // 2, panel.title, size=sizes.text, colour=MUTED)
+        drawn = Drawing.of(panel.canvas, scale)
+        if panel.overlay is not None:
+            panel.overlay(drawn, scale)
+        page.paste(drawn, x, y + above)
         if scale_bar and column == 0:
             under = y + above + scale * panel.canvas.indices.shape[0] + 8
             draw_scale_bar(page, panel.canvas, (x, under), scale, size=sizes.text - 1)
-    y = page.height - sizes.edge - foot + 10
+    y = page.image.height - sizes.edge - foot + 10
     for line in lines:
         _draw_legend_line(page, line, y, sizes)
         y += sizes.line
@@ -118,28 +118,16 @@ def round_length(metres: float) -> float:
     return float(power * max(step for step in (1, 2, 5) if step * power <= metres * (1 + 1e-9)))
 
 
-def _draw_map(page: PixelFigure, panel: Panel, x: int, y: int, scale: int) -> None:
-    height, width = panel.canvas.indices.shape
-    axes = page.axes(x, y, scale * width, scale * height)
-    axes.set_axis_off()
-    extent = (0, width, height, 0)
-    axes.imshow(panel.canvas.rgb, interpolation="nearest", aspect="auto", extent=extent)
-    if panel.overlay is not None:
-        panel.overlay(axes)
-        axes.set_xlim(0, width)
-        axes.set_ylim(height, 0)
-
-
 def draw_scale_bar(
-    page: PixelFigure, canvas: Canvas, corner: tuple[int, int], scale: int, *, size: int
+    page: Drawing, canvas: Canvas, corner: tuple[int, int], scale: int, *, size: int
 ) -> None:
     """A bar of a round length below a map that is drawn enlarged, with text of a size in pixels."""
     x, y = corner
     metres = round_length(canvas.m_per_pixel * canvas.indices.shape[1] / 5)
     length, tick = metres / canvas.m_per_pixel * scale, (size + 1) * 2 // 3
-    page.box(x, y + tick / 2 - 1.5, length, 3, facecolor=INK, edgecolor="none")
+    page.box(x, y + tick / 2 - 1.5, length, 3, fill=INK)
     for end in (x, x + length - 2):
-        page.box(end, y, 2, tick, facecolor=INK, edgecolor="none")
+        page.box(end, y, 2, tick, fill=INK)
     page.text(x + length + 8, y + tick / 2, f"{metres:g} m", size=size)
 
 
@@ -158,25 +146,26 @@ def _flow(legend: Sequence[Swatch], width: int, sizes: _Sizes) -> list[list[tupl
 
 
 def _draw_legend_line(
-    page: PixelFigure, line: list[tuple[float, Swatch]], y: int, sizes: _Sizes
+    page: Drawing, line: list[tuple[float, Swatch]], y: int, sizes: _Sizes
 ) -> None:
     for x, entry in line:
         left, middle = sizes.edge + x, y + sizes.line / 2
-        options = {"facecolor": entry.colour, "edgecolor": MUTED, "linewidth": 0.6}
+        top = middle - sizes.swatch / 2
         if entry.hatched:
-            options |= {"hatch": "////", "edgecolor": "#b5b5b5"}
-        page.box(left, middle - sizes.swatch / 2, sizes.swatch, sizes.swatch, **options)
+            page.hatched_box(left, top, sizes.swatch, fill=entry.colour, hatch="#b5b5b5")
+        else:
+            page.box(left, top, sizes.swatch, sizes.swatch, fill=entry.colour, edge=MUTED)
         page.text(left + sizes.swatch + 8, middle, entry.name, size=sizes.text)
 
 
-def _draw_bars(page: PixelFigure, bars: Sequence[ColourBar], y: int, sizes: _Sizes) -> None:
+def _draw_bars(page: Drawing, bars: Sequence[ColourBar], y: int, sizes: _Sizes) -> None:
     x, middle, step = float(sizes.edge), y + sizes.swatch / 2, sizes.swatch // 2
     for bar in bars:
         before = f"{bar.caption}: {bar.low}"
         page.text(x, middle, before, size=sizes.text)
         x += text_width(before, sizes.text) + 10
         for colour in levels(bar.gradient, 24):
-            page.box(x, y, step, sizes.swatch, facecolor=colour, edgecolor="none")
+            page.box(x, y, step, sizes.swatch, fill=colour)
             x += step
         page.text(x + 8, middle, bar.high, size=sizes.text)
         x += 8 + text_width(bar.high, sizes.text) + 40

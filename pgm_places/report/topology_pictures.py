@@ -1,15 +1,17 @@
 """The topological map drawn over the map, and as a diagram (paper Figs. 9 and 11)."""
 
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.palette import label_colours, rgb_of, tinted
+from pgm_places.palette import label_colours, tinted
 from pgm_places.report.canvas import Canvas, label_canvas, view_of
-from pgm_places.report.figure import INK, MUTED, PixelFigure
+from pgm_places.report.drawing import Drawing
+from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.sheet import draw_scale_bar
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
@@ -20,6 +22,7 @@ _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
 _EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
 _PALE = 0.45
+_LINE = 2.2
 _ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 
 
@@ -57,42 +60,34 @@ def topology_picture(
     top = _EDGE + (_TITLE if title else 0)
     second = (2 * _EDGE + size[0], top) if beside else (_EDGE, top + _CAPTION + size[1] + _EDGE)
     content = max(second[0] + size[0] - _EDGE, 420)
-    page = PixelFigure(content + 2 * _EDGE, second[1] + _CAPTION + size[1] + _FOOT + _EDGE)
+    page = Drawing(content + 2 * _EDGE, second[1] + _CAPTION + size[1] + _FOOT + _EDGE)
     if title:
-        page.text(_EDGE, _EDGE + 10, title, size=20, weight="bold")
+        page.text(_EDGE, _EDGE + 10, title, size=20, bold=True)
 
     def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
         return scale * view.pixels_at_m(grid, points_m)
 
-    page.text(_EDGE, top + 8, "places over the map", size=15, color=MUTED)
-    over = _panel(page, (_EDGE, top + _CAPTION), size)
-    over.imshow(_paled(canvas), interpolation="nearest", extent=(0, size[0], size[1], 0))
+    page.text(_EDGE, top + 8, "places over the map", size=15, colour=MUTED)
+    over = Drawing.of(_paled(canvas), scale)
     _draw_gates(over, topology, pixels)
     _draw_graph(over, topology, pixels)
-    page.text(second[0], second[1] + 8, count_line(topology), size=15, color=MUTED)
-    _draw_diagram(_panel(page, (second[0], second[1] + _CAPTION), size), topology, pixels)
+    page.paste(over, _EDGE, top + _CAPTION)
+    page.text(second[0], second[1] + 8, count_line(topology), size=15, colour=MUTED)
+    diagram = Drawing(*size)
+    _draw_diagram(diagram, topology, pixels)
+    page.paste(diagram, second[0], second[1] + _CAPTION)
     below = second[1] + _CAPTION + size[1] + 16
     draw_scale_bar(page, canvas, (_EDGE, below), scale, size=14)
     return page.png()
 
 
-def _paled(canvas: Canvas) -> NDArray[np.uint8]:
+def _paled(canvas: Canvas) -> Canvas:
     """The map with its labels' colours (all that come after the four of the ground) made pale."""
-    colours = [
-        colour if k < 4 else tinted(colour, _PALE) for k, colour in enumerate(canvas.colours)
-    ]
-    return np.array([rgb_of(colour) for colour in colours])[canvas.indices]
+    pale = (tinted(colour, _PALE) for colour in canvas.colours[4:])
+    return replace(canvas, colours=(*canvas.colours[:4], *pale))
 
 
-def _panel(page: PixelFigure, corner: tuple[int, int], size: tuple[int, int]) -> Any:
-    axes = page.axes(*corner, *size)
-    axes.set_axis_off()
-    axes.set_xlim(0, size[0])
-    axes.set_ylim(size[1], 0)
-    return axes
-
-
-def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
+def _draw_graph(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
     for item in topology.connections:
         ends = [
             item.point_m
@@ -100,38 +95,34 @@ def _draw_graph(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
             else topology.place(number).anchor_m
             for number in (item.first, item.second)
         ]
-        x, y = pixels([ends[0], item.point_m, ends[1]]).T
-        axes.plot(x, y, color=INK, linewidth=1.6, solid_joinstyle="round", zorder=3)
-    _draw_nodes(axes, topology, topology.regions, pixels)
+        panel.line(pixels([ends[0], item.point_m, ends[1]]), colour=INK, width=_LINE)
+    _draw_nodes(panel, topology, topology.regions, pixels)
 
 
-def _draw_gates(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
-    from matplotlib.patches import Polygon
-
+def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
     for region in topology.regions:
         if region.gate is not None:
-            corners = pixels(region.gate.corners_m)
-            axes.add_patch(Polygon(corners, facecolor="none", edgecolor=INK, linewidth=1.4))
+            corners = np.asarray(region.gate.corners_m)
+            panel.line(pixels([*corners, corners[0]]), colour=INK, width=2)
 
 
-def _draw_diagram(axes: Any, topology: TopologicalMap, pixels: _ToPixels) -> None:
+def _draw_diagram(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
     colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
     shaped = {region.id for region in topology.regions if _keeps_shape(region, topology)}
     for number in shaped:
-        _draw_shape(axes, topology.place(number), pixels, colours)
+        _draw_shape(panel, topology.place(number), pixels, colours)
     for item in topology.connections:
         ends = [
             item.point_m if number in shaped else topology.place(number).anchor_m
             for number in (item.first, item.second)
         ]
-        x, y = pixels(ends).T
-        axes.plot(x, y, color=INK, linewidth=1.6, zorder=3)
+        panel.line(pixels(ends), colour=INK, width=_LINE)
     _draw_nodes(
-        axes, topology, [region for region in topology.regions if region.id not in shaped], pixels
+        panel, topology, [region for region in topology.regions if region.id not in shaped], pixels
     )
     for number in shaped:
         region = topology.place(number)
-        _name(axes, region.name, pixels(region.anchor_m)[0])
+        _name(panel, region.name, *pixels(region.anchor_m)[0])
 
 
 def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
@@ -141,53 +132,30 @@ def _keeps_shape(region: Region, topology: TopologicalMap) -> bool:
     )
 
 
-def _draw_shape(axes: Any, region: Region, pixels: _ToPixels, colours: dict[str, str]) -> None:
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
-
-    paths = [Path(pixels(ring), closed=True) for rings in region.polygons for ring in rings]
-    face = tinted(colours[region.label], _PALE)
-    axes.add_patch(
-        PathPatch(Path.make_compound_path(*paths), facecolor=face, edgecolor=MUTED, linewidth=0.8)
-    )
+def _draw_shape(panel: Drawing, region: Region, pixels: _ToPixels, colours: dict[str, str]) -> None:
+    for rings in region.polygons:
+        outlines = [pixels(ring) for ring in rings]
+        panel.polygon(outlines, fill=tinted(colours[region.label], _PALE))
+        for outline in outlines:
+            panel.line([*outline, outline[0]], colour=MUTED, width=1)
 
 
 def _draw_nodes(
-    axes: Any, topology: TopologicalMap, regions: Iterable[Region], pixels: _ToPixels
+    panel: Drawing, topology: TopologicalMap, regions: Iterable[Region], pixels: _ToPixels
 ) -> None:
     colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
     for region in regions:
         [(x, y)] = pixels(region.anchor_m)
-        door = region.label == topology.doorway_label
-        axes.plot(
-            [x],
-            [y],
-            marker="s" if door else "o",
-            markersize=7 if door else 12,
-            markerfacecolor=colours[region.label],
-            markeredgecolor=INK,
-            zorder=4,
-        )
-        if not door:
-            _name(axes, region.name, (x, y + 20))
+        colour = colours[region.label]
+        if region.label == topology.doorway_label:
+            panel.square((x, y), side=10, fill=colour, edge=INK)
+        else:
+            panel.disc((x, y), diameter=17, fill=colour, edge=INK)
+            _name(panel, region.name, x, y + 20)
 
 
-def _name(axes: Any, name: str, at: ArrayLike) -> None:
-    from matplotlib.patheffects import withStroke
-
-    x, y = np.asarray(at, np.float64)
-    axes.text(
-        x,
-        y,
-        name,
-        fontsize=10,
-        color=INK,
-        ha="center",
-        va="center",
-        zorder=5,
-        parse_math=False,
-        path_effects=[withStroke(linewidth=3, foreground="white")],
-    )
+def _name(panel: Drawing, name: str, x: float, y: float) -> None:
+    panel.text(x, y, name, centred=True, halo=2)
 
 
 def count_line(topology: TopologicalMap) -> str:

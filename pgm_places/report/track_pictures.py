@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pgm_places.labelers.tracking import Track
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import label_colours
-from pgm_places.report.figure import INK, MUTED, PixelFigure, text_width
+from pgm_places.report.drawing import text_width
+from pgm_places.report.figure import INK, MUTED, PixelFigure
 from pgm_places.report.map_pictures import label_map
 
 __all__ = ["belief_plot", "path_picture", "path_raster"]

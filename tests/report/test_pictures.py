@@ -116,14 +116,24 @@ def test_entropy_is_a_share_of_the_largest() -> None:
     assert entropy(np.ones((2, 1))).tolist() == [0.0, 0.0]
 
 
-def test_no_window_system_is_touched() -> None:
+def test_pictures_of_maps_are_drawn_without_matplotlib() -> None:
     code = (
         "import sys; from pgm_places.report import comparison_page;"
         "from pgm_places.report.map_pictures import label_map;"
-        "from pgm_places.datasets import generate_building;"
-        "assert 'matplotlib' not in sys.modules;"
-        "b = generate_building(0, size='small');"
-        "label_map(b.grid, b.labels, b.label_names);"
+        "from pgm_places.report.topology_pictures import topology_picture;"
+        "from tests.topology.floors import floor_map;"
+        "floor = floor_map();"
+        "label_map(floor.grid, floor.labels, floor.label_names);"
+        "topology_picture(floor.grid, floor);"
+        "assert 'matplotlib' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_no_window_system_is_touched() -> None:
+    code = (
+        "import sys; from pgm_places.report.confusion_picture import confusion_picture;"
+        "confusion_picture([[3, 1], [0, 2]], ['room', 'corridor']);"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,209 @@
+"""Drawings measured in pixels, by Pillow: importing matplotlib takes longer than drawing a map."""
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.report.canvas import Canvas
+from pgm_places.report.figure import INK
+
+if TYPE_CHECKING:
+    from PIL import ImageDraw, ImageFont
+
+__all__ = ["Drawing", "text_width"]
+
+_FINER = 4
+"""Shapes are drawn this many times as large and averaged, which gives them smooth edges."""
+
+
+_Scaling: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+class Drawing:
+    """A white picture; positions are pixels from its upper left corner, x to the right and y down.
+
+    Parameters
+    ----------
+    width, height : int
+        Size in pixels.
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        from PIL import Image
+
+        self.image = Image.new("RGB", (width, height), "white")
+
+    @classmethod
+    def of(cls, canvas: Canvas, scale: int) -> "Drawing":
+        """The canvas, each of its pixels enlarged to ``scale`` x ``scale``."""
+        height, width = canvas.indices.shape
+        drawing = cls(scale * width, scale * height)
+        drawing.image.paste(canvas.image().resize(drawing.image.size, resample=0))  # 0: nearest
+        return drawing
+
+    def paste(self, other: "Drawing", x: int, y: int) -> None:
+        """Put another drawing in, its upper left corner at (x, y)."""
+        self.image.paste(other.image, (x, y))
+
+    def text(
+        self,
+        x: float,
+        y: float,
+        content: str,
+        *,
+        size: float = 14,
+        colour: str = INK,
+        bold: bool = False,
+        centred: bool = False,
+        halo: int = 0,
+    ) -> None:
+        """A line of text that begins at x, or is centred there; y is half its height.
+
+        ``halo`` is the width of a white rim, which keeps the text legible on any ground.
+        """
+        from PIL import ImageDraw
+
+        ImageDraw.Draw(self.image).text(
+            (round(x, 3), round(y, 3)),  # no glyph moves by the rounding of its position
+            content,
+            fill=colour,
+            font=_font(size, bold),
+            anchor="mm" if centred else "lm",
+            stroke_width=halo,
+            stroke_fill="white",
+        )
+
+    def box(
+        self, x: float, y: float, width: float, height: float, *, fill: str, edge: str | None = None
+    ) -> None:
+        """A rectangle on whole pixels."""
+        from PIL import ImageDraw
+
+        left, top = round(x), round(y)
+        right, bottom = max(left, round(x + width) - 1), max(top, round(y + height) - 1)
+        ImageDraw.Draw(self.image).rectangle((left, top, right, bottom), fill=fill, outline=edge)
+
+    def hatched_box(self, x: float, y: float, side: int, *, fill: str, hatch: str) -> None:
+        """A square with diagonal lines."""
+        from PIL import ImageDraw
+
+        square = Drawing(side, side)
+        square.box(0, 0, side, side, fill=fill)
+        draw = ImageDraw.Draw(square.image)
+        for offset in range(0, 2 * side, 5):
+            draw.line((offset, 0, offset - side, side), fill=hatch)
+        draw.rectangle((0, 0, side - 1, side - 1), outline=hatch)
+        self.paste(square, round(x), round(y))
+
+    def line(
+        self,
+        points: ArrayLike,
+        *,
+        colour: str,
+        width: float,
+        dashes: tuple[float, float] | None = None,
+    ) -> None:
+        """A line (n, 2) with round corners and ends; ``dashes`` are the lengths of dash and gap."""
+        xy = np.asarray(points, np.float64).reshape(-1, 2)
+        radius = _FINER * width / 2
+
+        def paint(draw: "ImageDraw.ImageDraw", on_mask: _Scaling) -> None:
+            points = on_mask(part)
+            if len(points) > 1:
+                draw.line(points.ravel().tolist(), fill=255, width=round(2 * radius))
+            for x, y in points:
+                draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=255)
+
+        for part in [xy] if dashes is None else _dashes(xy, *dashes):
+            self._stamp(part, width / 2, colour, paint)
+
+    def polygon(self, rings: Sequence[ArrayLike], *, fill: str) -> None:
+        """The area inside the first ring (n, 2) and outside the others, which are its holes."""
+        outer, *holes = (np.asarray(ring, np.float64) for ring in rings)
+
+        def paint(draw: "ImageDraw.ImageDraw", on_mask: _Scaling) -> None:
+            draw.polygon(on_mask(outer).ravel().tolist(), fill=255)
+            for hole in holes:
+                draw.polygon(on_mask(hole).ravel().tolist(), fill=0)
+
+        self._stamp(outer, 0.0, fill, paint)
+
+    def disc(
+        self, at: ArrayLike, *, diameter: float, fill: str, edge: str, edge_width: float = 1.4
+    ) -> None:
+        """A disc with a rim."""
+        for colour, size in ((edge, diameter + edge_width), (fill, diameter - edge_width)):
+            self.line(at, colour=colour, width=size)
+
+    def square(
+        self, at: ArrayLike, *, side: float, fill: str, edge: str, edge_width: float = 1.4
+    ) -> None:
+        """A square with a rim."""
+        corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+        for colour, size in ((edge, side + edge_width), (fill, side - edge_width)):
+            self.polygon([np.asarray(at) + size * corners], fill=colour)
+
+    def png(self) -> bytes:
+        """The picture as a PNG file, without a date or a version in it."""
+        buffer = io.BytesIO()
+        self.image.save(buffer, "PNG")
+        return buffer.getvalue()
+
+    def _stamp(
+        self,
+        points: NDArray[np.float64],
+        reach: float,
+        colour: str,
+        paint: Callable[["ImageDraw.ImageDraw", _Scaling], None],
+    ) -> None:
+        """Fill with a colour what ``paint`` draws on a mask, all within ``reach`` of the points.
+
+        ``paint`` is given the map from positions on the picture to positions on the mask.
+        """
+        from PIL import Image, ImageDraw
+
+        if not len(points):
+            return
+        low = np.floor(points.min(axis=0) - reach - 1).clip(0)
+        high = np.ceil(points.max(axis=0) + reach + 1).clip(None, self.image.size)
+        if (high <= low).any():
+            return  # it lies beside the picture
+        width, height = (int(side) for side in high - low)
+        mask = Image.new("L", (_FINER * width, _FINER * height))
+        paint(ImageDraw.Draw(mask), lambda xy: np.round(_FINER * (xy - low)))
+        self.image.paste(colour, (int(low[0]), int(low[1])), mask.reduce(_FINER))
+
+
+def _dashes(xy: NDArray[np.float64], dash: float, gap: float) -> Iterator[NDArray[np.float64]]:
+    """The pieces of a line (n, 2) that are drawn, by the length along it."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    for start in np.arange(0.0, along[-1], dash + gap):
+        end = min(start + dash, along[-1])
+        between = along[(along > start) & (along < end)]
+        at = np.concatenate([[start], between, [end]])
+        yield np.stack([np.interp(at, along, xy[:, k]) for k in range(2)], axis=1)
+
+
+@cache
+def _font(size: float, bold: bool = False) -> "ImageFont.FreeTypeFont | ImageFont.ImageFont":
+    """DejaVu Sans, which covers many scripts, from matplotlib's folder; else Pillow's own font."""
+    from PIL import ImageFont
+
+    found = find_spec("matplotlib")  # does not import it
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    for folder in (found and found.submodule_search_locations) or ():
+        path = Path(folder) / "mpl-data" / "fonts" / "ttf" / name
+        if path.is_file():
+            return ImageFont.truetype(path, size)
+    return ImageFont.load_default(size)
+
+
+def text_width(content: str, size: float) -> float:
+    """Width in pixels of a line of text of a size in pixels."""
+    return float(_font(size).getlength(content))
