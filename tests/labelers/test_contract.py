@@ -163,7 +163,7 @@ def test_before_fit_it_says_what_to_call(case: Case) -> None:
     wanted = f"this {type(labeler).__name__} has not learned yet; call {case.call_first} first"
     with pytest.raises(NotFittedError, match=wanted):
         case.label(labeler)
-    with pytest.raises(SklearnNotFittedError):
+    with pytest.raises(SklearnNotFittedError, match="is not fitted yet"):
         check_is_fitted(labeler)
     check_is_fitted(case.fit(labeler, 0))
 
@@ -173,7 +173,7 @@ def test_a_clone_has_the_options_and_nothing_learned(case: Case) -> None:
     twin = clone(labeler)
     assert twin.get_params()[case.option] == 3
     assert twin.get_params().keys() == labeler.get_params().keys()
-    with pytest.raises(NotFittedError):
+    with pytest.raises(NotFittedError, match="has not learned yet"):
         case.label(twin)
     np.testing.assert_array_equal(case.label(case.fit(twin, 0)), case.label(labeler))
 
@@ -221,7 +221,7 @@ def test_saved_and_loaded_it_labels_the_same(case: Case, tmp_path: Path) -> None
     assert again.label_names_ == NAMES
     assert again.get_params()[case.option] == 2
     np.testing.assert_array_equal(case.label(again), case.label(labeler))
-    with pytest.raises(NotFittedError):
+    with pytest.raises(NotFittedError, match="has not learned yet"):
         case.label(clone(again))
 
 
@@ -363,11 +363,10 @@ def test_an_option_out_of_its_limits_is_refused_before_anything_is_learned(
     labeler = CASES[name].labeler().set_params(**value)
     monkeypatch.setattr(DecisionListClassifier, "fit", None)
     monkeypatch.setattr(LogisticRegression, "fit", None)
-    with pytest.raises(ConfigError) as caught:
-        CASES[name].fit(labeler, 0)
-    assert str(caught.value).startswith(wanted)
-    with pytest.raises(ConfigError):
-        labeler.with_options()
+    for refuses in (lambda: CASES[name].fit(labeler, 0), labeler.with_options):
+        with pytest.raises(ConfigError) as caught:
+            refuses()
+        assert str(caught.value).startswith(wanted)
 
 
 @pytest.mark.parametrize("method", [3, PottsField, "amnn"])

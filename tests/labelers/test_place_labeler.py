@@ -125,10 +125,19 @@ def spoil_missing(manifest: dict, arrays: dict) -> None:  # type: ignore[type-ar
 
 
 @pytest.mark.parametrize(
-    "spoil",
-    [spoil_kind, spoil_features, spoil_column, spoil_backend, spoil_option, spoil_missing],
+    ("spoil", "message"),
+    [
+        (spoil_kind, "holds a 'cake' model"),
+        (spoil_features, "another definition of the laser features"),
+        (spoil_column, "node_columns must be feature indices below 321"),
+        (spoil_backend, "no method 'os:system' is installed"),
+        (spoil_option, "max_iterations must be a whole number of at least 1, got 'many'"),
+        (spoil_missing, "label_names"),
+    ],
 )
-def test_a_spoiled_model_is_refused(spoil, labeler: PlaceLabeler, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_spoiled_model_is_refused(  # type: ignore[no-untyped-def]
+    spoil, message: str, labeler: PlaceLabeler, tmp_path: Path
+) -> None:
     save(labeler, tmp_path / "model")
     manifest, arrays = load_folder(tmp_path / "model")
     arrays = dict(arrays)
@@ -136,7 +145,7 @@ def test_a_spoiled_model_is_refused(spoil, labeler: PlaceLabeler, tmp_path: Path
     for key in ("arrays", "schema", "sha256", "version"):
         manifest.pop(key, None)
     save_folder(tmp_path / "spoiled", manifest, arrays)
-    with pytest.raises(ModelFileError):
+    with pytest.raises(ModelFileError, match=message):
         load(tmp_path / "spoiled")
 
 

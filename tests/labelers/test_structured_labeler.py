@@ -1,5 +1,8 @@
 """StructuredLabeler: any classifier before any backend, by scikit-learn's rules."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -122,3 +125,29 @@ def test_what_does_not_fit_is_refused(
         labeler.fit(chains, truths).predict([other])
     with pytest.raises(InputError, match=r"got a list; lists go to predict\(X\)"):
         labeler.label(chains)  # type: ignore[arg-type]
+
+
+SEEN: list[NDArray[np.float64]] = []
+
+
+@dataclass(frozen=True)
+class Recorder(PottsField):
+    """Keeps the unaries that it is asked to learn from."""
+
+    def fit(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> "Recorder":
+        SEEN[:] = [problem.unary for problem in problems if problem.unary is not None]
+        return self
+
+
+def test_a_label_that_a_fold_has_not_met_gets_the_least_probability(
+    chains: list[LabelingProblem],
+) -> None:
+    truths = [np.minimum(TRUTH, 1)] * 3 + [TRUTH]  # nobody runs but in the last chain
+    StructuredLabeler(
+        Recorder(), LogisticRegression(), n_folds=4, min_probability=1e-3, learn_on="out-of-fold"
+    ).fit(chains, truths)
+    met = [bool((np.exp(unary[:, 2]) > 0.01).any()) for unary in SEEN]
+    assert met == [True, True, True, False]
+    np.testing.assert_allclose(np.exp(SEEN[3][:, 2]), 1e-3, rtol=2e-3)

@@ -165,7 +165,7 @@ def test_a_damaged_model_is_refused(tmp_path: Path) -> None:
     save(labeler(), tmp_path / "model")
     manifest = tmp_path / "model" / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"local-map"', '"elsewhere"'))
-    with pytest.raises(ModelFileError):
+    with pytest.raises(ModelFileError, match=r"missing must be .*, got 'elsewhere'"):
         load(tmp_path / "model")
 
 
@@ -173,11 +173,11 @@ def test_bad_input_is_refused_with_a_reason() -> None:
     known, names = building()
     path = drive(0)
     tool, cups = TrajectoryLabeler(names), TrajectoryLabeler(names, extra_names=["cups"])
-    with pytest.raises(NotFittedError):
+    with pytest.raises(NotFittedError, match="this TrajectoryLabeler has not learned yet"):
         tool.label(path)
-    with pytest.raises(NotFittedError):
+    with pytest.raises(NotFittedError, match="this PlaceLabeler has not learned yet"):
         TrajectoryLabeler.from_places(PlaceLabeler(names))
-    with pytest.raises(NotFittedError):
+    with pytest.raises(NotFittedError, match="this TrajectoryLabeler has not learned yet"):
         save(tool, "unused")
     with pytest.raises(InputError, match="nothing to train"):
         tool.fit()
@@ -194,7 +194,7 @@ def test_bad_input_is_refused_with_a_reason() -> None:
         TrajectoryLabeler(more).fit([LabelledMap(known.grid, known.labels)])
     with pytest.raises(InputError, match="labelled trajectories"):
         TrajectoryLabeler(names, "relaxation").fit([known])
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match="every_m must be a number of at least 0, got -1"):
         TrajectoryLabeler(names, every_m=-1.0).fit([known])
 
 

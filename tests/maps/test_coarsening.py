@@ -166,12 +166,20 @@ FACTORS = (Fraction(5, 4), Fraction(3, 2), Fraction(2), Fraction(5, 2), Fraction
     factor=st.sampled_from(FACTORS),
     seed=st.integers(0, 1000),
     cells_at_once=st.sampled_from([1, 40, 1 << 22]),
+    free_share=st.sampled_from([None, 0.05, 0.2]),
 )
 def test_painted_values_are_those_of_the_reference(
-    shape: tuple[int, int], factor: Fraction, seed: int, cells_at_once: int
+    shape: tuple[int, int],
+    factor: Fraction,
+    seed: int,
+    cells_at_once: int,
+    free_share: float | None,
 ) -> None:
     grid = random_grid(shape, seed)
     coarse = coarsen(grid, float(factor) * grid.resolution_m)
+    if free_share is not None:  # the nearest free cell may be far away
+        draws = np.random.default_rng(seed + 1).random(coarse.shape)
+        coarse = coarse.with_cells(np.where(draws < free_share, 0, 100))
     values = np.random.default_rng(seed).normal(size=(*coarse.shape, 2))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bands, "BAND_CELLS", cells_at_once)

@@ -72,12 +72,17 @@ def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
-    [("kind", "cake"), ("backend", "os:system"), ("options", {"weight": "much"}), ("learned", 3)],
+    ("key", "value", "message"),
+    [
+        ("kind", "cake", "holds a 'cake' model"),
+        ("backend", "os:system", "no method 'os:system' is installed"),
+        ("options", {"weight": "much"}, "weight must be a finite number, got 'much'"),
+        ("learned", 3, "manifest"),
+    ],
 )
-def test_a_spoiled_folder_is_refused(key: str, value: object, tmp_path: Path) -> None:
+def test_a_spoiled_folder_is_refused(key: str, value: object, message: str, tmp_path: Path) -> None:
     save(build("potts"), tmp_path / "model", label_names=NAMES)
     manifest, arrays = load_folder(tmp_path / "model")
     save_folder(tmp_path / "spoiled", {**manifest, key: value}, arrays)
-    with pytest.raises(ModelFileError):
+    with pytest.raises(ModelFileError, match=message):
         load(tmp_path / "spoiled")

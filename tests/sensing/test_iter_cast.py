@@ -101,7 +101,7 @@ def test_too_little_memory_is_refused() -> None:
 
 
 def test_a_wrong_mask_is_refused_at_once() -> None:
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=r"the map's shape \(5, 5\), got \(4, 5\)"):
         iter_cast(random_grid(1, (5, 5)), Sensor(8), mask=np.ones((4, 5), np.bool_))
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.sensing.local_map import HIGHEST, LOWEST, LocalMap
+from pgm_places.sensing.local_map import HIGHEST, LOWEST, SCAN_NUMBERS, LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 
 AHEAD = np.linspace(-pi / 2, pi / 2, 361)
@@ -104,6 +104,27 @@ def test_evidence_stays_within_its_bounds_however_long_the_robot_stands() -> Non
     assert met.all() and ranges[0] > 2.7
 
 
+def test_scans_count_the_same_after_their_numbers_have_begun_anew() -> None:
+    """Each scan of one beam has the number that this beam had last time round."""
+
+    def scan(local: LocalMap, beam: int) -> None:
+        local.update([0.0, 0.0, headings[beam]], [ranges[beam]], [0.0], max_range_m=5.0)
+
+    rng = np.random.default_rng(3)
+    headings, ranges = rng.uniform(0, 2 * pi, SCAN_NUMBERS), rng.uniform(0.2, 1.3, SCAN_NUMBERS)
+    local, *alone = (
+        LocalMap(size_m=3.2, resolution_m=0.1, robot_radius_m=0.0) for _ in range(SCAN_NUMBERS + 1)
+    )
+    expected = np.zeros(local._evidence.shape, np.int64)
+    for beam, once in enumerate(alone):
+        scan(once, beam)
+    for _ in range(3):
+        for beam, once in enumerate(alone):
+            scan(local, beam)
+            expected = (expected + once._evidence).clip(LOWEST, HIGHEST)
+        assert (local._evidence == expected).all()
+
+
 def test_beams_without_an_answer_change_nothing() -> None:
     local = LocalMap(size_m=6.0, resolution_m=0.1, robot_radius_m=0.0)
     readings = np.array([np.nan, np.inf, 0.0, -1.0, 5.0, 7.0])
@@ -129,18 +150,18 @@ def test_an_unused_map_reads_nothing_and_clear_forgets() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("options", "message"),
     [
-        {"size_m": 0.0},
-        {"resolution_m": -1.0},
-        {"size_m": 0.1},
-        {"size_m": 1e6},
-        {"robot_radius_m": -0.1},
-        {"through_unknown_m": float("nan")},
+        ({"size_m": 0.0}, "size_m must be"),
+        ({"resolution_m": -1.0}, "resolution_m must be"),
+        ({"size_m": 0.1}, r"must give 8 to 20000 cells, got 0\.1 / 0\.05 = 2"),
+        ({"size_m": 1e6}, r"must give 8 to 20000 cells, got 1e\+06 / 0\.05 = 20000000"),
+        ({"robot_radius_m": -0.1}, "robot_radius_m must be"),
+        ({"through_unknown_m": float("nan")}, "through_unknown_m must be"),
     ],
 )
-def test_impossible_sizes_are_refused(options: dict[str, float]) -> None:
-    with pytest.raises(InputError):
+def test_impossible_sizes_are_refused(options: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         LocalMap(**options)
 
 

@@ -109,17 +109,22 @@ def test_a_full_circle_laser_needs_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("options", "message"),
     [
-        {"missing": "rear"},
-        {"missing": "known-map"},
-        {"missing": "mirror", "known_map": corridor()},
-        {"missing": "mirror", "local_map": LocalMap(size_m=4.0)},
-        {"missing": "mirror", "all_from_map": True},
+        ({"missing": "rear"}, "missing must not be 'rear'"),
+        ({"missing": "known-map"}, "'known-map' needs a map"),
+        ({"missing": "mirror", "known_map": corridor()}, "does not use the map given"),
+        (
+            {"missing": "mirror", "local_map": LocalMap(size_m=4.0)},
+            "does not use the local map given",
+        ),
+        ({"missing": "mirror", "all_from_map": True}, "all_from_map needs a map"),
     ],
 )
-def test_options_that_do_not_go_together_are_refused(options: dict[str, object]) -> None:
-    with pytest.raises(ConfigError):
+def test_options_that_do_not_go_together_are_refused(
+    options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
         ScanCompletion(FRONT, max_range_m=30.0, **options)  # type: ignore[arg-type]
 
 

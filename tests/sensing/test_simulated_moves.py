@@ -42,6 +42,16 @@ def test_a_robot_that_stays_stays_at_its_place() -> None:
     assert np.trace(still) == 500
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_runs_head_in_all_directions(axis: int) -> None:
+    cells = np.full((40, 40), FREE, np.int8)
+    labels = (np.indices(cells.shape)[axis] >= 20).astype(np.int16)
+    counts = simulate_moves([LabelledMap(OccupancyGrid(cells, 0.05), labels)], 2, n_runs=4000)
+    # Both halves are as large, so as many runs cross their border one way as the other.
+    assert counts[0, 1] > 200
+    assert counts[0, 1] == pytest.approx(counts[1, 0], rel=0.2)
+
+
 def test_the_same_seed_gives_the_same_counts_and_another_does_not() -> None:
     maps = [two_rooms(20), two_rooms(4)]
     first = simulate_moves(maps, 3, n_runs=500, seed=4)
@@ -59,11 +69,16 @@ def test_starts_lie_inside_the_window() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [{"n_runs": 0}, {"step_m": (0.5, 0.2)}, {"step_m": (-1.0, 0.2)}, {"step_m": (40.0, 50.0)}],
+    ("options", "message"),
+    [
+        ({"n_runs": 0}, "n_runs must be at least 1, got 0"),
+        ({"step_m": (0.5, 0.2)}, r"a range of metres from 0 up, got \(0\.5, 0\.2\)"),
+        ({"step_m": (-1.0, 0.2)}, r"a range of metres from 0 up, got \(-1\.0, 0\.2\)"),
+        ({"step_m": (4.5, 5.0), "n_runs": 9}, r"9 of 9 simulated runs of 4\.5 to 5 m found no way"),
+    ],
 )
-def test_runs_that_cannot_be_driven_are_refused(options: dict[str, object]) -> None:
-    with pytest.raises(InputError):
+def test_runs_that_cannot_be_driven_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         simulate_moves([two_rooms(20)], 3, **options)  # type: ignore[arg-type]
 
 

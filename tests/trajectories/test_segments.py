@@ -40,5 +40,5 @@ def test_no_steps_make_no_segments() -> None:
 
 @pytest.mark.parametrize("every_m", [-1.0, float("nan")])
 def test_a_distance_is_needed(every_m: float) -> None:
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match=f"every_m must be at least 0 metres, got {every_m}"):
         Segments(np.zeros((2, 3)), every_m)
