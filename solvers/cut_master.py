@@ -29,6 +29,9 @@ RIDGE = 1e-12
 """Relative size of the ridge that keeps the active set's systems solvable with repeated cuts;
 the bound it gives is rigorous all the same because it is evaluated without it."""
 
+ROUNDING = 1e-12
+"""A descent below this share of the terms it is summed from is rounding."""
+
 MAX_PIVOTS = 2_000
 """A warm-started solve takes some ten pivots; this many mean that rounding made it cycle."""
 
@@ -139,14 +142,17 @@ class CutMaster:
     def _solve_active_set(self) -> None:
         """Minimise 1/2 v H v - c v over v = (z, multipliers of w_e >= 0), v >= 0, sum(z) = C."""
         n_cuts = len(self._offsets)
-        edge_part = self._gradients[:, self._n_free :]
-        hessian = np.block([[self._gram, edge_part], [edge_part.T, np.eye(self._n_bounded)]])
-        np.fill_diagonal(hessian, hessian.diagonal() + RIDGE * (1.0 + self._gram.trace()))
-        linear = np.concatenate([self._offsets, np.zeros(self._n_bounded)])
+        # z in units of weights, like the other multipliers: no tolerance depends on the features
+        unit = np.sqrt(self._gram.diagonal().max()) or 1.0
+        edge_part = self._gradients[:, self._n_free :] / unit
+        gram = self._gram / unit**2
+        hessian = np.block([[gram, edge_part], [edge_part.T, np.eye(self._n_bounded)]])
+        np.fill_diagonal(hessian, hessian.diagonal() + RIDGE * (1.0 + gram.trace()))
+        linear = np.concatenate([self._offsets / unit, np.zeros(self._n_bounded)])
         in_sum = np.arange(len(linear)) < n_cuts
-        start = np.concatenate([self._multipliers, self._bound_multipliers])
-        found = _simplex_qp(hessian, linear, in_sum, self._penalty, start)
-        self._multipliers, self._bound_multipliers = found[:n_cuts], found[n_cuts:]
+        start = np.concatenate([self._multipliers * unit, self._bound_multipliers])
+        found = _simplex_qp(hessian, linear, in_sum, self._penalty * unit, start)
+        self._multipliers, self._bound_multipliers = found[:n_cuts] / unit, found[n_cuts:]
 
     # ------------------------------------------------------------------ OSQP
 
@@ -205,22 +211,29 @@ def _simplex_qp(
     v = start.copy()
     support = v > 0
     scale = np.abs(linear).max(initial=0.0) + np.abs(hessian).max(initial=0.0) * total
-    tolerance = 1e-12 * max(scale, 1.0)
+    tolerance = ROUNDING * scale
+    refused = np.zeros(len(v), np.bool_)  # whose descent from here was rounding
     for _ in range(MAX_PIVOTS):
         index = np.flatnonzero(support)
         target, price = _equality_solution(hessian, linear, in_sum, total, index)
         blocked = target <= 0
         if blocked.any():
-            steps = v[index][blocked] / (v[index][blocked] - target[blocked])
+            room, wanted = v[index][blocked], target[blocked]
+            # an entry that has just come in and would turn back has no room at all
+            steps = np.divide(room, room - wanted, out=np.zeros(len(room)), where=room > 0)
             step = float(steps.min())
             v[index] += step * (target - v[index])
             leaving = index[blocked][steps <= step]
             v[leaving] = 0.0
             support[leaving] = False
+            refused &= step == 0.0
+            refused[leaving] = step == 0.0
             continue
+        refused &= np.array_equal(v[index], target)  # from another point it may come in again
         v[index] = target
         descent = linear - hessian @ v - price * in_sum
         descent[index] = -np.inf
+        descent[refused] = -np.inf
         entering = int(descent.argmax())
         if not descent[entering] > tolerance:
             break

@@ -57,3 +57,18 @@ def relabelled(problem: MaxMarginProblem, names: np.ndarray) -> MaxMarginProblem
         problem.loss,
         problem.penalty,
     )
+
+
+def tiny_problem(seed: int) -> MaxMarginProblem:
+    """A few nodes with rounded features, so that many cuts are alike: degenerate, but valid."""
+    rng = np.random.default_rng(seed)
+    n_labels = int(rng.integers(2, 4))
+    n = int(rng.integers(n_labels, 7))
+    pairs = np.array([(i, j) for i in range(n) for j in range(i + 1, n) if rng.random() < 0.5])
+    labels = np.concatenate([np.arange(n_labels), rng.integers(0, n_labels, n - n_labels)])
+    features = np.round(rng.normal(size=(n, int(rng.integers(1, 3)))), 1)
+    features = np.column_stack([features, np.ones(n)])
+    edge_features = np.round(rng.random((len(pairs), 1)), 1)
+    penalty = float(rng.choice([1.0, 100.0, 1e4]))
+    edges = pairs.reshape(-1, 2).astype(np.int32)
+    return MaxMarginProblem(features, edges, edge_features, labels, n_labels, np.ones(n), penalty)

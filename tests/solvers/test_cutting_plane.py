@@ -21,7 +21,12 @@ from pgm_places.solvers.max_margin import (
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import graph_cut_oracle
 from tests.reference import max_margin as reference
-from tests.solvers.max_margin_problems import grid_problem, relabelled, renumbered
+from tests.solvers.max_margin_problems import (
+    grid_problem,
+    relabelled,
+    renumbered,
+    tiny_problem,
+)
 
 MASTERS = ["active-set", "osqp"]
 
@@ -74,6 +79,16 @@ def test_repeated_cuts_do_no_harm() -> None:
         master.add(cut)
         point = master.solve()
     assert point.lower_bound == pytest.approx(master_optimum([cut], 1, 1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("seeds", np.arange(240).reshape(8, 30))
+def test_cuts_that_are_nearly_alike_leave_the_weights_finite(seeds: NDArray[np.int64]) -> None:
+    """Rounding may make an entry of the master turn back at once, from zero to below zero."""
+    for problem in map(tiny_problem, seeds):
+        found = learn(problem, tolerance=1e-6, max_iterations=300)
+        assert np.isfinite(found.weights).all()
+        if problem.n_labels == 2:  # where the graph cut is exact
+            assert found.lower_bound <= found.objective * (1 + 1e-12)
 
 
 def test_cuts_that_stay_idle_are_dropped() -> None:
