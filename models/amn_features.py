@@ -239,7 +239,7 @@ class Standardization:
         sign, because a linear model gains nothing from it and its weights would not be unique.
         """
         mean, scale = features.mean(axis=0), features.std(axis=0)
-        varying = scale > 1e-12 * (1.0 + np.abs(mean))
+        varying = scale > 1e-12 * np.abs(mean)
         columns = np.flatnonzero(varying)
         centred = (features[:, columns] - mean[columns]) / scale[columns]
         likeness = np.abs(centred.T @ centred) / len(features)

@@ -15,6 +15,9 @@ from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_sco
 
 __all__ = ["BeliefPropagation", "belief_propagation"]
 
+ROUNDING = 1e-14
+"""Changes below this share of the potentials' unit are rounding, whatever the tolerance."""
+
 _SAFE_EXP = 500.0
 """Rewards up to this are added as exponentials: far from the largest float even when summed."""
 
@@ -81,7 +84,9 @@ def belief_propagation(
     damping : float
         Share of the old log-message that is kept in an update, at least 0 and less than 1.
     tolerance : float
-        Stop when no log-message changed by more than this in a sweep.
+        Stop when no log-message changed by more than this in a sweep, in units of the potentials
+        (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`); for
+        ``"sum-product"``, whose beliefs depend on the scale, of 1 where the unit is larger.
     max_iterations : int
         Sweeps after which to stop, up and down through the node order in turn.
     on_iteration : callable, optional
@@ -106,12 +111,14 @@ def belief_propagation(
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     sweep = _sweeper(model, Rule(kind == "max-product", float(damping)), message)
     history: list[float] = []
+    still = tolerance * (model.unit if kind == "max-product" else min(model.unit, 1.0))
+    still = max(still, ROUNDING * model.unit)
     while len(history) < max_iterations:
         change = sweep(len(history) % 2 == 0)
         history.append(change)
         if on_iteration is not None:
             on_iteration(len(history), change)
-        if change <= tolerance:
+        if change <= still:
             break
     beliefs = beliefs_from_messages(model, message)
     labels = beliefs.argmax(axis=1)
@@ -120,7 +127,7 @@ def belief_propagation(
         score=total_score(model, labels),
         beliefs=frozen(beliefs),
         n_iterations=len(history),
-        converged=history[-1] <= tolerance,
+        converged=history[-1] <= still,
         history=frozen(np.array(history)),
     )
 

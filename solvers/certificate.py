@@ -12,6 +12,7 @@ from pgm_places.solvers.max_margin import (
     hinge,
     objective,
 )
+from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 
 __all__ = ["Certificate", "certify_weights"]
@@ -58,13 +59,14 @@ def certify_weights(
     quick = graph.expand(unary, agreement)
     known = objective(problem, weights, hinge(problem, weights, quick.score))
     slack = accuracy * known * problem.n_nodes / problem.penalty
+    size = pairwise_model(unary, graph.around, agreement).size
     found = trws(
         unary,
         problem.edges,
         agreement=agreement,
         initial=quick.labels,
         max_iterations=max_iterations,
-        tolerance=slack / max(1.0, abs(quick.score)),
+        tolerance=slack / size if size > 0 else 0.0,
     )
     bounded = hinge(problem, weights, found.bound)
     # moves from there reach further than from the best unaries, where the quick oracle starts

@@ -160,12 +160,16 @@ class CutMaster:
         import osqp
 
         n_cuts, n_weights = self._gradients.shape
+        # in units of the weights and heights that occur: OSQP's tolerances are absolute
+        height = np.abs(self._offsets).max() or 1.0
+        weight = height / (np.sqrt(self._gram.diagonal().max()) or height)
+        worth = height / weight**2
         quadratic = sp.csc_matrix(np.diag(np.append(np.ones(n_weights), 0.0)))
-        linear = np.append(np.zeros(n_weights), self._penalty)
-        rows = np.hstack([self._gradients, np.ones((n_cuts, 1))])
+        linear = np.append(np.zeros(n_weights), self._penalty * worth)
+        rows = np.hstack([self._gradients * (weight / height), np.ones((n_cuts, 1))])
         bounded = np.eye(self._n_bounded, n_weights + 1, k=self._n_free)
         matrix = sp.csc_matrix(np.vstack([rows, bounded]))
-        lower = np.concatenate([self._offsets, np.zeros(self._n_bounded)])
+        lower = np.concatenate([self._offsets / height, np.zeros(self._n_bounded)])
         solver = osqp.OSQP()
         solver.setup(
             quadratic,
@@ -179,9 +183,9 @@ class CutMaster:
             max_iter=20_000,
         )
         weights = self._multipliers @ self._gradients
-        height = max(float((self._offsets - self._gradients @ weights).max()), 0.0)
-        duals = np.concatenate([-self._multipliers, -self._bound_multipliers])
-        solver.warm_start(x=np.append(weights, height), y=duals)
+        slack = max(float((self._offsets - self._gradients @ weights).max()), 0.0)
+        duals = np.concatenate([self._multipliers * worth, self._bound_multipliers / weight])
+        solver.warm_start(x=np.append(weights / weight, slack / height), y=-duals)
         with warnings.catch_warnings():
             # OSQP announces another default of an argument that its older versions do not have
             warnings.simplefilter("ignore", PendingDeprecationWarning)
@@ -192,7 +196,8 @@ class CutMaster:
             )
         found = np.maximum(-np.asarray(result.y), 0.0)
         if found[:n_cuts].sum() > 0:
-            self._multipliers, self._bound_multipliers = found[:n_cuts], found[n_cuts:]
+            self._multipliers = found[:n_cuts] / worth
+            self._bound_multipliers = found[n_cuts:] * weight
 
 
 def _simplex_qp(

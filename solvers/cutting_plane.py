@@ -36,7 +36,7 @@ Verifier = Callable[[MaxMarginProblem, NDArray[np.float64]], Certificate]
 """A slower look at some weights: a rigorous objective, and the best labelling found on the way."""
 
 SAME_HEIGHT = 1e-12
-"""A cut is new when it rises above the known ones by more than this, relative to their height."""
+"""A cut is new when it rises above the known ones by more than this share of a hinge's height."""
 
 
 def cutting_plane(
@@ -158,6 +158,7 @@ class _Search:
         self.master = CutMaster(
             problem.n_weights, problem.n_node_weights, problem.penalty, method=master
         )
+        self.typical_height = float(problem.loss.mean())  # the most that it is at weights of 0
         self.weights = np.zeros(problem.n_weights)
         self.objective = np.inf
         self.certified: float | None = None
@@ -211,7 +212,7 @@ class _Search:
     def _add(self, cut: Cut, weights: NDArray[np.float64]) -> bool:
         """Hold a cut if it says more at ``weights`` than those that are held."""
         known = self.master.height(weights)
-        found = cut.value(weights) > known + SAME_HEIGHT * (1.0 + abs(known))
+        found = cut.value(weights) > known + SAME_HEIGHT * (self.typical_height + abs(known))
         if found:
             self.master.add(cut)
         return found

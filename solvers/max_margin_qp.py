@@ -10,7 +10,7 @@ import importlib.util
 import logging
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -92,13 +92,14 @@ def max_margin_qp(
     if solver not in QP_SOLVERS:
         raise InputError(f"the QP's solver must be one of {', '.join(QP_SOLVERS)}, got {solver!r}")
     start = time.perf_counter()
+    unit, problem = _in_units(problem)
     program = _compact_program(problem)
     statuses = []
     for name in (solver, *(other for other in QP_SOLVERS if other != solver)):
         status = _attempt(program, name, tolerance, time_limit_s)
         statuses.append(f"{name}: {status}")
         if status in _USABLE:
-            return _solution(problem, program, status, start)
+            return _solution(problem, program, status, start, unit)
         _logger.warning("the QP's solver %s ended with status %s", name, status)
     raise SolverError(f"no solver solved the learning QP ({'; '.join(statuses)})")
 
@@ -193,13 +194,30 @@ def _attempt(program: _Program, name: str, tolerance: float, time_limit_s: float
     return str(program.problem.status)
 
 
+def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
+    """The problem with its largest feature and loss about 1, and what its weights are worth.
+
+    The solvers' tolerances are absolute. Powers of two keep every number's digits.
+    """
+    largest = max(np.abs(problem.node_features).max(), problem.edge_features.max(initial=0.0))
+    feature, loss = (2.0 ** np.frexp(size)[1] for size in (largest, problem.loss.max()))
+    return loss / feature, replace(
+        problem,
+        node_features=problem.node_features / feature,
+        edge_features=problem.edge_features / feature,
+        loss=problem.loss / loss,
+        penalty=problem.penalty * feature**2 / loss,
+    )
+
+
 def _solution(
-    problem: MaxMarginProblem, program: _Program, status: str, start: float
+    problem: MaxMarginProblem, program: _Program, status: str, start: float, unit: float
 ) -> MaxMarginSolution:
     edge_weights = np.maximum(program.edge_weights.value, 0.0)
     weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
     upper = relaxed_objective(problem, weights, program.split.value[: len(problem.edges)])
     lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
+    weights, upper, lower = unit * weights, unit**2 * upper, unit**2 * lower
     iterations = int(program.problem.solver_stats.num_iters or 0)
     step = LearningStep(iterations, time.perf_counter() - start, upper, lower, 0)
     return MaxMarginSolution(weights, upper, lower, status, iterations, (step,), certified=upper)

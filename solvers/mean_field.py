@@ -72,7 +72,9 @@ def mean_field(
     damping : float
         Share of the old belief that is kept in an update, at least 0 and less than 1.
     tolerance : float
-        Stop when no belief changed by more than this in a pass.
+        Stop when no belief changed by more than this in a pass, in units of the potentials
+        (:attr:`PairwiseModel.unit <pgm_places.solvers.pairwise.PairwiseModel.unit>`) where these
+        are below 1: beliefs then differ by no more than that.
     max_iterations : int
         Passes after which to stop.
     on_iteration : callable, optional
@@ -93,11 +95,12 @@ def mean_field(
     model = pairwise_model(unary, edges, agreement, pairwise)
     beliefs = normalised(model.unary)
     history: list[float] = []
+    still = tolerance * min(model.unit, 1.0)
     while len(history) < max_iterations:
         history.append(mean_field_pass(damping, model.terms, model.around.arcs, beliefs))
         if on_iteration is not None:
             on_iteration(len(history), history[-1])
-        if history[-1] <= tolerance:
+        if history[-1] <= still:
             break
     labels = beliefs.argmax(axis=1)
     return MeanField(
@@ -105,7 +108,7 @@ def mean_field(
         score=total_score(model, labels),
         beliefs=frozen(beliefs),
         n_iterations=len(history),
-        converged=history[-1] <= tolerance,
+        converged=history[-1] <= still,
         history=frozen(np.array(history)),
     )
 

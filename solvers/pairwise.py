@@ -1,6 +1,7 @@
 """Checked log-potentials of a pairwise model, in the form that every solver here takes."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,6 +53,36 @@ class PairwiseModel:
     def terms(self) -> Terms:
         """The potentials as kernels take them."""
         return Terms(self.unary, self.tables if self.agreement is None else self.agreement)
+
+    @cached_property
+    def unit(self) -> float:
+        """How much the label of one node or the labels of one edge typically matter.
+
+        The median range of the finite values of a node or edge, of those where it is not 0; hence
+        a large negative number here and there in place of -inf does not change it. Tolerances are
+        multiples of it, so that a problem and its multiples are solved alike.
+        """
+        return float(np.median(self._ranges)) if len(self._ranges) else 0.0
+
+    @cached_property
+    def size(self) -> float:
+        """How far scores typically lie apart: the unit times how many nodes and edges matter."""
+        return self.unit * len(self._ranges)
+
+    @cached_property
+    def _ranges(self) -> NDArray[np.float64]:
+        """(M,) the ranges of the nodes and edges whose finite values are not all the same."""
+        n_edges = self.around.n_edges
+        if self.agreement is not None:
+            high, low = self.agreement.max(axis=1), self.agreement.min(axis=1)
+            at_edges = np.maximum(high, 0.0) - np.minimum(low, 0.0)
+            if self.n_labels == 1:
+                at_edges = np.zeros(n_edges)
+        else:
+            flat = self.tables.reshape(len(self.tables), -1)
+            at_edges = np.broadcast_to(_finite_range(flat), n_edges)
+        ranges = np.concatenate([_finite_range(self.unary), at_edges])
+        return ranges[ranges > 0]
 
 
 def pairwise_model(
@@ -119,6 +150,13 @@ def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[n
             f"initial gives node {barred[0]} the label {labels[barred[0]]}, which unary forbids"
         )
     return labels.astype(np.int32)
+
+
+def _finite_range(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(M,) the largest less the smallest finite value of each row (M, K); 0 where there is none."""
+    high = values.max(axis=1, initial=-np.inf)
+    low = np.where(np.isfinite(values), values, np.inf).min(axis=1, initial=np.inf)
+    return np.subtract(high, low, out=np.zeros(len(values)), where=np.isfinite(high))
 
 
 def _with_agreement(

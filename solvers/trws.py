@@ -83,8 +83,9 @@ def trws(
     max_iterations : int
         Passes up and down after which to stop.
     tolerance : float
-        Stop when the gap between bound and score is below ``tolerance * max(1, |score|)``, or when
-        the bound fell by less than a tenth of that in the last ten iterations.
+        Stop when the gap between bound and score is at most this share of the problem's size
+        (:attr:`PairwiseModel.size <pgm_places.solvers.pairwise.PairwiseModel.size>`), or when the
+        bound fell by less than a tenth of that in the last ten iterations.
     eliminate : bool
         Rule out labels that cannot be best first (:func:`~pgm_places.solvers.elimination.\
 reduce_model`), which changes neither the best score nor the bound's validity.
@@ -115,7 +116,7 @@ reduce_model`), which changes neither the best score nor the bound's validity.
     floor = -np.inf if best is None else total_score(model, best)
     reduced = reduce_model(model) if eliminate else None
     passing = _Passing(model if reduced is None else reduced.model, floor)
-    passing.run(max_iterations, tolerance, on_iteration)
+    passing.run(max_iterations, tolerance * model.size, on_iteration)
     labels = passing.labels if reduced is None else reduced.lift(passing.labels)
     score = total_score(model, labels)
     if best is not None and not passing.improved:
@@ -149,30 +150,30 @@ class _Passing:
     def run(
         self,
         max_iterations: int,
-        tolerance: float,
+        closed: float,
         on_iteration: Callable[[int, float], None] | None,
     ) -> None:
-        """Pass up and down until the gap is closed, the bound rests or the limit is reached."""
+        """Pass up and down until the gap is ``closed``, the bound rests or the limit is reached."""
         for iteration in range(1, max_iterations + 1):
             self._pass(upwards=True)
             self.bound = min(self.bound, self._pass(upwards=False) + self.model.offset)
             if self.bound == -np.inf:
                 raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
-            rests = self._rests(tolerance)
+            rests = self._rests(closed)
             if rests or iteration == max_iterations or iteration % _DECODE_EVERY == 1:
                 self._decode()
             self.history.append((self.score, self.bound))
             if on_iteration is not None:
                 on_iteration(iteration, self.bound)
-            if rests or self.bound - self.score <= tolerance * max(1.0, abs(self.score)):
+            if rests or self.bound - self.score <= closed:
                 self.converged = True
                 return
 
-    def _rests(self, tolerance: float) -> bool:
+    def _rests(self, closed: float) -> bool:
         if len(self.history) < _STALL_WINDOW:
             return False
         before = self.history[-_STALL_WINDOW][1]
-        return before - self.bound <= 0.1 * tolerance * max(1.0, abs(self.bound))
+        return before - self.bound <= 0.1 * closed
 
     def _pass(self, *, upwards: bool) -> float:
         model = self.model

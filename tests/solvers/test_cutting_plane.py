@@ -1,5 +1,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import cvxpy as cp
 import numpy as np
@@ -10,6 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.certificate import Certificate, certify_weights
 from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
 from pgm_places.solvers.cutting_plane import cutting_plane
+from pgm_places.solvers.frank_wolfe import frank_wolfe
 from pgm_places.solvers.max_margin import (
     Cut,
     LearningStep,
@@ -176,6 +178,47 @@ def test_renaming_labels_permutes_the_weights() -> None:
     np.testing.assert_allclose(
         again.weights.reshape(-1, 2)[:, ::-1], found.weights.reshape(-1, 2), rtol=0, atol=5e-3
     )
+
+
+def in_other_units(problem: MaxMarginProblem, feature: float, loss: float) -> MaxMarginProblem:
+    """The same problem with features and losses in other units: weights are worth loss/feature."""
+    return replace(
+        problem,
+        node_features=problem.node_features * feature,
+        edge_features=problem.edge_features * feature,
+        loss=problem.loss * loss,
+        penalty=problem.penalty * loss / feature**2,
+    )
+
+
+def by_frank_wolfe(problem: MaxMarginProblem) -> MaxMarginSolution:
+    return frank_wolfe([problem], [graph_cut_oracle(problem.n_nodes, problem.edges)])
+
+
+LEARNERS = {
+    "active-set": partial(learn, master="active-set"),
+    "osqp": partial(learn, master="osqp"),
+    "frank-wolfe": by_frank_wolfe,
+    "qp": max_margin_qp,
+}
+
+
+@pytest.mark.parametrize(
+    "units", [(2.0**40, 1.0), (2.0**-40, 1.0), (1.0, 2.0**40), (1.0, 2.0**-40)]
+)
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_units_of_features_and_losses_do_not_matter(
+    learner: str, units: tuple[float, float]
+) -> None:
+    feature, loss = units
+    problem = grid_problem(4, 6, 3, seed=4, weighted=True)
+    found = LEARNERS[learner](problem)
+    other = LEARNERS[learner](in_other_units(problem, feature, loss))
+    worth = loss / feature
+    assert (other.status, other.iterations) == (found.status, found.iterations)
+    np.testing.assert_allclose(other.weights / worth, found.weights, rtol=0, atol=1e-6)
+    assert other.objective / worth**2 == pytest.approx(found.objective, rel=1e-6)
+    assert other.lower_bound / worth**2 == pytest.approx(found.lower_bound, rel=1e-6)
 
 
 def test_the_same_call_gives_the_same_bits() -> None:
