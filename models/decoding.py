@@ -2,8 +2,8 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
+
+if TYPE_CHECKING:
+    from pgm_places.solvers.pairwise import PairwiseModel
 
 __all__ = ["DECODERS", "FOREST_DECODERS", "Decoder", "decode", "require_decoder"]
 
@@ -24,8 +27,11 @@ Decoder = Literal[
 FOREST_DECODERS: tuple[Decoder, ...] = ("exact",)
 """Decoders of graphs without cycles only."""
 
-CLOSED_GAP = 1e-9
-"""A gap below this share of the score is closed: that much is rounding in sums over a map."""
+ROUNDING = 1e-12
+"""A gap below this share of the score and of the problem's size is rounding: it is closed."""
+
+CERTIFY_TOLERANCE = 1e-9
+"""A certificate ends when its gap is this share of the problem's size, or its bound at rest."""
 
 CERTIFY_ITERATIONS = 100
 """Passes of TRW-S for a certificate; on maps the bound has all but come to rest by then."""
@@ -64,18 +70,21 @@ def decode(
     Returns
     -------
     Labeling
-        ``EXACT`` where the labelling is proved best: by the method, or because its gap is below
-        1e-9 of its score. ``CONVERGED`` at a local optimum or fixed point, ``RELAXED`` where a
-        fractional solution was rounded, ``STOPPED`` at the limit. Beliefs come from
-        ``sum-product``, ``mean-field`` and ``exact``. ``info`` holds ``decoder``, ``iterations``,
-        ``seconds`` and ``history``, the method's figure per iteration.
+        ``EXACT`` where the labelling is proved best: by the method, or because nothing but rounding
+        (1e-12 of the score and of the problem's size) is left of its gap. ``CONVERGED`` at a local
+        optimum or fixed point, ``RELAXED`` where a fractional solution was rounded, ``STOPPED`` at
+        the limit. Where the method ends at a forbidden labelling (-inf), ``REPAIRED`` is one that
+        is allowed, found by a search from there, and ``INFEASIBLE`` says that the search gave up.
+        Beliefs come from ``sum-product``, ``mean-field`` and ``exact``. ``info`` holds
+        ``decoder``, ``iterations``, ``seconds`` and ``history``, the method's figure per iteration.
 
     Raises
     ------
     ConfigError
         No such method; the message offers the nearest name.
     InputError
-        The method cannot take these potentials or this graph, or they do not fit each other.
+        The method cannot take these potentials or this graph, or they do not fit each other; or
+        it is proved that they forbid every labelling.
 
     Examples
     --------
@@ -98,6 +107,9 @@ def decode(
     limit = {} if max_iterations is None else {"limit": max_iterations}
     answer = DECODERS[method](_Problem(graph, potentials, record, **limit))
     total = score(graph, potentials, answer.labels)
+    if total == -np.inf:
+        answer = _repaired(graph, potentials, answer)
+        total = score(graph, potentials, answer.labels)
     info: dict[str, Any] = {"decoder": method, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
     info.update(answer.info)
@@ -108,7 +120,7 @@ def decode(
         bound = max(bound, total)
     return Labeling(
         labels=answer.labels,
-        status=_final_status(answer.status, total, bound),
+        status=_final_status(graph, potentials, answer.status, total, bound),
         beliefs=answer.beliefs,
         score=total,
         bound=bound,
@@ -167,7 +179,8 @@ def _lp(problem: _Problem) -> _Answer:
     from pgm_places.solvers.marginal_lp import solve_marginal_lp
 
     found = solve_marginal_lp(*problem.arrays)
-    status = Status.EXACT if found.integral else Status.RELAXED
+    # an integral solution is the best only as far as the solver is exact: its bound proves it
+    status = Status.CONVERGED if found.integral else Status.RELAXED
     info = {"integral": found.integral, "node_marginals": found.node_marginals}
     return _Answer(found.labels, status, found.bound, info=info)
 
@@ -241,6 +254,23 @@ def _converged(converged: bool) -> Status:
     return Status.CONVERGED if converged else Status.STOPPED
 
 
+def _model(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
+    from pgm_places.solvers.pairwise import pairwise_model
+
+    arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
+    return pairwise_model(*arrays)
+
+
+def _repaired(graph: LabelGraph, potentials: Potentials, answer: _Answer) -> _Answer:
+    """The answer with labels that break no rule, where the search finds such."""
+    from pgm_places.solvers.feasibility import allowed_labels
+
+    labels = allowed_labels(_model(graph, potentials), answer.labels)
+    if labels is None:
+        return replace(answer, status=Status.INFEASIBLE)
+    return replace(answer, labels=labels, status=Status.REPAIRED)
+
+
 def _certificate(
     graph: LabelGraph, potentials: Potentials, labels: NDArray[np.int64]
 ) -> tuple[float, dict[str, Any]]:
@@ -250,7 +280,9 @@ def _certificate(
     started = time.perf_counter()
     arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
     start = None if score(graph, potentials, labels) == -np.inf else labels
-    found = trws(*arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CLOSED_GAP)
+    found = trws(
+        *arrays, initial=start, max_iterations=CERTIFY_ITERATIONS, tolerance=CERTIFY_TOLERANCE
+    )
     return found.bound, {
         "best_score": found.score,
         "iterations": found.n_iterations,
@@ -258,7 +290,13 @@ def _certificate(
     }
 
 
-def _final_status(status: Status, total: float, bound: float | None) -> Status:
-    if bound is not None and bound - total <= CLOSED_GAP * max(1.0, abs(total)):
-        return Status.EXACT
-    return status
+def _final_status(
+    graph: LabelGraph, potentials: Potentials, status: Status, total: float, bound: float | None
+) -> Status:
+    """EXACT where nothing but rounding lies between score and bound, else the method's word."""
+    if bound is None or total == -np.inf or status is Status.EXACT:
+        return status
+    gap = bound - total
+    if gap > 0 and gap > ROUNDING * (abs(total) + _model(graph, potentials).size):
+        return status
+    return Status.EXACT

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.solvers._local_kernels import modes_pass
-from pgm_places.solvers.pairwise import checked_labels, pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, checked_labels, pairwise_model, total_score
 
-__all__ = ["LocalSearch", "iterated_conditional_modes"]
+__all__ = ["LocalSearch", "improved_modes", "iterated_conditional_modes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +88,7 @@ def iterated_conditional_modes(
         raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
     model = pairwise_model(unary, edges, agreement, pairwise)
     labels = checked_labels(model, initial)
-    history: list[int] = []
-    while len(history) < max_iterations:
-        history.append(int(modes_pass(model.terms, model.around.arcs, labels)))
-        if on_iteration is not None:
-            on_iteration(len(history), float(history[-1]))
-        if history[-1] == 0:
-            break
+    history = improved_modes(model, labels, max_iterations, on_iteration)
     return LocalSearch(
         labels=frozen(labels.astype(np.int64)),
         score=total_score(model, labels),
@@ -102,3 +96,20 @@ def iterated_conditional_modes(
         converged=history[-1] == 0,
         history=frozen(np.array(history, np.int64)),
     )
+
+
+def improved_modes(
+    model: PairwiseModel,
+    labels: NDArray[np.int32],
+    max_iterations: int = 100,
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> list[int]:
+    """Improve ``labels`` (N,) in place, node by node; how many changed in each pass."""
+    history: list[int] = []
+    while len(history) < max_iterations:
+        history.append(int(modes_pass(model.terms, model.around.arcs, labels)))
+        if on_iteration is not None:
+            on_iteration(len(history), float(history[-1]))
+        if history[-1] == 0:
+            break
+    return history

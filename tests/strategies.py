@@ -67,3 +67,12 @@ def models(
         return Model(unary, edges, pairwise=-weight * distance)
     shape = (labels, labels) if kind == "shared table" else (n_edges, labels, labels)
     return Model(unary, edges, pairwise=draw(arrays(np.float64, shape, elements=values)))
+
+
+@st.composite
+def ruled_models(draw: st.DrawFn, *, forest: bool = False, max_nodes: int = 6) -> Model:
+    """A model whose tables forbid pairs of labels, possibly every labelling."""
+    model = draw(models(("shared table", "tables"), forest=forest, exact=True, max_nodes=max_nodes))
+    assert model.pairwise is not None
+    barred = draw(arrays(np.bool_, model.pairwise.shape))
+    return Model(model.unary, model.edges, pairwise=np.where(barred, -np.inf, model.pairwise))

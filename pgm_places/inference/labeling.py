@@ -16,16 +16,22 @@ __all__ = ["Labeling", "Status"]
 
 
 class Status(StrEnum):
-    """How an inference ended."""
+    """What is known of a labelling; each word says no more than is true."""
 
     EXACT = "exact"
-    """The labelling is proved best for its potentials."""
+    """Proved best for its potentials, up to rounding: no labelling scores more."""
     CONVERGED = "converged"
-    """The method reached its fixed point or local optimum."""
+    """The method reached its own end, a fixed point or a local optimum; it may not be the best."""
     STOPPED = "stopped"
-    """A limit on iterations or time was reached first."""
+    """A limit on iterations or time came first."""
     RELAXED = "relaxed"
-    """A relaxation's solution was fractional and has been rounded."""
+    """A relaxation was solved; its solution was fractional and has been rounded."""
+    REPAIRED = "repaired"
+    """The method ended at a labelling that breaks a rule (-inf); this one, found by a search from
+    there, breaks none, and no change of a single node improves it."""
+    INFEASIBLE = "infeasible"
+    """The labelling breaks a rule (its score is -inf), and the search found none that does not,
+    though there may be one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoding import DECODERS, decode
+from pgm_places.solvers.feasibility import allowed_labels
 from tests.reference.energy import Model, best_score
-from tests.strategies import Kind, models
+from tests.strategies import Kind, models, ruled_models
 
 ALL = list(DECODERS)
 ANY: tuple[Kind, ...] = ("associative", "agreement", "shared table", "tables", "metric")
@@ -201,6 +202,115 @@ def test_a_worked_triangle() -> None:
     assert max(scores.values()) == 5.0
     for method in ("graph-cut", "lp", "trw-s"):
         assert decode(graph, potentials, method).labels.tolist() == [0, 0, 0]
+
+
+FORBIDDING = [name for name in ALL if name not in ("graph-cut", "exact")]
+"""Decoders that take -inf in tables on graphs with cycles."""
+
+
+@pytest.mark.parametrize("method", FORBIDDING)
+@settings(max_examples=60)
+@given(model=ruled_models(), certify=st.booleans())
+def test_no_forbidden_labelling_is_given_where_another_exists(
+    method: str, model: Model, certify: bool
+) -> None:
+    graph = LabelGraph.from_edges(len(model.unary), model.edges)
+    potentials = Potentials(model.unary, pairwise=model.pairwise)
+    best = best_score(model)
+    if best == -np.inf:
+        with pytest.raises(InputError, match="forbid"):
+            decode(graph, potentials, method, certify=certify)
+        return
+    found = decode(graph, potentials, method, certify=certify)
+    assert found.score is not None
+    assert found.score > -np.inf
+    assert found.status is not Status.INFEASIBLE
+    if found.status is Status.EXACT:
+        assert found.score == pytest.approx(best, rel=0, abs=1e-9)
+    if found.bound is not None:
+        assert found.bound >= best - 1e-9
+
+
+def test_a_search_that_gives_up_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    unlike = np.where(np.eye(3, dtype=np.bool_), -np.inf, 0.0)
+    graph = LabelGraph.from_edges(5, [(i, j) for i in range(4) for j in range(i + 1, 4)])
+
+    def give_up(*arguments: object) -> None:
+        return allowed_labels(*arguments, max_failures=0)  # type: ignore[arg-type, return-value]
+
+    monkeypatch.setattr("pgm_places.solvers.feasibility.allowed_labels", give_up)
+    found = decode(graph, Potentials(np.zeros((5, 3)), pairwise=unlike), "icm")
+    assert (found.status, found.score) == (Status.INFEASIBLE, -np.inf)
+
+
+def random_grid(scale: float) -> tuple[LabelGraph, dict[str, Potentials]]:
+    """Potentials of every kind on a grid with frustrated cycles, times ``scale``."""
+    rng = np.random.default_rng(3)
+    graph = LabelGraph.from_lattice((7, 7))
+    unary = scale * rng.normal(size=(49, 3))
+    tables = scale * rng.normal(size=(graph.n_edges, 3, 3))
+    reward = scale * rng.random((graph.n_edges, 3))
+    return graph, {
+        "tables": Potentials(unary, pairwise=tables),
+        "agreement": Potentials(unary, agreement=reward),
+    }
+
+
+SCALES = [2.0**-40, 2.0**40]
+"""About 1e-12 and 1e12; powers of two, so that not even rounding differs."""
+
+
+BEST_LABELS = ["lp", "trw-s", "icm", "max-product"]
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(
+    ("method", "kind"),
+    [("graph-cut", "agreement"), *product(BEST_LABELS, ("tables", "agreement"))],
+)
+def test_the_scale_of_the_potentials_does_not_matter(method: str, kind: str, scale: float) -> None:
+    graph, plain = random_grid(1.0)
+    _, scaled = random_grid(scale)
+    found = decode(graph, plain[kind], method, certify=True)
+    other = decode(graph, scaled[kind], method, certify=True)
+    np.testing.assert_array_equal(other.labels, found.labels)
+    assert other.status is found.status
+    assert None not in (found.score, found.bound, other.score, other.bound)
+    assert other.score / scale == found.score  # type: ignore[operator]
+    assert other.bound / scale == pytest.approx(found.bound, rel=1e-9)  # type: ignore[operator]
+    assert other.info["iterations"] == found.info["iterations"]
+
+
+@pytest.mark.parametrize("method", ["sum-product", "mean-field"])
+def test_beliefs_at_tiny_scales_tend_to_a_limit(method: str) -> None:
+    """``exp(score)`` depends on the scale, but no tolerance cuts what is left of it."""
+    graph, small = random_grid(2.0**-25)
+    _, smaller = random_grid(2.0**-35)
+    first = decode(graph, small["tables"], method)
+    second = decode(graph, smaller["tables"], method)
+    assert (first.status, second.status) == (Status.CONVERGED, Status.CONVERGED)
+    assert first.beliefs is not None
+    assert second.beliefs is not None
+    np.testing.assert_allclose(
+        (second.beliefs - 1 / 3) * 2.0**35, (first.beliefs - 1 / 3) * 2.0**25, rtol=0, atol=1e-3
+    )
+
+
+SQUARE = [(0, 1), (1, 2), (2, 3), (0, 3), (0, 2)]
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("method", ALL)
+def test_no_scale_makes_a_labelling_exact_that_is_not(method: str, scale: float) -> None:
+    graph = LabelGraph.from_edges(4, [(0, 1), (1, 2), (2, 3)] if method == "exact" else SQUARE)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        unary, reward = rng.normal(size=(4, 3)), rng.random((graph.n_edges, 3))
+        potentials = Potentials(scale * unary, agreement=scale * reward)
+        found = decode(graph, potentials, method, certify=True)
+        best = best_score(Model(scale * unary, graph.edges.astype(np.int64), scale * reward))
+        if found.status is Status.EXACT:
+            assert found.score == pytest.approx(best, rel=1e-9)
 
 
 def test_unknown_decoders_are_refused_with_the_nearest() -> None:

@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -195,7 +195,7 @@ def by_frank_wolfe(problem: MaxMarginProblem) -> MaxMarginSolution:
     return frank_wolfe([problem], [graph_cut_oracle(problem.n_nodes, problem.edges)])
 
 
-LEARNERS = {
+LEARNERS: dict[str, Callable[[MaxMarginProblem], MaxMarginSolution]] = {
     "active-set": partial(learn, master="active-set"),
     "osqp": partial(learn, master="osqp"),
     "frank-wolfe": by_frank_wolfe,
