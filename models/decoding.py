@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.raster_edges import RasterEdges
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 
 if TYPE_CHECKING:
+    from pgm_places.solvers.grid_mean_field import GridMeanField
+    from pgm_places.solvers.mean_field import MeanField
     from pgm_places.solvers.pairwise import PairwiseModel
 
 __all__ = ["DECODERS", "FOREST_DECODERS", "Decoder", "decode", "require_decoder"]
@@ -162,7 +165,7 @@ class _Answer:
     labels: NDArray[np.int64]
     status: Status
     bound: float | None = None
-    beliefs: NDArray[np.float64] | None = None
+    beliefs: NDArray[np.floating[Any]] | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -203,8 +206,27 @@ def _icm(problem: _Problem) -> _Answer:
 def _mean_field(problem: _Problem) -> _Answer:
     from pgm_places.solvers.mean_field import mean_field
 
-    found = mean_field(*problem.arrays, **problem.limited())
+    found: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
+    if found is None:
+        found = mean_field(*problem.arrays, **problem.limited())
     return _Answer(found.labels, _converged(found.converged), beliefs=found.beliefs)
+
+
+def _mean_field_on_raster(problem: _Problem) -> "GridMeanField | None":
+    """Mean field without a list of the edges, where one table holds for all edges of a raster."""
+    links, known = problem.graph.links, problem.potentials
+    one_table = known.agreement is None and (known.pairwise is None or known.pairwise.ndim == 2)
+    if not (isinstance(links, RasterEdges) and one_table):
+        return None
+    from pgm_places.solvers.grid_mean_field import grid_mean_field
+
+    return grid_mean_field(
+        known.unary,
+        links.layout.cells_rc,
+        known.pairwise,
+        connectivity=links.connectivity,
+        **problem.limited(),
+    )
 
 
 def _propagation(problem: _Problem, kind: Literal["sum-product", "max-product"]) -> _Answer:

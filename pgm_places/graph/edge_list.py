@@ -45,6 +45,11 @@ class EdgeList:
         """E, the number of edges."""
         return len(self.pairs)
 
+    def label_pairs(self, labels: NDArray[np.int64], n_labels: int) -> NDArray[np.int64]:
+        """(K, K) how many edges have label ``a`` at their first node and ``b`` at their second."""
+        key = labels[self.pairs[:, 0]] * n_labels + labels[self.pairs[:, 1]]
+        return np.bincount(key, minlength=n_labels**2).reshape(n_labels, n_labels)
+
     def among(self, keep: NDArray[np.bool_]) -> "EdgeList":
         """The edges whose two nodes are both in the mask (N,), with its nodes renumbered."""
         number = np.cumsum(keep, dtype=np.int32) - 1

@@ -6,12 +6,14 @@ itself, as relaxation does, never need the list.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.layout import GridLayout
 
@@ -71,6 +73,22 @@ class RasterEdges:
         sides, corners = self.layout.n_pairs
         return sides + corners if self.connectivity == 8 else sides
 
+    def label_pairs(self, labels: NDArray[np.int64], n_labels: int) -> NDArray[np.int64]:
+        """(K, K) how many edges have label ``a`` at their first node and ``b`` at their second.
+
+        They are counted on the raster, band by band, without listing the edges.
+        """
+        number = np.int16 if n_labels <= np.iinfo(np.int16).max else np.int32
+        raster = self.layout.to_raster(labels.astype(number), fill=-1)
+        counts = np.zeros(n_labels**2, np.int64)
+        for rows in bands_of_rows(self.layout.shape):
+            for down, right, _ in _STEPS[self.connectivity]:
+                here, there = _shifted(raster, rows, down, right)
+                both = (here >= 0) & (there >= 0)
+                key = here[both].astype(np.int64) * n_labels + there[both]
+                counts += np.bincount(key, minlength=n_labels**2)
+        return counts.reshape(n_labels, n_labels)
+
     def among(self, keep: NDArray[np.bool_]) -> "RasterEdges":
         """The edges between the cells of the mask (N,), renumbered in order."""
         return RasterEdges(self.layout.part(keep), self.connectivity)
@@ -88,3 +106,13 @@ class RasterEdges:
         present = heads >= 0
         pairs = np.stack([tails[present], heads[present]], axis=1)
         return sealed(pairs), sealed(kinds[present])
+
+
+def _shifted(
+    raster: NDArray[Any], rows: slice, down: int, right: int
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The cells of a band of rows, and their neighbours a step away, where both exist."""
+    last = min(rows.stop, len(raster) - down)
+    left, width = max(0, -right), raster.shape[1] - abs(right)
+    here = raster[rows.start : last, left : left + width]
+    return here, raster[rows.start + down : last + down, left + right : left + right + width]

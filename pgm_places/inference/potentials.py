@@ -119,13 +119,15 @@ def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float
     chosen = integer_array("labels", labels, (graph.n_nodes,), low=0, high=potentials.n_labels)
     total = float(_picked(potentials.unary, chosen).sum())
     if potentials.agreement is None and potentials.pairwise is None:
-        return total  # without asking for the edges, which a grid lists only on demand
+        return total
+    if potentials.pairwise is not None and potentials.pairwise.ndim == 2:
+        # Pairs are counted without asking for the edges, which a grid lists only on demand.
+        pairs = graph.links.label_pairs(chosen, potentials.n_labels)
+        return total + float((potentials.pairwise[pairs > 0] * pairs[pairs > 0]).sum())
     first, second = chosen[graph.edges[:, 0]], chosen[graph.edges[:, 1]]
     if potentials.agreement is not None:
         same = np.flatnonzero(first == second)
         total += float(potentials.agreement[same, first[same]].sum())
-    elif potentials.pairwise is not None and potentials.pairwise.ndim == 2:
-        total += float(potentials.pairwise[first, second].sum())
     elif potentials.pairwise is not None:
         total += float(potentials.pairwise[np.arange(graph.n_edges), first, second].sum())
     return total
