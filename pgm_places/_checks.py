@@ -1,11 +1,12 @@
 """Checks of arrays that come from outside, each returning the checked array or one clear error."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError, LabelError, nearest_name
+from pgm_places.errors import InputError, LabelError, is_printable, nearest_name, shown
 
 __all__ = [
     "ROWS_AT_ONCE",
@@ -14,9 +15,12 @@ __all__ = [
     "integer_array",
     "label_raster",
     "nearest_name",
+    "plain_names",
     "sealed",
 ]
 
+LONGEST_NAME = 200
+"""Characters of a name."""
 ROWS_AT_ONCE = 262_144
 """Rows of huge arrays that are looked at together, so that temporary arrays stay small."""
 
@@ -120,6 +124,30 @@ def integer_array(
             f"got {array[where]} at index {where}"
         )
     return array.astype(np.int64, copy=False)
+
+
+def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> tuple[str, ...]:
+    """Names of labels, places or columns that can be written to every file and terminal.
+
+    Raises
+    ------
+    error
+        They are not distinct texts of 1 to 200 characters without control characters.
+    """
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise error(f"{what} must be a list of names, got {shown(names)}")
+    seen: dict[str, None] = {}
+    for name in names:
+        if not isinstance(name, str) or not 1 <= len(name) <= LONGEST_NAME:
+            raise error(
+                f"{what} must be texts of 1 to {LONGEST_NAME} characters, got {shown(name)}"
+            )
+        if not is_printable(name):
+            raise error(f"{what} must not hold control characters, got {shown(name)}")
+        if name in seen:
+            raise error(f"{what} must differ, got {shown(name)} twice")
+        seen[name] = None
+    return tuple(seen)
 
 
 def label_raster(

@@ -5,10 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
+from pgm_places.cli.terminal import say
 from pgm_places.cli.warm_up import WarmUp
 
 if TYPE_CHECKING:
@@ -54,9 +53,9 @@ def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: b
         comparison = compare(experiment)
         with experiment.progress.stage("report"):
             written = write_comparison(comparison, out)
-    typer.echo(comparison_table(comparison))
+    say(comparison_table(comparison))
     for path in written:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> None:
@@ -67,7 +66,7 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
     check_writable_folder(out)
     config_path = write_demo(out, seed=seed)
     run_compare(config_path, out, n_threads=n_threads, quiet=quiet)
-    typer.echo(
+    say(
         "\nNext:\n"
         f"  open {out / 'report.html'} in a browser\n"
         f"  pgm-places train {config_path} --out model\n"
@@ -95,7 +94,7 @@ def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: boo
     }
     save(labeler, out, record=record)
     methods = ", ".join(labeler.methods_)
-    typer.echo(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
+    say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
 
 
 def run_label(
@@ -132,7 +131,7 @@ def run_label(
         for message in loaded.warnings:
             progress.warn(message)
         check_writable_folder(out)
-        typer.echo(shares_line(loaded.fractions))
+        say(shares_line(loaded.fractions))
         _label(labeler, rules, loaded, method, out, n_threads, progress)
 
 
@@ -155,7 +154,7 @@ def _label(
         progress.warn(message)
     with progress.stage("writing files"):
         written = write_labels(result, loaded, out)
-    typer.echo(result.summary())
+    say(result.summary())
     title = f"{loaded.yaml_path.stem}: {result.method}"
     options = {"labels": result.labels, "label_names": result.label_names}
     options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
@@ -165,4 +164,4 @@ def _label(
         _, paths = write_places(out, title, rules, grid=loaded.grid, **options)
     written += paths
     for path in written:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")

@@ -5,10 +5,9 @@ import importlib.util
 import platform
 from pathlib import Path
 
-import typer
-
 from pgm_places._version import __version__
 from pgm_places.cli.tables import text_table
+from pgm_places.cli.terminal import say
 from pgm_places.features.own import FEATURES
 from pgm_places.inference.backends import backend_names
 
@@ -39,9 +38,9 @@ def run_doctor(map_yaml: Path | None) -> None:
     rows += [["python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"]]
     rows += [[name, _version(name)] for name in REQUIRED]
     rows += [[f"{name} (optional)", _version(name)] for name in OPTIONAL]
-    typer.echo(text_table(rows))
-    typer.echo(f"\nmethods: {', '.join(backend_names())}")
-    typer.echo(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
+    say(text_table(rows))
+    say(f"\nmethods: {', '.join(backend_names())}")
+    say(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
     _kernels()
     if map_yaml is not None:
         _map(map_yaml)
@@ -60,8 +59,8 @@ def _kernels() -> None:
 
     folder = cache_folder()
     where = folder if folder is not None else "nowhere (recompiled in every process)"
-    typer.echo(f"compiled kernels are cached in: {where}")
-    typer.echo(f"threads: {resolve_threads()}")
+    say(f"compiled kernels are cached in: {where}")
+    say(f"threads: {resolve_threads()}")
 
 
 def _map(map_yaml: Path) -> None:
@@ -72,11 +71,11 @@ def _map(map_yaml: Path) -> None:
     grid = loaded.grid
     height, width = grid.shape
     size = f"{width * grid.resolution_m:.1f} m x {height * grid.resolution_m:.1f} m"
-    typer.echo(f"\n{map_yaml}: image {loaded.image_path}")
-    typer.echo(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
-    typer.echo(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
-    typer.echo(shares_line(loaded.fractions))
+    say(f"\n{map_yaml}: image {loaded.image_path}")
+    say(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
+    say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
+    say(shares_line(loaded.fractions))
     for message in loaded.warnings:
-        typer.echo(f"warning: {message}")
+        say(f"warning: {message}")
     if not loaded.warnings:
-        typer.echo("no problems found")
+        say("no problems found")

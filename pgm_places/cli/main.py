@@ -1,20 +1,18 @@
-"""The ``pgm-places`` command: parses arguments, shows progress, turns errors into one line."""
+"""The ``pgm-places`` command: the arguments of each of its commands."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from pgm_places._version import __version__
+from pgm_places.cli.entry import main
 from pgm_places.cli.flags import option_flags
+from pgm_places.cli.terminal import say
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["app", "main"]
-
-EXIT_BAD_INPUT = 2
-EXIT_INTERRUPTED = 130
 
 app = typer.Typer(
     name="pgm-places",
@@ -46,7 +44,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Hide progress.")]
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"pgm-places {__version__}")
+        say(f"pgm-places {__version__}")
         raise typer.Exit
 
 
@@ -419,26 +417,6 @@ def doctor(
     from pgm_places.cli.doctor import run_doctor
 
     run_doctor(map_yaml)
-
-
-def main() -> None:
-    """Run the command line; bad input is one line on standard error and exit code 2."""
-    from pgm_places.errors import PgmPlacesError
-
-    try:
-        app()
-    except PgmPlacesError as error:
-        print(f"pgm-places: {error}", file=sys.stderr)  # noqa: T201  the command line speaks
-        sys.exit(EXIT_BAD_INPUT)
-    except KeyboardInterrupt:
-        print("pgm-places: interrupted; no file is left half-written", file=sys.stderr)  # noqa: T201
-        sys.exit(EXIT_INTERRUPTED)
-    except MemoryError:
-        print(  # noqa: T201
-            "pgm-places: out of memory; use a coarser resolution_m or a smaller window",
-            file=sys.stderr,
-        )
-        sys.exit(1)
 
 
 if __name__ == "__main__":

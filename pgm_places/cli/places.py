@@ -1,6 +1,7 @@
 """Commands about places: topology, export and where."""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ import typer
 
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
 from pgm_places.options import from_mapping
 from pgm_places.topology.rules import TopologyOptions
@@ -51,7 +53,7 @@ def write_places(
         **inputs,
     )
     written = write_topology(out, inputs["grid"], found, title=title)
-    typer.echo(topology_summary(found))
+    say(topology_summary(found))
     return found, written
 
 
@@ -86,16 +88,17 @@ def run_topology(
         )
     if propose_splits_m:
         for line in _proposals(topology, propose_splits_m):
-            typer.echo(line)
+            say(line)
     for path in written:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
     """A line per possible split."""
     from pgm_places.topology.proposals import propose_splits
 
-    found = propose_splits(topology, narrower_than_m)
+    with named_as_flags({"split_rooms_m": "--propose-splits"}):
+        found = propose_splits(topology, narrower_than_m)
     lines = [
         f"possible split: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²) "
         f"at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
@@ -111,7 +114,7 @@ def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -
 
     topology = load_topology(folder)
     for path in export(topology, to, out or folder, values=_values(values) or None):
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def _values(texts: Sequence[str]) -> dict[str, int]:
@@ -129,14 +132,14 @@ def run_where(folder: Path, x_m: float, y_m: float) -> None:
     """``pgm-places where``."""
     from pgm_places.io.places.topology_files import load_topology
 
+    if not (isfinite(x_m) and isfinite(y_m)):
+        raise InputError(f"X and Y must be finite metres, got {x_m:g} and {y_m:g}")
     topology = load_topology(folder)
     region = topology.region_at(x_m, y_m)
     if region is None:
-        typer.echo("no place at this position")
+        say("no place at this position")
         raise typer.Exit(1)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
     confidence = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
-    typer.echo(
-        f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{confidence})"
-    )
-    typer.echo(f"next to: {near}")
+    say(f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{confidence})")
+    say(f"next to: {near}")

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from pgm_places.cli.terminal import complain, warn
+from pgm_places.errors import printable
 from pgm_places.progress import Silent, Stage
 
 if TYPE_CHECKING:  # rich takes a while to import, and logs do without it
@@ -21,16 +23,12 @@ def make_progress(*, quiet: bool) -> "BarProgress | LineProgress | QuietProgress
     return BarProgress() if sys.stderr.isatty() else LineProgress()
 
 
-def _warn(message: str) -> None:
-    print(f"warning: {message}", file=sys.stderr)  # noqa: T201  the command line speaks
-
-
 class QuietProgress(Silent):
     """Warnings only."""
 
     def warn(self, message: str) -> None:
         """Print the warning."""
-        _warn(message)
+        warn(message)
 
 
 class LineProgress:
@@ -42,11 +40,11 @@ class LineProgress:
         start = time.perf_counter()
         yield Silent()
         seconds = time.perf_counter() - start
-        print(f"{name}: {seconds:.1f} s", file=sys.stderr)  # noqa: T201
+        complain(f"{name}: {seconds:.1f} s")
 
     def warn(self, message: str) -> None:
         """Print the warning."""
-        _warn(message)
+        warn(message)
 
 
 class _Bar:
@@ -84,4 +82,5 @@ class BarProgress:
 
     def warn(self, message: str) -> None:
         """Print the warning above the bars."""
-        self._console.print(f"warning: {message}", style="yellow", markup=False, highlight=False)
+        text = printable(f"warning: {message}")
+        self._console.print(text, style="yellow", markup=False, highlight=False)

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-import typer
-
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
+from pgm_places.cli.terminal import say
 from pgm_places.cli.warm_up import WarmUp
 
 __all__ = ["run_reproduce"]
@@ -30,8 +29,8 @@ def run_reproduce(
         for section in reproduce(ids, out, again=again, progress=progress, n_threads=n_threads):
             found.append(section)
             if not quiet:
-                typer.echo(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
+                say(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
     table = overview_table(found)
-    typer.echo(f"\n{text_table([table.heading, *table.rows])}\n({table.caption})")
+    say(f"\n{text_table([table.heading, *table.rows])}\n({table.caption})")
     for name in ("reproduce.md", "reproduce.html"):
-        typer.echo(f"wrote {out / name}")
+        say(f"wrote {out / name}")

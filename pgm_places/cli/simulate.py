@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import typer
 
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ def run_simulate(
             written.append(write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven))
         picture = _picture(place, names, driven)
         written.append(write_bytes(out.with_name(f"{_stem(out)}.png"), picture))
-    typer.echo(_summary(driven))
+    say(_summary(driven))
     for path in written:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def _users_map(

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say
 
 if TYPE_CHECKING:
     from pgm_places.datasets.map_simulation import MapSimulation
@@ -50,4 +49,4 @@ def run_simulate_map(
                 save_labels(out / f"{stem}_labels.png", made.labels, names)[0],
             ]
             for path in written:
-                typer.echo(f"wrote {path}")
+                say(f"wrote {path}")

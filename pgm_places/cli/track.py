@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-import typer
-
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
+from pgm_places.cli.terminal import complain, say
 from pgm_places.errors import ConfigError, LogError
 
 if TYPE_CHECKING:
@@ -79,11 +78,11 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
             "this model and were skipped"
         )
     track = Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
-    typer.echo(_summary(track))
+    say(_summary(track))
     with progress.stage("writing files"):
         written = _write(track, grid, out)
     for path in written:
-        typer.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
@@ -105,12 +104,12 @@ def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: boo
             _follow(stream, poll_s, labeler, grid, counts, options, scans, beliefs)
         except KeyboardInterrupt:
             if not quiet:
-                typer.echo(f"stopped after {len(beliefs)} scans", err=True)
+                complain(f"stopped after {len(beliefs)} scans")
     if not beliefs:
         progress.warn(f"{log}: no scans received")
     elif out is not None:
         for path in _write(_followed(log, labeler, scans[: len(beliefs)], beliefs), grid, out):
-            typer.echo(f"wrote {path}")
+            say(f"wrote {path}")
 
 
 def _follow(
@@ -139,8 +138,7 @@ def _follow(
         beliefs.append(belief)
         best = int(belief.argmax())
         x, y = scan.pose[:2]
-        typer.echo(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {names[best]} {belief[best]:.3f}")
-        sys.stdout.flush()  # whoever reads the pipe wants each line now
+        say(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {names[best]} {belief[best]:.3f}")
 
 
 @dataclass(frozen=True)
@@ -194,19 +192,20 @@ def _counts(
 
 @contextmanager
 def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
-    """The bytes of a growing file, or of standard input, and how to wait for more."""
+    """The bytes of a growing file, or of a pipe, and how to wait for more."""
+    from pgm_places.io.input_file import file_kind, open_input
+    from pgm_places.io.logs.bag_access import is_bag
+
     if str(log) == "-":
         yield sys.stdin.buffer, None
         return
-    if log.suffix.lower() == ".gz":
+    kind = log.suffix.lower()
+    if kind == ".gz":
         raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
-    try:
-        stream = log.open("rb")
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise LogError(f"cannot read the log {log}: {reason}; check the path") from None
-    with stream:
-        yield stream, 0.2
+    if kind == ".csv" or is_bag(log):
+        raise LogError(f"{log} is no CARMEN log, which --follow needs; track it without --follow")
+    with open_input(log, LogError, "a CARMEN log", pipes=True) as stream:
+        yield stream, 0.2 if file_kind(log) == "file" else None
 
 
 def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":

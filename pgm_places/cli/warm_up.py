@@ -9,6 +9,8 @@ import os
 import platform
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -17,7 +19,10 @@ from typing import IO, TYPE_CHECKING, Self
 if TYPE_CHECKING:
     from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["STAGES", "WarmUp", "main"]
+__all__ = ["COMMAND", "STAGES", "WarmUp", "main"]
+
+COMMAND = (sys.executable, "-P", "-m", "pgm_places.cli.warm_up")
+"""Without -P, Python would look for every library in the current folder first."""
 
 
 class WarmUp:
@@ -74,7 +79,7 @@ class WarmUp:
 
 def _started() -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "pgm_places.cli.warm_up"],
+        COMMAND,
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -95,6 +100,18 @@ def main(stages: Iterable[str]) -> None:
         mark = _mark(name)
         if mark is not None:
             mark.touch()
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is gone, however that ended."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(0)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _only_one(n_threads: int | None) -> bool:
@@ -276,4 +293,5 @@ STAGES: dict[str, Callable[[], None]] = {
 
 
 if __name__ == "__main__":
+    _end_with_parent()
     main(sys.stdin)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le, MinLen
 
-from pgm_places._checks import nearest_name
+from pgm_places._checks import nearest_name, plain_names
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.features.own import FEATURES, as_features
@@ -46,8 +46,7 @@ class LabelsConfig:
 
     def __post_init__(self) -> None:
         check_options(self)
-        if len(set(self.names)) != len(self.names):
-            raise ConfigError(f"names must differ, got {list(self.names)}")
+        plain_names("names", self.names, ConfigError)
 
 
 @dataclass(frozen=True)

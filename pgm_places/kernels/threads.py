@@ -15,6 +15,10 @@ from pgm_places.errors import InputError
 __all__ = ["resolve_threads", "run_tasks"]
 
 
+_MOST = 1024
+"""More is a slip: the system would refuse them, after some of the work is done."""
+
+
 def resolve_threads(n_threads: int | None = None) -> int:
     """How many threads to use: the argument, else ``PGM_PLACES_NUM_THREADS``, else the cores."""
     if n_threads is None:
@@ -30,8 +34,8 @@ def resolve_threads(n_threads: int | None = None) -> int:
             n_threads = len(os.sched_getaffinity(0))
         else:
             n_threads = os.cpu_count() or 1
-    if n_threads < 1:
-        raise InputError(f"the number of threads must be at least 1, got {n_threads}")
+    if not 1 <= n_threads <= _MOST:
+        raise InputError(f"the number of threads must be from 1 to {_MOST}, got {n_threads}")
     return n_threads
 
 

@@ -10,11 +10,29 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import MapError
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "OccupancyGrid"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "OccupancyGrid", "check_resolution"]
 
+_RESOLUTIONS_M = (1e-6, 1e3)
+_FARTHEST = 1e9
 FREE = 0
 OCCUPIED = 100
 UNKNOWN = -1
+
+
+def check_resolution(resolution_m: float) -> None:
+    """Refuse sides of cells that are no metres of a robot's map.
+
+    Raises
+    ------
+    MapError
+        It is not a number of metres from a micrometre to a kilometre.
+    """
+    low, high = _RESOLUTIONS_M
+    if not low <= resolution_m <= high:
+        raise MapError(
+            f"resolution_m must be positive metres per cell, from {low:g} to {high:g}, got "
+            f"{resolution_m:g}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +76,13 @@ class OccupancyGrid:
                 f"cells must be {FREE} (free), {OCCUPIED} (occupied) or {UNKNOWN} (unknown), got "
                 f"{cells[row, column]} at row {row}, column {column}"
             )
-        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0):
-            raise MapError(
-                f"resolution_m must be positive metres per cell, got {self.resolution_m}"
-            )
+        check_resolution(self.resolution_m)
         pose = (*self.origin_xy_m, self.yaw_rad)
-        if len(pose) != 3 or not np.isfinite(pose).all():
-            raise MapError(f"origin_xy_m and yaw_rad must be three finite numbers, got {pose}")
+        if len(pose) != 3 or not (np.abs(pose) <= _FARTHEST).all():
+            raise MapError(
+                f"origin_xy_m and yaw_rad must be three finite numbers up to {_FARTHEST:g}, got "
+                f"{pose}"
+            )
         object.__setattr__(self, "cells", frozen(cells.astype(np.int8, copy=False)))
         object.__setattr__(self, "resolution_m", float(self.resolution_m))
         object.__setattr__(self, "origin_xy_m", (float(pose[0]), float(pose[1])))
@@ -107,7 +125,8 @@ class OccupancyGrid:
         """(N, 2) row and column of the cells that hold map-frame positions; may lie outside."""
         offset = np.asarray(positions_m, np.float64).reshape(-1, 2) - np.asarray(self.origin_xy_m)
         local = offset @ self._rotation / self.resolution_m
-        return np.floor(local[:, ::-1]).astype(np.int64)
+        farthest = 2.0**40  # cells, beyond every map
+        return np.floor(local[:, ::-1]).clip(-farthest, farthest).astype(np.int64)
 
     @property
     def _rotation(self) -> NDArray[np.float64]:

@@ -74,7 +74,7 @@ def trim_doorways(
     rules : CorrectionRules
     """
     doorway = _doorway(label_names, rules)
-    widest = rules.widest_doorway_m / resolution_m
+    widest = min(rules.widest_doorway_m / resolution_m, float(sum(labels.shape)))
     centres = 2 * np.sqrt(clearance) - 1 > widest
     wide = (labels == doorway) & (squared_clearance(centres) <= (widest / 2) ** 2)
     cells = np.argwhere(wide)
@@ -159,7 +159,8 @@ def _splits(
     piece = parting.pieces.piece
     inside = np.flatnonzero(piece >= 0)
     order = inside[np.argsort(-clearance.ravel()[inside], kind="stable")]
-    longest = rules.split_rooms_m / resolution_m
+    # No passage is wider than the map; beyond, the square would be more than an integer holds.
+    longest = min(rules.split_rooms_m / resolution_m, float(sum(labels.shape)))
     widest = int(((longest + 1) / 2) ** 2)
     saddles = np.empty(MOST_SADDLES, np.int64)
     parent = np.full(labels.size, -1, np.int32)

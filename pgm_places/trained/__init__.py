@@ -19,17 +19,20 @@ DEFAULT = NAMES[0]
 
 
 def model_folder(name: str | Path) -> Path:
-    """The folder of a shipped model by its name, or the given folder where there is one.
+    """The folder of a shipped model by its name, else the given folder.
+
+    A name of a shipped model is always that: whatever the current folder holds does not stand in
+    for it. A folder of that name is ``./default``.
 
     Raises
     ------
     ModelFileError
         Neither a folder nor a shipped model.
     """
+    if name in NAMES:
+        return Path(__file__).parent / str(name)
     if Path(name).exists():
         return Path(name)
-    if str(name) in NAMES:
-        return Path(__file__).parent / str(name)
     raise ModelFileError(
         f"no model at {name}, and none of that name ships with the package. "
         f"{nearest_name(str(name), list(NAMES))}"

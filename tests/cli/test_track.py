@@ -200,7 +200,10 @@ def test_counts_that_do_not_fit_are_named(seeing: Path, run: Run) -> None:
         (["drive.log", "--out", "out", "--beams", "known-map"], "no map is given"),
         (["drive.log", "--out", "out", "--map", "nowhere.yaml"], "nowhere.yaml"),
         (["drive.log", "--follow", "--mode", "smooth"], "filter"),
-        (["nowhere.log", "--follow"], "cannot read the log"),
+        (["nowhere.log", "--follow"], "no such file"),
+        (["drive.mcap", "--follow"], "drive.mcap is no CARMEN log, which --follow needs"),
+        (["/dev/null", "--follow"], "is a device or a pipe"),
+        (["a\x1b[2Jb.log", "--out", "out"], r"a\x1b[2Jb.log: no such file"),
         (["drive.log.gz", "--follow"], "compressed"),
     ],
 )

@@ -39,13 +39,14 @@ def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
     assert sum(path.stat().st_size for path in folder.iterdir()) < 200_000
 
 
-def test_a_folder_wins_and_other_names_are_refused(
+def test_no_folder_stands_in_for_a_shipped_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save(trained_labeler("generated"), tmp_path / "default")
     monkeypatch.chdir(tmp_path)
-    assert model_folder("default") == Path("default")
-    assert isinstance(trained_labeler("default"), PlaceLabeler)
+    assert model_folder("default").parent.name == "trained"
+    assert model_folder("./default") == Path("default")
+    assert isinstance(trained_labeler("./default"), PlaceLabeler)
     with pytest.raises(ModelFileError, match="did you mean 'generated'"):
         model_folder("generatd")
 

@@ -1,7 +1,7 @@
 """Warm-up: what is started, when, and that every stage runs through."""
 
 import subprocess
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ class Helper:
 
     asked: list[list[str]]
 
-    def __init__(self, command: list[str], **_: Any) -> None:
-        assert command[1:] == ["-m", "pgm_places.cli.warm_up"]
+    def __init__(self, command: Sequence[str], **_: Any) -> None:
+        assert command is module.COMMAND
         self.asked.append([])
         self.stdin = self
         self.closed = self.ended = False
@@ -98,6 +98,5 @@ def test_a_second_process_compiles_what_it_is_told(
 ) -> None:
     monkeypatch.setenv("PGM_PLACES_CACHE_DIR", str(tmp_path))
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
-    command = [sys.executable, "-m", "pgm_places.cli.warm_up"]
-    subprocess.run(command, input="potts\n", text=True, check=True)
+    subprocess.run(module.COMMAND, input="potts\n", text=True, check=True)
     assert [path.name.partition("-")[0] for path in tmp_path.rglob("potts-*")] == ["potts"]

@@ -44,5 +44,5 @@ def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setenv("PGM_PLACES_NUM_THREADS", "many")
     with pytest.raises(InputError, match="whole number of threads, got 'many'"):
         resolve_threads()
-    with pytest.raises(InputError, match="at least 1, got 0"):
+    with pytest.raises(InputError, match="from 1 to 1024, got 0"):
         resolve_threads(0)

@@ -34,8 +34,15 @@ def test_yaw_turns_about_the_origin() -> None:
     [
         ({"cells": [0, 1], "resolution_m": 1}, "2-D array"),
         ({"cells": [[0, 7]], "resolution_m": 1}, "got 7 at row 0, column 1"),
-        ({"cells": [[0]], "resolution_m": 0}, "positive metres per cell, got 0"),
-        ({"cells": [[0]], "resolution_m": np.nan}, "positive metres per cell, got nan"),
+        (
+            {"cells": [[0]], "resolution_m": 0},
+            "from 1e-06 to 1000, got 0",
+        ),
+        (
+            {"cells": [[0]], "resolution_m": np.nan},
+            "from 1e-06 to 1000, got nan",
+        ),
+        ({"cells": [[0]], "resolution_m": 1e308}, "from 1e-06 to 1000, got 1e+308"),
         ({"cells": [[0]], "resolution_m": 1, "yaw_rad": np.inf}, "three finite numbers"),
     ],
 )

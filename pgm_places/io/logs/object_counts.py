@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import LogError, is_printable, printable, shown
+from pgm_places._checks import plain_names
+from pgm_places.errors import LogError, printable, shown
 from pgm_places.io.csv_table import MAX_VALUES, open_table
 from pgm_places.io.input_file import user_path
 from pgm_places.io.json_file import read_json
@@ -83,9 +84,7 @@ def _from_json(source: Path) -> ObjectCounts:
 def _checked(
     where: str, names: tuple[str, ...], times: NDArray[np.float64], values: NDArray[np.float64]
 ) -> ObjectCounts:
-    for name in names:
-        if not is_printable(name):
-            raise LogError(f"{where} 1: {shown(name)} is no name: it has control characters")
+    plain_names(f"{where}s: classes of objects", names, LogError)
     wrong = np.argwhere((values < 0) | (values >= MOST) | (values != np.floor(values)))
     if len(wrong):
         row, column = wrong[0]

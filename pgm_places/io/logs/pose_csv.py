@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, LogError, shown
 from pgm_places.io.atomic import write_text
 from pgm_places.io.csv_table import CsvTable, open_table
@@ -99,7 +100,9 @@ def _labelled(
     label_names: Sequence[str] | None,
 ) -> Trajectory:
     places = [text.strip() for text in texts]
-    names = sorted(set(places) - {""}) if label_names is None else list(label_names)
+    names = list(label_names or ())
+    if label_names is None:
+        names = list(plain_names(f"{table.path}: {column}", sorted(set(places) - {""})))
     numbers = {name: number for number, name in enumerate(names)} | {"": -1}
     for number, place in enumerate(places, 1):
         if place not in numbers:

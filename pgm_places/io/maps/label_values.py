@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import nearest_name
+from pgm_places._checks import nearest_name, plain_names
 from pgm_places.errors import LabelError
 from pgm_places.io.input_file import user_path
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
@@ -127,6 +127,7 @@ def _values(file: YamlFile) -> dict[str, int]:
     listed = file.value("values")
     if not isinstance(listed, dict) or not listed:
         raise file.fail("key 'values' must map label names to grey values, e.g. {room: 77}")
+    plain_names(f"{file.path}: label names", listed)
     return {
         name: file.as_integer(value, f"the grey value of {name!r}", low=0, high=255)
         for name, value in listed.items()

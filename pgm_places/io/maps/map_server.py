@@ -107,9 +107,11 @@ def load_map(
     warnings: list[str] = []
     rules = _rules(file, compat)
     resolution_m = file.number("resolution")
-    if resolution_m <= 0:
-        raise file.fail(f"resolution must be positive metres per pixel, got {resolution_m:g}")
     x, y, yaw = _origin(file, warnings)
+    try:  # before the image is decoded
+        OccupancyGrid(np.zeros((1, 1), np.int8), resolution_m, (x, y), yaw)
+    except MapError as error:
+        raise file.fail(str(error)) from None
     image_path = _image_path(file)
     with open_image(image_path, MapError, max_pixels=max_pixels) as image:
         shape = image.shape

@@ -79,6 +79,11 @@ class RasterImage:
             colours = self._picture.getpalette("RGB") if self._picture is not None else None
         return np.array(colours or [], np.uint8).reshape(-1, 3)
 
+    def stored(self) -> NDArray[np.integer]:
+        """(H, W) numbers of an image of greys, from the top, just as the file has them."""
+        with self._reported():
+            return np.asarray(self._picture)
+
     def strips(self, *, indices: bool = False) -> Iterator[Strip]:
         """Strips of whole rows, about a million pixels each.
 

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -172,5 +172,5 @@ def _named(topology: TopologicalMap, values: Mapping[str, int] | None) -> Mappin
 
 def _legend(topology: TopologicalMap, values: Mapping[str, int] | None) -> str:
     named = _named(topology, values)
-    listed = ", ".join(f"{value} {' '.join(name.split())}" for name, value in named.items())
+    listed = ", ".join(f"{value} {printable(name)}" for name, value in named.items())
     return f"values: 0 nothing, {listed}"

@@ -4,6 +4,7 @@ import io
 import json
 from pathlib import Path
 
+from pgm_places.errors import printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -14,8 +15,11 @@ def write_graphml(path: Path | str, topology: TopologicalMap) -> Path:
     """Write ``topology.graph`` as GraphML, for yEd, Gephi and networkx; the path."""
     import networkx as nx
 
+    graph = topology.graph.copy()
+    for values in graph.nodes.values():  # XML cannot hold control characters, not even escaped
+        values.update({key: printable(values[key]) for key in ("name", "label")})
     buffer = io.BytesIO()
-    nx.write_graphml_xml(topology.graph, buffer, named_key_ids=True)
+    nx.write_graphml_xml(graph, buffer, named_key_ids=True)
     return write_bytes(path, buffer.getvalue())
 
 

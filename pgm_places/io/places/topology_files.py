@@ -4,11 +4,13 @@ import dataclasses
 import io
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
+from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.geojson import read_regions
@@ -19,6 +21,7 @@ from pgm_places.io.places.gate_record import gate_record, read_gate
 from pgm_places.io.places.region_features import write_region_features
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
+from pgm_places.options import check_option, from_mapping, option_hints
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.regions import Polygon, Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap
@@ -94,10 +97,11 @@ def _region_record(region: Region) -> dict[str, Any]:
     return record if region.gate is None else {**record, "gate": gate_record(region.gate)}
 
 
-def load_topology(folder: Path | str) -> TopologicalMap:
+def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> TopologicalMap:
     """The topological map that ``save_topology`` wrote into a folder.
 
-    Its grid has the map's frame; cells of regions are free, all others unknown.
+    Its grid has the map's frame; cells of regions are free, all others unknown. ``max_pixels`` is
+    the largest map that is read.
 
     Raises
     ------
@@ -115,65 +119,85 @@ def load_topology(folder: Path | str) -> TopologicalMap:
             "write it again"
         )
     try:
-        return _topology(source, record)
+        return _topology(source, record, max_pixels)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path} is damaged ({error!r}); write it again") from None
+            raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path} is damaged ({shown(error)}); write it again") from None
 
 
-def _topology(source: Path, record: dict[str, Any]) -> TopologicalMap:
-    frame = record["map"]
-    shape = (int(frame["rows"]), int(frame["columns"]))
-    region = _read_ids(source / REGION_FILE, shape)
-    x, y = frame["origin_xy_m"]
+def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> TopologicalMap:
+    frame = from_mapping(_Frame, record["map"], path="map")
+    region = _read_ids(source / REGION_FILE, (frame.rows, frame.columns), max_pixels)
     cells = np.where(region > 0, FREE, UNKNOWN).astype(np.int8)
-    grid = OccupancyGrid(cells, frame["resolution_m"], (x, y), frame["yaw_rad"])
+    grid = OccupancyGrid(cells, frame.resolution_m, frame.origin_xy_m, frame.yaw_rad)
     features = read_regions(source / FEATURES_FILE, "id")
-    outlines = {int(feature.code): feature.polygons for feature in features}
-    regions = tuple(_region(item, outlines[item["id"]]) for item in record["regions"])
+    outlines = {feature.code: feature.polygons for feature in features}
+    names = plain_names("label_names", record["label_names"], InputError)
+    regions = tuple(
+        _region(item, f"regions[{k}]", outlines, names) for k, item in enumerate(record["regions"])
+    )
+    plain_names("names of places", [item.name for item in regions], InputError)
     ids = {item.id for item in regions}
     seen = {int(number) for number in np.unique(region)} - {0}
     if seen != ids:
         raise InputError(
-            f"{source / REGION_FILE} and {TOPOLOGY_FILE} hold other regions "
-            f"({sorted(seen ^ ids)[:5]}); they come from different runs; write them again"
+            f"{REGION_FILE} and {TOPOLOGY_FILE} hold other regions ({sorted(seen ^ ids)[:5]}); "
+            "they come from different runs; write them again"
         )
-    return TopologicalMap(
-        grid,
-        region,
-        regions,
-        tuple(Connection(**_tuples(item)) for item in record["connections"]),
-        tuple(record["label_names"]),
-        record["doorway_label"],
-        tuple(Correction(**_tuples(item)) for item in record["corrections"]),
-        int(record["next_id"]),
+    connections = tuple(
+        from_mapping(Connection, item, path=f"connections[{k}]")
+        for k, item in enumerate(record["connections"])
     )
+    for item in connections:
+        if not {item.first, item.second} <= ids:
+            raise InputError(f"a connection joins {item.first} and {item.second}; one is no region")
+    corrections = tuple(
+        from_mapping(Correction, item, path=f"corrections[{k}]")
+        for k, item in enumerate(record["corrections"])
+    )
+    (doorway,) = plain_names("doorway_label", [record["doorway_label"]], InputError)
+    next_id = check_option("next_id", int, record["next_id"])
+    if next_id <= max(ids, default=0):
+        raise InputError(f"next_id is {next_id}, but there is a region {max(ids)}")
+    return TopologicalMap(grid, region, regions, connections, names, doorway, corrections, next_id)
 
 
-def _region(item: dict[str, Any], polygons: tuple[Polygon, ...]) -> Region:
+@dataclasses.dataclass(frozen=True)
+class _Frame:
+    """The map's raster in the record."""
+
+    rows: Annotated[int, Ge(1)]
+    columns: Annotated[int, Ge(1)]
+    resolution_m: float
+    origin_xy_m: tuple[float, float]
+    yaw_rad: float
+
+
+def _region(
+    item: dict[str, Any],
+    path: str,
+    outlines: dict[str, tuple[Polygon, ...]],
+    label_names: tuple[str, ...],
+) -> Region:
+    hints = {**option_hints(Region)}
+    del hints["polygons"], hints["gate"]
+    unknown = sorted(set(item) - {*hints, "gate"})
+    if unknown:
+        raise InputError(f"{path} has the unknown key {shown(unknown[0])}")
+    values = {key: check_option(f"{path}.{key}", hint, item[key]) for key, hint in hints.items()}
+    if values["label"] not in label_names:
+        raise InputError(f"{path}.label {shown(values['label'])} is not among label_names")
     gate = item.get("gate")
-    given = {key: value for key, value in _tuples(item).items() if key != "gate"}
-    return Region(**given, polygons=polygons, gate=None if gate is None else read_gate(gate))
+    polygons = outlines[str(values["id"])]
+    return Region(**values, polygons=polygons, gate=None if gate is None else read_gate(gate))
 
 
-def _tuples(item: dict[str, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in item.items()}
-
-
-def _read_ids(path: Path, shape: tuple[int, int]) -> NDArray[np.int32]:
-    from PIL.PngImagePlugin import PngImageFile  # not Image.open, which distrusts large images
-
-    n_cells = shape[0] * shape[1]
-    with open_image(path, InputError, max_pixels=max(MAX_PIXELS, n_cells)) as image:
+def _read_ids(path: Path, shape: tuple[int, int], max_pixels: int) -> NDArray[np.int32]:
+    with open_image(path, InputError, max_pixels=max_pixels) as image:
         if image.shape != shape or not image.is_deep:
             raise InputError(f"{path}: {shape} ids of 16 bits were expected, got {image.shape}")
-    try:
-        with path.open("rb") as file, PngImageFile(file) as picture:
-            ids = np.asarray(picture)
-    except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{path}: damaged: {error}; write it again") from None
-    return ids[::-1].astype(np.int32)
+        return image.stored()[::-1].astype(np.int32)
 
 
 def read_own_names(folder: Path | str) -> dict[int, str]:
@@ -191,5 +215,5 @@ def read_own_names(folder: Path | str) -> dict[int, str]:
     names = {}
     for key in file.values:
         number = file.as_integer(key, "an id", low=1, high=MAX_REGIONS)
-        names[number] = file.text(key)
+        (names[number],) = plain_names(f"{path}: names of places", [file.text(key)])
     return names

@@ -144,8 +144,14 @@ def test_a_map_that_looks_negated_is_warned_about(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"resolution": "0"}, "resolution must be positive metres per pixel, got 0"),
-        ({"resolution": "-0.05"}, "resolution must be positive metres per pixel, got -0.05"),
+        (
+            {"resolution": "0"},
+            "per cell, from 1e-06 to 1000, got 0",
+        ),
+        (
+            {"resolution": "-0.05"},
+            "per cell, from 1e-06 to 1000, got -0.05",
+        ),
         ({"resolution": "no"}, "key 'resolution' must be a finite decimal number"),
         ({"resolution": None}, "key 'resolution' is missing"),
         ({"origin": "[0, 0]"}, "origin must be three numbers [x, y, yaw], got ['0', '0']"),

@@ -177,3 +177,14 @@ def test_every_name_writes_something(tmp_path: Path) -> None:
         assert all(path.stat().st_size for path in export(topology, to, tmp_path))
     for to in MASKS:
         assert len(export(topology, to, tmp_path, values={"room": 7})) == 3
+
+
+def test_no_name_breaks_a_file_that_others_read(tmp_path: Path) -> None:
+    names = ("hall\x1b[2J\n", *NAMES[1:])
+    labels = floor_labels()
+    topology = topological_map(floor_grid(labels), labels, names)
+    export(topology, "graphml", tmp_path)
+    found = nx.read_graphml(tmp_path / "places.graphml", node_type=int)
+    assert r"hall\x1b[2J\n" in set(nx.get_node_attributes(found, "label").values())
+    export(topology, "zones", tmp_path)
+    assert yaml.safe_load((tmp_path / "zones_params.yaml").read_text())

@@ -106,13 +106,44 @@ def spoil(folder: Path, **changes: object) -> None:
         ({"schema": 2}, "schema 2, but only 1 can be read"),
         ({"regions": [{}]}, "damaged"),
         ({"regions": []}, "hold other regions"),
-        ({"map": {"rows": 3}}, "damaged"),
+        ({"map": {"rows": 3}}, "'map.columns' is missing"),
         ({"connections": 5}, "damaged"),
+        ({"connections": [{"first": 1}]}, r"'connections\[0\].second' is missing"),
+        ({"label_names": ["room", "\x1b[2J"]}, r"must not hold control characters, got '\\x1b"),
+        ({"label_names": ["\ud800"]}, "must not hold control characters"),
+        ({"label_names": "room"}, "label_names must be a list of names"),
+        ({"label_names": []}, r"regions\[0\].label 'room' is not among label_names"),
+        ({"doorway_label": None}, "doorway_label must be texts"),
+        ({"next_id": 1}, "next_id is 1, but there is a region"),
+        ({"next_id": 10**400}, "a whole number has 401 digits"),
+        ({"corrections": [{"cell_rc": [0]}]}, r"corrections\[0\]"),
     ],
 )
 def test_damage_is_said(changes: dict[str, object], words: str, tmp_path: Path) -> None:
     save_topology(tmp_path, floor_map())
     spoil(tmp_path, **changes)
+    with pytest.raises(InputError, match=words):
+        load_topology(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("name", "hall\x1b[2J", "must not hold control characters"),
+        ("name", 5, r"regions\[0\].name must be a string, got 5"),
+        ("id", "1", r"regions\[0\].id must be"),
+        ("anchor_m", [1.0], r"regions\[0\].anchor_m must be"),
+        ("area_m2", "1", r"regions\[0\].area_m2 must be"),
+        ("colour", "red", r"regions\[0\] has the unknown key 'colour'"),
+    ],
+)
+def test_every_field_of_a_region_is_checked(
+    key: str, value: object, words: str, tmp_path: Path
+) -> None:
+    save_topology(tmp_path, floor_map())
+    regions = json.loads((tmp_path / "topology.json").read_text())["regions"]
+    regions[0][key] = value
+    spoil(tmp_path, regions=regions)
     with pytest.raises(InputError, match=words):
         load_topology(tmp_path)
 

@@ -1,0 +1,113 @@
+"""The process around the commands: signals, exit codes, and errors as one line each.
+
+It imports next to nothing, so that an interrupt during the imports of a command ends in good order.
+"""
+
+import contextlib
+import importlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+from typing import Any
+
+__all__ = ["EXIT_BAD_INPUT", "EXIT_OUT_OF_MEMORY", "main"]
+
+EXIT_BAD_INPUT = 2
+EXIT_OUT_OF_MEMORY = 1
+
+
+class _Stops:
+    """Signals that ask the process to end, each raised as an interrupt so that all is cleaned up.
+
+    Without this, SIGTERM would leave temporary files and the process that compiles ahead behind.
+    """
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+
+    def _interrupt(self, number: int, _: FrameType | None) -> None:
+        self.number = number
+        raise KeyboardInterrupt
+
+    @contextlib.contextmanager
+    def heard(self) -> Iterator[None]:
+        """While the block lasts; only the main thread may listen."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+        before: dict[int, Any] = {}
+        for name in names:
+            number = getattr(signal, name)
+            if signal.getsignal(number) != signal.SIG_IGN:  # as nohup wants it
+                before[number] = signal.signal(number, self._interrupt)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def main() -> None:
+    """Run the command line; bad input is one line on standard error and exit code 2."""
+    stops = _Stops()
+    try:
+        with stops.heard():
+            _prepare_streams()
+            _run()
+    except KeyboardInterrupt:
+        _interrupted(stops)
+    except SystemExit as ended:  # typer makes an exit of an interrupt
+        if stops.number is not None and ended.code:
+            _interrupted(stops)
+        raise
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _end(f"{where}{error.strerror or error}", EXIT_BAD_INPUT)
+
+
+def _run() -> None:
+    from pgm_places.errors import PgmPlacesError
+
+    try:
+        importlib.import_module("pgm_places.cli.main").app()
+    except PgmPlacesError as error:
+        _end(str(error), EXIT_BAD_INPUT)
+    except MemoryError:
+        _end("out of memory; use a coarser resolution_m or a smaller window", EXIT_OUT_OF_MEMORY)
+
+
+def _prepare_streams() -> None:
+    """What a terminal cannot show is spelled out; warnings of libraries are one line each."""
+    import warnings
+
+    from pgm_places.cli.terminal import warn
+
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        warn(str(message))
+
+    warnings.showwarning = show
+
+
+def _interrupted(stops: _Stops) -> None:
+    number = stops.number or signal.SIGINT
+    _end("interrupted; no file is left half-written", 128 + number)
+
+
+def _end(message: str, code: int) -> None:
+    from pgm_places.cli.terminal import complain
+
+    complain(f"pgm-places: {message}")
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.exit(code)
+    # What standard output still holds cannot be written; Python would try again at its end.
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    sys.exit(code)

@@ -1,0 +1,196 @@
+"""The process around the commands: signals, full disks, the current folder, hostile names."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pgm_places.cli import entry, warm_up
+from pgm_places.cli.terminal import complain, say
+from tests.cli.conftest import Run
+
+ROOT = Path(__file__).parents[2]
+COMMAND = [sys.executable, "-P", "-m", "pgm_places"]
+needs_posix = pytest.mark.skipif(os.name != "posix", reason="signals and devices of POSIX")
+
+
+def environment(**changes: str) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT), **changes}
+
+
+def test_nothing_in_a_message_reaches_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    say("room\x1b[2J\nnext \u202e line é")
+    complain("two\nlines \x07" + "x" * 5000)
+    found = capsys.readouterr()
+    assert found.out == "room\\x1b[2J\nnext \\u202e line é\n"
+    assert found.err.startswith("two\\nlines \\x07xx")
+    assert len(found.err) == 2000 + len(" ...\n")
+
+
+@needs_posix
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["doctor"]])
+def test_a_full_standard_output_is_one_line(arguments: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [*COMMAND, *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(),
+            check=False,
+        )
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert "No space left on device" in ended.stderr
+
+
+def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:
+    for name in ("typer", "numpy", "numba", "pydantic", "yaml"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('a stranger ran')")
+    for command in ([*COMMAND[:1], "-m", "pgm_places", "--help"], [*warm_up.COMMAND]):
+        ended = subprocess.run(
+            command,
+            cwd=tmp_path,
+            input="potts\n",
+            capture_output=True,
+            text=True,
+            env=environment(PGM_PLACES_CACHE_DIR=str(tmp_path / "none"), NUMBA_DISABLE_JIT="1"),
+            check=False,
+        )
+        assert (ended.returncode, ended.stderr) == (0, "")
+
+
+@needs_posix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_of_the_imports_ends_in_good_order(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    (tmp_path / "typer.py").write_text(
+        "print('importing', flush=True)\nimport time\ntime.sleep(60)"
+    )
+    process = subprocess.Popen(
+        [*COMMAND, "--help"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(PYTHONPATH=f"{tmp_path}:{ROOT}"),
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "importing\n"
+    process.send_signal(number)
+    _, error = process.communicate()
+    assert process.returncode == 128 + number
+    assert error == "pgm-places: interrupted; no file is left half-written\n"
+
+
+def test_a_signal_to_end_is_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    cleaned = []
+
+    def run() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            cleaned.append(True)
+
+    monkeypatch.setattr(entry, "_run", run)
+    with pytest.raises(SystemExit) as ended:
+        entry.main()
+    assert (ended.value.code, cleaned) == (128 + signal.SIGTERM, [True])
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@needs_posix
+def test_the_second_process_ends_with_the_first() -> None:
+    helper = (
+        "import time\n"
+        "from pgm_places.cli import warm_up\n"
+        "warm_up._end_with_parent()\n"
+        "print('watching', flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    parent = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            "import subprocess, sys\n"
+            f"helper = subprocess.Popen([sys.executable, '-c', {helper!r}])\n"
+            "print(helper.pid, flush=True)\n"
+            "helper.wait()\n",
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment(),
+    )
+    assert parent.stdout is not None
+    number = int(parent.stdout.readline())
+    assert parent.stdout.readline() == "watching\n"
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 30
+    while is_running(number) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not is_running(number)
+    parent.stdout.close()
+
+
+def is_running(number: int) -> bool:
+    """Whether there is such a process, and not only its remains that nobody has fetched."""
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_too_many_threads_are_refused_before_the_work(building: Path, run: Run) -> None:
+    code, _, error = run("label", building / "map.yaml", "-o", "out", "--threads", "100000", "-q")
+    assert code == 2
+    assert error == "pgm-places: the number of threads must be from 1 to 1024, got 100000\n"
+
+
+@pytest.mark.parametrize("position", [("nan", "0"), ("0", "inf"), ("-inf", "nan")])
+def test_positions_are_finite(position: tuple[str, str], run: Run) -> None:
+    code, _, error = run("where", "nowhere", *position)
+    assert code == 2
+    assert error.startswith("pgm-places: X and Y must be finite metres, got ")
+
+
+@pytest.mark.parametrize(
+    "flag", ["--split-rooms", "--widest-doorway", "--close-leaks", "--propose-splits"]
+)
+@pytest.mark.parametrize("value", ["inf", "1e300"])
+def test_no_width_is_too_much(flag: str, value: str, building: Path, run: Run) -> None:
+    code, _, error = run(
+        *("topology", building / "labels.png", building / "map.yaml", "-q"),
+        *("-o", building / "out", flag, value),
+    )
+    assert code == (2 if value == "inf" else 0)
+    assert error.count("\n") == (1 if value == "inf" else 0)
+
+
+def test_hostile_names_of_labels_are_refused_in_one_line(building: Path, run: Run) -> None:
+    names = (building / "labels.yaml").read_text()
+    (building / "labels.yaml").write_text(names.replace('"room"', '"\\e[2Jroom"'))
+    arguments = ("topology", building / "labels.png", building / "map.yaml", "-o", building / "out")
+    code, _, error = run(*arguments, "-q")
+    assert code == 2
+    assert "must not hold control characters, got '\\x1b[2Jroom'" in error
+    assert "\x1b" not in error
+
+
+@needs_posix
+def test_a_pipe_is_tracked_as_a_file(tmp_path: Path) -> None:
+    """As of ``track <(zcat drive.log.gz)``: read once, forwards."""
+    from pgm_places.io.logs.trajectories import read_trajectory
+
+    os.mkfifo(tmp_path / "pipe")
+    lines = "".join(f"FLASER 2 1.0 2.0 {x} 0 0 {x} 0 0 {x} host {x}\n" for x in (0.0, 0.5, 1.0))
+    with subprocess.Popen(
+        [sys.executable, "-c", f"open({json.dumps(str(tmp_path / 'pipe'))}, 'w').write({lines!r})"]
+    ):
+        assert len(read_trajectory(tmp_path / "pipe").trajectory) == 3
