@@ -28,7 +28,7 @@ def grid_pair_counts(labels: ArrayLike, n_labels: int) -> NDArray[np.int64]:
     >>> counts[DIRECTIONS.index((0, 1))].tolist()
     [[1, 1], [0, 0]]
     """
-    from pgm_places.solvers._relaxation_kernels import count_pairs
+    from pgm_places.solvers._compatibility_kernels import count_pairs
 
     raster = np.asarray(labels)
     integer_array("labels", raster, ("H", "W"), low=np.iinfo(raster.dtype).min, high=n_labels)

@@ -104,16 +104,16 @@ def relax_grid(
     Beside input and result about ``4 K + 1`` bytes for each cell in blocks of 16 x 1 that hold a
     node or neighbour one, so that empty parts of a huge raster cost next to nothing.
     """
-    from pgm_places.solvers._relaxation_kernels import (
+    from pgm_places.solvers._belief_store_kernels import collect
+    from pgm_places.solvers._grid_relaxation_kernels import (
         CHUNK,
         SOURCES,
-        SUMS,
         Scratch,
         Store,
         Update,
-        collect,
         update_rows,
     )
+    from pgm_places.solvers._relaxation_kernels import SUMS
 
     check_options(damping, iterations, tolerance)
     table = np.asarray(unary)
@@ -188,7 +188,8 @@ def _weighted(
 
 
 def _lay_out(cells: NDArray[np.int32], shape: tuple[int, int]) -> _Rows:
-    from pgm_places.solvers._relaxation_kernels import BLOCK, CHUNK
+    from pgm_places.solvers._belief_store_kernels import BLOCK
+    from pgm_places.solvers._grid_relaxation_kernels import CHUNK
 
     height, width = shape
     used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
@@ -227,7 +228,7 @@ def _runs(
 def _fill(
     unary: NDArray[np.float64], cells: NDArray[np.int32], rows: _Rows, floor: float
 ) -> NDArray[np.float32]:
-    from pgm_places.solvers._relaxation_kernels import place
+    from pgm_places.solvers._belief_store_kernels import place
 
     store = np.zeros((unary.shape[1], rows.n_cells), np.float32)
     for begin in range(0, len(cells), NODES_AT_ONCE):
@@ -245,7 +246,7 @@ def _codes(
     *,
     by_direction: bool,
 ) -> NDArray[np.uint8]:
-    from pgm_places.solvers._relaxation_kernels import code_walls
+    from pgm_places.solvers._belief_store_kernels import code_walls
 
     codes = np.zeros(rows.n_cells, np.uint8)
     if walls is not None:

@@ -5,7 +5,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers import _relaxation_kernels, grid_relaxation, relaxation
+from pgm_places.solvers import grid_relaxation, relaxation
+from pgm_places.solvers._belief_store_kernels import BLOCK
+from pgm_places.solvers._grid_relaxation_kernels import CHUNK
 from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from tests.reference.relaxation import STEPS, relaxed_grid
@@ -68,7 +70,7 @@ def test_long_rows_and_many_tasks_are_the_reference(
 ) -> None:
     monkeypatch.setattr(grid_relaxation, "CELLS_PER_TASK", 256)
     monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 100)
-    shape = (7, _relaxation_kernels.CHUNK + 70)
+    shape = (7, CHUNK + 70)
     unary, cells, walls, r, start = a_raster(3, shape, 2, tables=tables)
     got = relax_grid(unary, cells, shape, r, walls=walls, iterations=2, tolerance=0)
     want = relaxed_grid(start, walls, r, iterations=2)
@@ -240,7 +242,7 @@ def test_damping_slows_the_change() -> None:
 def test_far_apart_parts_cost_only_their_own_store() -> None:
     cells = np.array([[0, 0], [9_999, 9_999]])
     rows = grid_relaxation._lay_out(cells.astype(np.int32), (10_000, 10_000))
-    assert rows.n_cells <= 2 * 9 * _relaxation_kernels.BLOCK
+    assert rows.n_cells <= 2 * 9 * BLOCK
 
 
 def test_weights_sum_to_one() -> None:
