@@ -5,6 +5,7 @@ the later stages on a tiny map, and leaves their machine code in the cache that 
 that comes to a kernel before the other is done with it compiles it itself.
 """
 
+import gc
 import os
 import platform
 import subprocess
@@ -94,6 +95,7 @@ def _input(process: subprocess.Popen[str]) -> IO[str]:
 
 def main(stages: Iterable[str]) -> None:
     """Go through the stages, and note down each so that it is not gone through again."""
+    gc.set_threshold(100_000, 50, 50)  # as in the run itself
     for line in stages:
         name = line.strip()
         STAGES[name]()

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import fused, njit
+from pgm_places.kernels.jit import fused, inlined, njit
 
 __all__ = ["CELL_COLUMNS", "FARTHEST_M", "write_features"]
 
@@ -31,7 +31,7 @@ def _away(row: float, column: float, lines: NDArray[np.float64], e: int) -> floa
     return np.sqrt(y * y + x * x)
 
 
-@fused
+@inlined  # compiled by itself, it would be compiled for the literal 0 too
 def _run_end(cells_rc: NDArray[np.int32], segment: NDArray[np.int32], first: int) -> int:
     """Where the cells from ``first`` on leave its row, its segment, or the next few columns."""
     end = first + 1
