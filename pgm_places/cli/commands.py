@@ -1,6 +1,6 @@
 """The commands demo, compare, train and label: read inputs, call the library, write results."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,11 +9,12 @@ from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
 from pgm_places.cli.terminal import say
 from pgm_places.cli.warm_up import WarmUp
+from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
     from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.labelers.place_labeler import PlaceLabeler
+    from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
     from pgm_places.progress import Progress
     from pgm_places.topology.rules import TopologyOptions
 
@@ -77,24 +78,55 @@ def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> Non
 def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places train``."""
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.experiment.runs import train, versions
-        from pgm_places.experiment.setup import make_labeler, resolved_config
         from pgm_places.persistence.model_folder import check_target
+
+        check_target(out)
+        if experiment.config.nodes != "cells":
+            _train_steps(experiment, out)
+            return
+        from pgm_places.experiment.runs import train
+        from pgm_places.experiment.setup import make_labeler
         from pgm_places.persistence.place_labeler import check_savable
         from pgm_places.persistence.stored import save
 
-        check_target(out)
         check_savable(make_labeler(experiment.config))  # not after hours of training
         experiment, labeler = train(experiment)
-    record: dict[str, Any] = {
-        "config": resolved_config(experiment.config, labeler),
+        save(labeler, out, record=_training_record(experiment, labeler.methods_))
+    methods = ", ".join(labeler.methods_)
+    say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
+
+
+def _train_steps(experiment: "Experiment", out: Path) -> None:
+    """Train a labeler of drives with the configuration's one method."""
+    from pgm_places.experiment.step_runs import train_steps
+    from pgm_places.labelers.place_labeler import PlaceMethod
+    from pgm_places.persistence.stored import save
+
+    if len(experiment.config.methods) > 1:
+        ids = ", ".join(item.id for item in experiment.config.methods)
+        raise ConfigError(
+            f"a model of drives has one method, and the configuration has {ids}; keep the one to "
+            "train in a file of its own ('compare' takes them all)"
+        )
+    [(name, labeler)] = train_steps(experiment).items()
+    method = {name: PlaceMethod(labeler.method_, "laser")}
+    save(labeler, out, record=_training_record(experiment, method))
+    say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; method: {name})")
+
+
+def _training_record(
+    experiment: "Experiment", methods: "Mapping[str, PlaceMethod]"
+) -> dict[str, Any]:
+    """How a model was trained."""
+    from pgm_places.experiment.runs import versions
+    from pgm_places.experiment.setup import resolved_config
+
+    return {
+        "config": resolved_config(experiment.config, methods),
         "inputs": experiment.inputs,
         "versions": dict(versions()),
         "warnings": experiment.warnings,
     }
-    save(labeler, out, record=record)
-    methods = ", ".join(labeler.methods_)
-    say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
 
 
 def run_label(

@@ -32,12 +32,7 @@ def beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
     """A forward-looking laser with a number of beams and a field of view."""
     from pgm_places.trajectories.scan import ScanGeometry
 
-    if view_degrees == 360:
-        return ScanGeometry.full_circle(n_beams, range_max_m=range_m)
-    if view_degrees == 180:
-        return ScanGeometry.half_circle(n_beams, range_max_m=range_m)
-    half = np.deg2rad(view_degrees) / 2
-    return ScanGeometry(np.linspace(-half, half, n_beams), range_m)
+    return ScanGeometry.ahead(n_beams, np.deg2rad(view_degrees), range_max_m=range_m)
 
 
 def robot_of(

@@ -52,7 +52,22 @@ def comparison_table(comparison: "Comparison") -> str:
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
     note += "; doors: F found, M missed, I invented" if counts_doors else ""
-    return f"\n{text_table(rows)}\n({note}; stages: {stages}){_selected(comparison)}"
+    parts = _table_by_unit(comparison)
+    return f"\n{text_table(rows)}\n({note}; stages: {stages}){parts}{_selected(comparison)}"
+
+
+def _table_by_unit(comparison: "Comparison") -> str:
+    """Cells and steps apart, where both were labelled together."""
+    if comparison.unit != "node":
+        return ""
+    found = [(method.id, comparison.by_unit(method)) for method in comparison.methods]
+    units = list(dict.fromkeys(item.unit for item in comparison.maps))
+    heading = [f"{unit}s: {figure}" for unit in units for figure in ("accuracy", "balanced")]
+    rows = [["method", *heading]]
+    for name, parts in found:
+        figures = [(parts[unit].accuracy, parts[unit].balanced_accuracy) for unit in units]
+        rows.append([name, *(_percent(value) for pair in figures for value in pair)])
+    return f"\n\n{text_table(rows)}"
 
 
 def _selected(comparison: "Comparison") -> str:

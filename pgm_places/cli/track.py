@@ -260,17 +260,9 @@ def _with_truth(
     """The trajectory with the true places from a table of as many steps, if one is named."""
     if options.truth is None:
         return trajectory
-    from pgm_places.io.logs.pose_csv import read_pose_csv
+    from pgm_places.io.logs.truth_table import with_truth
 
-    table = read_pose_csv(options.truth, label_names=label_names).trajectory
-    if table.labels is None:
-        raise LogError(f"{options.truth} has no column of place labels, such as 'label'")
-    if len(table) != len(trajectory):
-        raise LogError(
-            f"{options.truth} has {len(table)} rows but the log {len(trajectory)} steps; give a "
-            "table with one row per step, such as 'pgm-places simulate' writes"
-        )
-    return trajectory.with_labels(table.labels, label_names)
+    return with_truth(trajectory, options.truth, label_names)
 
 
 def _map(options: TrackOptions) -> "OccupancyGrid | None":

@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,17 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
+from pgm_places.trajectories.path_layout import PathLayout
+from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.space_model import MapSpaces
 
 __all__ = [
     "BLOCK_M",
+    "STRETCH_M",
     "Comparison",
     "MethodResult",
+    "TestDrive",
+    "TestItem",
     "TestMap",
     "door_scores",
     "history_of",
@@ -27,6 +33,9 @@ __all__ = [
 
 BLOCK_M = 2.0
 """Side of the squares that confidence intervals draw: cells nearer than that err together."""
+
+STRETCH_M = 5.0
+"""Length of the stretches of drives that they draw: steps nearer than that err together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +63,70 @@ class TestMap:
     window: NDArray[np.bool_]
 
     __test__ = False  # not a test class, whatever pytest thinks of its name
+    unit: ClassVar[str] = "cell"
+    """What a node is."""
+
+    @cached_property
+    def node_truth(self) -> NDArray[np.int64]:
+        """(N,) true label of each node, -1 where it is unknown."""
+        return self.layout.from_raster(self.truth).astype(np.int64)
+
+    def blocks(self) -> NDArray[np.int64]:
+        """(N,) number of the square of ``BLOCK_M`` that holds each cell."""
+        side = max(round(BLOCK_M / self.grid.resolution_m), 1)
+        return square_blocks(self.layout.cells_rc, side)
+
+
+@dataclass(frozen=True, eq=False)
+class TestDrive:
+    """A drive whose steps were labelled, with their true places.
+
+    Parameters
+    ----------
+    name : str
+        What to call it in tables.
+    trajectory : Trajectory
+        With its true places.
+    grid : OccupancyGrid
+        The map that it goes through, or one drawn from its scans.
+    """
+
+    name: str
+    trajectory: Trajectory
+    grid: OccupancyGrid
+
+    __test__ = False  # not a test class, whatever pytest thinks of its name
+    unit: ClassVar[str] = "step"
+    """What a node is."""
+
+    @cached_property
+    def layout(self) -> PathLayout:
+        """How values of steps are painted on the map."""
+        return PathLayout(self.grid, self.trajectory.poses[:, :2])
+
+    @property
+    def node_truth(self) -> NDArray[np.int64]:
+        """(T,) true label of each step, -1 where it is unknown."""
+        assert self.trajectory.labels is not None
+        return self.trajectory.labels
+
+    @cached_property
+    def truth(self) -> NDArray[np.int16]:
+        """(H, W) true label along the path, -1 elsewhere and where it is unknown."""
+        return self.layout.to_raster(self.node_truth.astype(np.int16), fill=-1)
+
+    @property
+    def window(self) -> NDArray[np.bool_]:
+        """(H, W) where the path leads."""
+        return self.layout.node_of_cell >= 0
+
+    def blocks(self) -> NDArray[np.int64]:
+        """(T,) number of the stretch of ``STRETCH_M`` that holds each step."""
+        way = np.concatenate([[0.0], np.cumsum(self.trajectory.step_lengths_m)])
+        return (way[: len(self.trajectory)] // STRETCH_M).astype(np.int64)
+
+
+TestItem = TestMap | TestDrive
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +157,14 @@ class MethodResult:
 class Comparison:
     """Everything a comparison found, ready for the table, the pictures and the report.
 
-    ``selection`` says which options were tried on held-out training cells, and which were chosen.
+    ``maps`` are what was labelled: maps, drives, or for nodes of both kinds each map and the drive
+    through it. ``selection`` says which options were tried on held-out training cells, and which
+    were chosen.
     """
 
     title: str
     label_names: tuple[str, ...]
-    maps: tuple[TestMap, ...]
+    maps: tuple[TestItem, ...]
     methods: tuple[MethodResult, ...]
     stage_seconds: Mapping[str, float]
     config: Mapping[str, Any]
@@ -98,23 +173,35 @@ class Comparison:
     warnings: tuple[str, ...] = ()
     selection: Mapping[str, Any] | None = None
 
+    @property
+    def unit(self) -> str:
+        """What was labelled: ``cell``, ``step``, or ``node`` for both."""
+        units = {item.unit for item in self.maps}
+        return units.pop() if len(units) == 1 else "node"
+
+    def by_unit(self, method: MethodResult) -> dict[str, Evaluation]:
+        """A method's pooled evaluation of each kind of node: ``cell``, ``step``."""
+        found: dict[str, list[Evaluation]] = {}
+        for item, evaluation in zip(self.maps, method.evaluations, strict=True):
+            found.setdefault(item.unit, []).append(evaluation)
+        return {unit: Evaluation.merged(parts) for unit, parts in found.items()}
+
 
 def score_intervals(
-    maps: Sequence[TestMap], labelings: Sequence[Labeling], n_labels: int
+    maps: Sequence[TestItem], labelings: Sequence[Labeling], n_labels: int
 ) -> dict[str, Interval]:
     """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
 
-    A block bootstrap over squares of ``BLOCK_M``
+    A block bootstrap over squares of ``BLOCK_M`` of maps, and stretches of ``STRETCH_M`` of drives
     (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
     """
     blocks, first = [], 0
     for item in maps:
-        side = max(round(BLOCK_M / item.grid.resolution_m), 1)
-        numbers = square_blocks(item.layout.cells_rc, side) + first
+        numbers = item.blocks() + first
         blocks.append(numbers)
         first = int(numbers.max(initial=first - 1)) + 1
     return block_bootstrap(
-        np.concatenate([item.layout.from_raster(item.truth) for item in maps]),
+        np.concatenate([item.node_truth for item in maps]),
         np.concatenate([labeling.labels for labeling in labelings]),
         np.concatenate(blocks),
         n_labels=n_labels,

@@ -15,6 +15,8 @@ from annotated_types import Ge, Le, MinLen
 from pgm_places._checks import nearest_name, plain_names
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
+from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.step_options import StepOptions
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
 from pgm_places.io.toml_file import read_toml
@@ -35,6 +37,7 @@ __all__ = [
     "parse_config",
 ]
 
+Nodes = Literal["cells", "steps", "both"]
 Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 
@@ -103,9 +106,13 @@ class MethodConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentConfig:
-    """A whole experiment: labels, sensor, classifier, maps and methods."""
+    """A whole experiment: labels, sensor, classifier, maps and drives, and methods.
+
+    ``nodes`` says what is labelled: the cells of maps, the steps of drives, or both as one graph.
+    """
 
     title: str | None = None
+    nodes: Nodes = "cells"
     resolution_m: Positive | None = None
     connectivity: Connectivity = 8
     labels: LabelsConfig
@@ -113,9 +120,10 @@ class ExperimentConfig:
     classifier: ClassifierOptions = field(default_factory=ClassifierOptions)
     context: ContextOptions = field(default_factory=ContextOptions)
     space: SpaceOptions = field(default_factory=SpaceOptions)
+    steps: StepOptions = field(default_factory=StepOptions)
     topology: TopologyOptions = field(default_factory=TopologyOptions)
-    train: Annotated[tuple[MapConfig, ...], MinLen(1)]
-    test: tuple[MapConfig, ...] = ()
+    train: Annotated[tuple[SourceConfig, ...], MinLen(1)]
+    test: tuple[SourceConfig, ...] = ()
     features: tuple[FeatureConfig, ...] = ()
     select: SelectConfig | None = None
     methods: Annotated[tuple[MethodConfig, ...], MinLen(1)]
@@ -124,6 +132,7 @@ class ExperimentConfig:
         check_options(self)
         _check_label_names(self)
         _check_methods(self)
+        _check_nodes(self)
         build_features(self)
         for method in self.methods:
             build_method(method)
@@ -144,6 +153,29 @@ def _check_methods(config: ExperimentConfig) -> None:
         )
 
 
+def _check_nodes(config: ExperimentConfig) -> None:
+    """Refuse sources and tables that make no sense for what is labelled."""
+    nodes = config.nodes
+    if nodes != "cells" and config.select is not None:
+        raise ConfigError(f"[select] chooses options for maps; take it out for nodes = {nodes!r}")
+    for part, sources in (("train", config.train), ("test", config.test)):
+        for index, item in enumerate(sources):
+            where = f"{part}[{index}]"
+            if nodes == "cells" and item.is_drive:
+                raise ConfigError(
+                    f"{where} is a drive, but cells of maps are labelled; write nodes = 'steps' or "
+                    "nodes = 'both' at the top of the file"
+                )
+            if nodes != "cells" and part == "test" and not item.is_drive:
+                raise ConfigError(
+                    f"{where} is a map, but steps of drives are labelled; give a log or a drive"
+                )
+            if nodes == "both" and item.log is not None and item.map is None:
+                raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
+    if nodes == "both" and not any(item.is_drive for item in config.train):
+        raise ConfigError("train: cells and steps are learned together from a drive at least")
+
+
 def _check_label_names(config: ExperimentConfig) -> None:
     names = list(config.labels.names)
     order = config.classifier.order
@@ -154,7 +186,8 @@ def _check_label_names(config: ExperimentConfig) -> None:
         )
     for part, maps in (("train", config.train), ("test", config.test)):
         for index, item in enumerate(maps):
-            for code, label in (item.classes or {}).items():
+            source: MapConfig = item.drive or item
+            for code, label in (source.classes or {}).items():
                 if label not in names:
                     raise ConfigError(
                         f"{part}[{index}].classes: {code!r} is translated to {label!r}, which is "

@@ -59,6 +59,9 @@ class MapConfig:
 
     def __post_init__(self) -> None:
         check_options(self)
+        self._check_map()
+
+    def _check_map(self) -> None:
         if (self.map is None) == (self.generated is None):
             raise ConfigError("give map (a YAML file) or generated (a seed), one of them")
         if self.generated is not None:

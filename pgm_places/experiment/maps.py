@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.map_config import MapConfig
+from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
@@ -19,21 +20,29 @@ from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["load_maps"]
+__all__ = ["load_grid", "load_map_of", "load_maps"]
 
 
 def load_maps(experiment: Experiment, part: str) -> list[LabelledMap]:
-    """The maps of ``"train"`` or ``"test"``, coarsened and windowed as configured."""
-    sources: Sequence[MapConfig] = getattr(experiment.config, part)
+    """The maps among the sources of ``"train"`` or ``"test"``, coarsened and windowed."""
+    sources: Sequence[SourceConfig] = getattr(experiment.config, part)
+    chosen = [(index, item) for index, item in enumerate(sources) if not item.is_drive]
     with experiment.timed("load"), experiment.progress.stage(f"{part} maps") as stage:
         maps = []
-        for index, source in enumerate(sources):
-            maps.append(_load_map(experiment, source, f"{part}[{index}]"))
-            stage.update((index + 1) / len(sources), maps[-1].name)
+        for done, (index, source) in enumerate(chosen):
+            maps.append(load_map_of(experiment, source, f"{part}[{index}]"))
+            stage.update((done + 1) / len(chosen), maps[-1].name)
     return maps
 
 
-def _load_map(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
+def load_map_of(experiment: Experiment, source: MapConfig, where: str) -> LabelledMap:
+    """A labelled map as configured; ``where`` names it in messages.
+
+    Raises
+    ------
+    LabelError
+        No free cell inside the window has a label.
+    """
     limits = source.window
     if source.generated is None:
         grid, labels, origin = _read_map(experiment, source)
@@ -86,6 +95,14 @@ def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> 
     return made if source.name is None else replace(made, name=source.name)
 
 
+def load_grid(experiment: Experiment, source: MapConfig) -> LabelledMap:
+    """The map of a log, with cells of the configured size; -1 throughout without labels."""
+    grid, labels, origin = _read_map(experiment, source)
+    name = source.name or _default_name(source, origin)
+    window = window_mask(grid, **source.window)
+    return _coarsened(experiment, source, LabelledMap(grid, labels, window, name, str(origin)))
+
+
 def _read_map(
     experiment: Experiment, source: MapConfig
 ) -> tuple[OccupancyGrid, NDArray[np.int16], Path]:
@@ -99,6 +116,8 @@ def _read_map(
     if source.labels is not None:
         label_path = experiment.resolve(source.labels)
         labels = load_labels(label_path, names, grid=loaded.grid)
+    elif source.regions is None:
+        return loaded.grid, np.full(loaded.grid.shape, -1, np.int16), yaml_path
     else:
         label_path = experiment.resolve(str(source.regions))
         labels = load_regions(label_path, names, loaded.grid, classes=source.classes)

@@ -15,6 +15,7 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import (
     Comparison,
     MethodResult,
+    TestItem,
     TestMap,
     door_scores,
     history_of,
@@ -25,10 +26,11 @@ from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.selection import select
-from pgm_places.experiment.setup import make_labeler, resolved_config
+from pgm_places.experiment.setup import make_labeler, resolved_config, step_methods
+from pgm_places.experiment.step_runs import label_drives, load_test_drives, train_steps
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
-from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.options import option_values
 from pgm_places.spaces.door_truth import DoorScores
@@ -78,7 +80,9 @@ def compare(experiment: Experiment) -> Comparison:
         There are no test maps.
     """
     if not experiment.config.test:
-        raise ConfigError("a comparison needs at least one [[test]] map; there is none")
+        raise ConfigError("a comparison needs at least one [[test]] map or drive; there is none")
+    if experiment.config.nodes != "cells":
+        return _compare_drives(experiment)
     make_labeler(experiment.config)  # what it refuses shows before the maps are read
     # Test maps are read before anything is learned: what is wrong with them shows at once.
     tests = load_maps(experiment, "test")
@@ -89,7 +93,6 @@ def compare_fitted(
     experiment: Experiment, labeler: PlaceLabeler, tests: Sequence[LabelledMap]
 ) -> Comparison:
     """All methods of a fitted labeler on test maps with their labels."""
-    config = experiment.config
     maps, scored = [], []
     for item in tests:
         with experiment.timed("score cells"):
@@ -104,13 +107,45 @@ def compare_fitted(
         maps.append(TestMap(item.name, item.grid, item.labels, graph.layout, window))
         scored.append((graph, scores, item.truth(graph)))
     methods = [_run_method(experiment, labeler, name, scored, maps) for name in labeler.methods_]
+    return _comparison(experiment, maps, methods, labeler.methods_)
+
+
+def _compare_drives(experiment: Experiment) -> Comparison:
+    """All methods on the steps of the test drives, joined with the cells of their maps or alone."""
+    step_methods(experiment.config)  # what it refuses shows before anything is read
+    drives = load_test_drives(experiment)
+    labelers = train_steps(experiment)
+    found = label_drives(experiment, labelers, drives)
+    names = tuple(experiment.config.labels.names)
+    methods = {name: PlaceMethod(item.method_, "laser") for name, item in labelers.items()}
+    results = [
+        method_result(
+            name,
+            methods[name],
+            names,
+            found.items,
+            found.labelings[name],
+            {"learn": labelers[name].learn_seconds_, "infer": found.seconds[name]},
+        )
+        for name in labelers
+    ]
+    return _comparison(experiment, found.items, results, methods)
+
+
+def _comparison(
+    experiment: Experiment,
+    items: Sequence[TestItem],
+    results: Sequence[MethodResult],
+    methods: Mapping[str, PlaceMethod],
+) -> Comparison:
+    config = experiment.config
     return Comparison(
         title=config.title or "Place labelling",
         label_names=tuple(config.labels.names),
-        maps=tuple(maps),
-        methods=tuple(methods),
+        maps=tuple(items),
+        methods=tuple(results),
         stage_seconds=dict(experiment.seconds),
-        config=resolved_config(config, labeler),
+        config=resolved_config(config, methods),
         versions=versions(),
         inputs=dict(experiment.inputs),
         warnings=tuple(experiment.warnings),
@@ -133,12 +168,33 @@ def _run_method(
             labelings.append(labeler.infer(graph, scores, method=name, truth=truth))
             stage.update((index + 1) / len(scored))
     spent = time.perf_counter() - start
-    # Recording the accuracy of every iteration is no part of the method.
-    spent -= sum(float(item.info.get("recording_seconds", 0.0)) for item in labelings)
+    result = method_result(
+        name,
+        method,
+        labeler.label_names_,
+        maps,
+        labelings,
+        {"learn": labeler.learn_seconds_.get(name, 0.0), "infer": spent},
+    )
+    doors = _doors(experiment, labeler, method.unary, scored, maps, labelings)
+    return replace(result, doors=doors)
+
+
+def method_result(
+    name: str,
+    method: PlaceMethod,
+    label_names: tuple[str, ...],
+    items: Sequence[TestItem],
+    labelings: Sequence[Labeling],
+    seconds: Mapping[str, float],
+) -> MethodResult:
+    """The result of a fitted method from its labelling of each test item, without doors."""
     evaluations = [
-        evaluate(truth, found.labels, labeler.label_names_, beliefs=found.beliefs)
-        for found, (_, _, truth) in zip(labelings, scored, strict=True)
+        evaluate(item.node_truth, found.labels, label_names, beliefs=found.beliefs)
+        for item, found in zip(items, labelings, strict=True)
     ]
+    # Recording the accuracy of every iteration is no part of the method.
+    recording = sum(float(item.info.get("recording_seconds", 0.0)) for item in labelings)
     return MethodResult(
         id=name,
         name=type(method.backend).__name__,
@@ -146,12 +202,11 @@ def _run_method(
         labelings=tuple(labelings),
         evaluations=tuple(evaluations),
         evaluation=Evaluation.merged(evaluations),
-        seconds={"learn": labeler.learn_seconds_.get(name, 0.0), "infer": spent},
+        seconds={**seconds, "infer": seconds["infer"] - recording},
         learned=dict(getattr(method.backend, "summary", None) or {}),
-        intervals=score_intervals(maps, labelings, len(labeler.label_names_)),
+        intervals=score_intervals(items, labelings, len(label_names)),
         histories=tuple(history_of(labeling) for labeling in labelings),
         learning=learning_of(method.backend),
-        doors=_doors(experiment, labeler, method.unary, scored, maps, labelings),
     )
 
 

@@ -1,16 +1,24 @@
-"""The labeler that a configuration describes, and the fully resolved configuration."""
+"""The labelers that a configuration describes, and the fully resolved configuration."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import (
     ExperimentConfig,
+    MethodConfig,
     build_features,
     build_method,
 )
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.method import check_labels_maps
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.options import option_values, plain_values
+from pgm_places.unary.options import ClassifierOptions
 
-__all__ = ["make_labeler", "resolved_config"]
+__all__ = ["joint_labeler", "make_labeler", "resolved_config", "step_labeler", "step_methods"]
 
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
@@ -38,15 +46,66 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     return labeler
 
 
-def resolved_config(config: ExperimentConfig, labeler: PlaceLabeler) -> dict[str, Any]:
-    """The configuration with every default written out, as plain data."""
+def step_methods(config: ExperimentConfig) -> dict[str, Any]:
+    """The unfitted methods for steps, or for steps and cells together, by their ids.
+
+    Raises
+    ------
+    ConfigError
+        A method for chains is to label a graph with cycles, or ``unary`` is given: steps have one.
+    """
+    methods = {}
+    for method in config.methods:
+        if method.unary != "auto" and config.nodes == "steps":
+            raise ConfigError(f"methods.{method.id}: unary is for cells of maps; take it out")
+        methods[method.id] = build_method(method)
+        if config.nodes == "both":
+            check_labels_maps(f"method {method.id!r}", methods[method.id])
+    return methods
+
+
+def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
+    """The unfitted labeler of drives that a configuration describes."""
+    names, steps = tuple(config.labels.names), config.steps
+    settings = config.classifier
+    labeler = TrajectoryLabeler(
+        names,
+        every_m=steps.every_m,
+        loop_m=steps.loop_m,
+        beams=steps.beams,
+        sensor=replace(config.sensor, max_range_m=steps.max_range_m),
+        # By default the prior is left to the method, which knows how frequent places are on a way.
+        classifier=None if settings == ClassifierOptions() else settings.classifier(names),
+        n_folds=settings.n_folds,
+        n_runs=steps.n_runs,
+        seed=steps.seed,
+        features=build_features(config),
+    )
+    labeler.check_options()
+    return labeler
+
+
+def joint_labeler(config: ExperimentConfig) -> JointLabeler:
+    """The unfitted labeler of maps with drives through them that a configuration describes."""
+    unaries = list(dict.fromkeys(item.unary for item in config.methods))
+    if len(unaries) > 1:
+        raise ConfigError(
+            f"methods must have one unary where cells and steps are joined, got {unaries}"
+        )
+    alone = MethodConfig("independent", "independent", {}, unaries[0])
+    places = make_labeler(replace(config, methods=(alone,)))
+    return JointLabeler(tuple(config.labels.names), places=places, steps=step_labeler(config))
+
+
+def resolved_config(config: ExperimentConfig, methods: Mapping[str, PlaceMethod]) -> dict[str, Any]:
+    """The configuration with every default of its built methods written out, as plain data."""
     content: dict[str, Any] = plain_values(config)
     content["methods"] = [
         {
             "id": method.id,
             "name": method.name,
-            "unary": labeler.methods_[method.id].unary,
-            **option_values(labeler.methods_[method.id].backend),
+            "unary": methods[method.id].unary,
+            **option_values(methods[method.id].backend),
         }
         for method in config.methods
     ]

@@ -1,6 +1,8 @@
 """JointLabeler: labels a map, a drive, or a map together with a drive through it, as one graph."""
 
-from collections.abc import Sequence
+import copy
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
@@ -88,6 +90,8 @@ class JointLabeler(Labeler):
         The fitted method.
     link_weight_ : float or None
         The weight of links; None for methods that learn their own or have none.
+    learn_seconds_ : float
+        How long the method took to learn; absent from a stored model.
 
     Examples
     --------
@@ -107,6 +111,7 @@ class JointLabeler(Labeler):
     steps_: TrajectoryLabeler
     method_: Any
     link_weight_: float | None
+    learn_seconds_: float
 
     stored_as: ClassVar[str] = "joint-labeler"
     _call_first: ClassVar[str] = "fit(drives)"
@@ -173,11 +178,53 @@ class JointLabeler(Labeler):
         LabelError
             A label has no example.
         """
+        self._fit({"": as_backend(self.method)}, drives, maps, n_threads, progress)
+        return self
+
+    def fit_methods(
+        self,
+        methods: Mapping[str, Any],
+        drives: Sequence[MappedDrive],
+        maps: Sequence[LabelledMap] = (),
+        *,
+        n_threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> dict[str, Self]:
+        """Fitted labelers that share lists, each with a method that learned on the same scores.
+
+        The labeler itself gets the last of the methods.
+
+        Parameters
+        ----------
+        methods : mapping of str to Backend or str
+            By the names that the labelers are returned by.
+        drives, maps, n_threads, progress
+            As for :meth:`fit`.
+
+        Raises
+        ------
+        ConfigError, InputError, LabelError
+            As :meth:`fit`.
+        """
+        chosen = {name: as_backend(method) for name, method in methods.items()}
+        return self._fit(chosen, drives, maps, n_threads, progress)
+
+    def _fit(
+        self,
+        methods: Mapping[str, Any],
+        drives: Sequence[MappedDrive],
+        maps: Sequence[LabelledMap],
+        n_threads: int | None,
+        progress: Progress | None,
+    ) -> dict[str, Self]:
+        """A labeler per method; the last of them is this one."""
         self.check_options()
+        for name, method in methods.items():
+            check_labels_maps(f"method {name!r}" if name else "the method", method)
         progress = progress or Silent()
         if not drives:
             raise InputError("learning cells and steps together takes a labelled drive at least")
-        names, method = tuple(self.label_names), with_edge_kinds(as_backend(self.method))
+        names = tuple(self.label_names)
         known = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
         places, steps = self._parts()
         of_cells = places.fit_with_scores(known, n_threads=n_threads, progress=progress)
@@ -189,21 +236,37 @@ class JointLabeler(Labeler):
             progress=progress,
         )
         examples = self._examples(drives, known, of_cells, of_steps)
-        weight: float | None = None
-        with progress.stage("method"):
-            if isinstance(method, Learnable):
-                problems = [_problem(item, names, None) for item in examples]
-                method = method.fit(problems, [item.truth for item in examples])
-            elif hasattr(method, "edge_weights"):
-                method = replace(method, edge_weights="given")
-                weight = self._link_weight(method, examples, names)
-        return self.set_learned(
-            places_=places,
-            steps_=steps,
-            method_=method,
-            link_weight_=weight,
-            label_names_=names,
-        )
+        found: dict[str, Self] = {}
+        for name, method in methods.items():
+            with progress.stage(f"method {name}".rstrip()):
+                start = time.perf_counter()
+                fitted, weight = self._learned(method, examples, names)
+                spent = time.perf_counter() - start
+            last = len(found) == len(methods) - 1
+            labeler = self if last else copy.copy(self)
+            if len(methods) > 1:
+                labeler.method = method
+            found[name] = labeler.set_learned(
+                places_=places,
+                steps_=steps,
+                method_=fitted,
+                link_weight_=weight,
+                learn_seconds_=spent,
+                label_names_=names,
+            )
+        return found
+
+    def _learned(
+        self, method: Any, examples: Sequence[_Example], names: tuple[str, ...]
+    ) -> tuple[Any, float | None]:
+        """The fitted method, and the weight of links for methods that are told edge weights."""
+        if isinstance(method, Learnable):
+            problems = [_problem(item, names, None) for item in examples]
+            return with_edge_kinds(method).fit(problems, [item.truth for item in examples]), None
+        if hasattr(method, "edge_weights"):
+            method = replace(method, edge_weights="given")
+            return method, self._link_weight(method, examples, names)
+        return method, None
 
     def _parts(self) -> tuple[PlaceLabeler, TrajectoryLabeler]:
         """The unfitted labelers of cells and of steps, each with the simplest method."""

@@ -1,6 +1,8 @@
 """TrajectoryLabeler: labels the places along a robot's trajectory, as a whole or step by step."""
 
-from collections.abc import Sequence
+import copy
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -16,7 +18,6 @@ from pgm_places.labelers.method import as_backend, infer, unfitted, with_edge_ki
 from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_learning import (
-    Examples,
     KnownMaps,
     check_can_learn,
     learn_list,
@@ -99,6 +100,8 @@ class TrajectoryLabeler(Labeler):
         The list: what is known of a step before the others are asked.
     method_ : Backend
         The fitted method.
+    learn_seconds_ : float
+        How long the method took to learn; absent from a stored model.
 
     Examples
     --------
@@ -117,6 +120,7 @@ class TrajectoryLabeler(Labeler):
 
     scan_model_: ScanModel
     method_: Any
+    learn_seconds_: float
 
     stored_as: ClassVar[str] = "trajectory-labeler"
     _call_first: ClassVar[str] = "fit(maps, trajectories), or from_places(places)"
@@ -260,14 +264,8 @@ class TrajectoryLabeler(Labeler):
         InputError
             An option is invalid, there is nothing to train on, or columns do not fit.
         """
-        self._fit(
-            maps,
-            trajectories,
-            extra=extra,
-            known_map=known_map,
-            n_threads=n_threads,
-            progress=progress,
-        )
+        method = as_backend(self.method)
+        self._fit({"": method}, maps, trajectories, extra, known_map, n_threads, progress)
         return self
 
     def fit_with_scores(
@@ -289,28 +287,59 @@ class TrajectoryLabeler(Labeler):
         LabelError, InputError
             As :meth:`fit`.
         """
-        examples, scores = self._fit(
-            maps, trajectories, known_map=known_map, n_threads=n_threads, progress=progress
+        method = as_backend(self.method)
+        _, of_steps = self._fit(
+            {"": method}, maps, trajectories, None, known_map, n_threads, progress
         )
-        return examples.split(scores)[1]
+        return of_steps
 
-    def _fit(
+    def fit_methods(
         self,
-        maps: Sequence[LabelledMap],
-        trajectories: Sequence[Trajectory],
+        methods: Mapping[str, Any],
+        maps: Sequence[LabelledMap] = (),
+        trajectories: Sequence[Trajectory] = (),
         *,
-        extra: Sequence[ArrayLike] | None = None,
         known_map: KnownMaps = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
-    ) -> tuple[Examples, NDArray[np.float64]]:
+    ) -> dict[str, Self]:
+        """Fitted labelers that share one list, each with a method that learned on the same scores.
+
+        The labeler itself gets the last of the methods.
+
+        Parameters
+        ----------
+        methods : mapping of str to Backend or str
+            By the names that the labelers are returned by.
+        maps, trajectories, known_map, n_threads, progress
+            As for :meth:`fit`.
+
+        Raises
+        ------
+        LabelError, InputError
+            As :meth:`fit`.
+        """
+        chosen = {name: as_backend(method) for name, method in methods.items()}
+        found, _ = self._fit(chosen, maps, trajectories, None, known_map, n_threads, progress)
+        return found
+
+    def _fit(
+        self,
+        methods: Mapping[str, Any],
+        maps: Sequence[LabelledMap],
+        trajectories: Sequence[Trajectory],
+        extra: Sequence[ArrayLike] | None,
+        known_map: KnownMaps,
+        n_threads: int | None,
+        progress: Progress | None,
+    ) -> tuple[dict[str, Self], list[NDArray[np.float64]]]:
+        """A labeler per method, the last of them this one, and the held-out scores of steps."""
         self.check_options()
         names, extra_names = tuple(self.label_names), tuple(self.extra_names)
-        method, features = as_backend(self.method), as_features(self.features)
-        if self.loop_m > 0:
-            method = with_edge_kinds(method)
+        features = as_features(self.features)
         if maps or trajectories:
-            check_can_learn(method, trajectories)
+            for method in methods.values():
+                check_can_learn(method, trajectories)
         examples = trajectory_examples(
             maps,
             trajectories,
@@ -334,21 +363,31 @@ class TrajectoryLabeler(Labeler):
             features=features,
             progress=progress,
         )
-        with (progress or Silent()).stage("method"):
-            fitted = learn_method(
-                method,
-                names,
-                maps,
-                trajectories,
-                examples,
-                scores,
-                every_m=self.every_m,
-                loop_m=self.loop_m,
-                n_runs=self.n_runs,
-                seed=self.seed,
+        found: dict[str, Self] = {}
+        for name, method in methods.items():
+            with (progress or Silent()).stage(f"method {name}".rstrip()):
+                start = time.perf_counter()
+                fitted = learn_method(
+                    with_edge_kinds(method) if self.loop_m > 0 else method,
+                    names,
+                    maps,
+                    trajectories,
+                    examples,
+                    scores,
+                    every_m=self.every_m,
+                    loop_m=self.loop_m,
+                    n_runs=self.n_runs,
+                    seed=self.seed,
+                )
+                spent = time.perf_counter() - start
+            last = len(found) == len(methods) - 1
+            labeler = self if last else copy.copy(self)
+            if len(methods) > 1:
+                labeler.method = method
+            found[name] = labeler.set_learned(
+                scan_model_=model, method_=fitted, learn_seconds_=spent, label_names_=names
             )
-        self.set_learned(scan_model_=model, method_=fitted, label_names_=names)
-        return examples, scores
+        return found, examples.split(scores)[1]
 
     # ------------------------------------------------------------------ labelling
 

@@ -27,6 +27,7 @@ from pgm_places.palette import (
     rgb_of,
     tinted,
 )
+from pgm_places.trajectories.path_layout import PathLayout
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -200,7 +201,7 @@ def difference_canvas(
 def value_canvas(
     grid: OccupancyGrid,
     values: ArrayLike,
-    layout: GridLayout,
+    layout: GridLayout | PathLayout,
     gradient: str,
     view: View,
 ) -> Canvas:
@@ -208,7 +209,10 @@ def value_canvas(
     array = finite_array("values", values, (len(layout.cells_rc),))
     steps = np.clip(array * N_LEVELS, 0, N_LEVELS - 1).astype(np.int16)
     raster = layout.to_raster(steps, fill=np.int16(-1))
-    coarsening = Coarsening.behind(layout, grid)
+    if isinstance(layout, PathLayout):
+        coarsening = Coarsening(grid, grid)
+    else:
+        coarsening = Coarsening.behind(layout, grid)
     colours = (*_GROUND, *levels(gradient, N_LEVELS))
 
     def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:

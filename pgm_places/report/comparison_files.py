@@ -34,7 +34,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
     confusion (rows are true labels), seconds, 95 % intervals, and per map the status, score, bound
     and gap. ``doors`` counts the doors that were found, missed and invented, on all maps together
-    and per map, where there is a label for doorways.
+    and per map, where there is a label for doorways. Where cells and steps were labelled together,
+    ``cells`` and ``steps`` hold the figures of each.
     """
     return {
         "schema": SCHEMA,
@@ -43,14 +44,15 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "maps": [
             {
                 "name": item.name,
-                "cells_labelled": len(item.layout.cells_rc),
-                "cells_evaluated": int((item.layout.from_raster(item.truth) >= 0).sum()),
+                f"{item.unit}s_labelled": len(item.layout.cells_rc),
+                f"{item.unit}s_evaluated": int((item.node_truth >= 0).sum()),
                 "resolution_m": item.grid.resolution_m,
             }
             for item in comparison.maps
         ],
         "methods": {
             method.id: _method_record(method, [item.name for item in comparison.maps])
+            | _record_by_unit(comparison, method)
             for method in comparison.methods
         },
         "stage_seconds": _plain(comparison.stage_seconds),
@@ -60,6 +62,12 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
         "inputs": dict(comparison.inputs),
         "warnings": list(comparison.warnings),
     }
+
+
+def _record_by_unit(comparison: Comparison, method: MethodResult) -> dict[str, Any]:
+    """``cells`` and ``steps`` apart, where both were labelled."""
+    found = comparison.by_unit(method)
+    return {f"{unit}s": _plain(part.to_dict()) for unit, part in found.items() if len(found) > 1}
 
 
 def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]:

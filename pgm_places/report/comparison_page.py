@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation, Interval
-from pgm_places.experiment.comparison import BLOCK_M, Comparison, MethodResult
+from pgm_places.experiment.comparison import BLOCK_M, STRETCH_M, Comparison, MethodResult
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
@@ -24,6 +24,11 @@ _GRADIENTS = (
     ("probability", ("0", "1"), levels("probability", 9)),
     ("entropy", ("0 (certain)", "1 (undecided)"), levels("entropy", 9)),
 )
+_BLOCKS = {
+    "cell": f"{BLOCK_M:g} m squares",
+    "step": f"{STRETCH_M:g} m stretches of the path",
+    "node": f"{BLOCK_M:g} m squares and {STRETCH_M:g} m stretches of paths",
+}
 _STEP_COUNTS = ("iterations", "n_iterations", "sweeps")
 
 
@@ -53,7 +58,10 @@ def report_page(comparison: Comparison) -> str:
         methods=comparison.methods,
         maps=comparison.maps,
         labels=labels,
-        n_cells=sum(method.evaluation.n for method in comparison.methods[:1]),
+        n_maps=sum(item.unit == "cell" for item in comparison.maps),
+        n_drives=sum(item.unit == "step" for item in comparison.maps),
+        unit=comparison.unit,
+        n_nodes=sum(method.evaluation.n for method in comparison.methods[:1]),
         warnings=comparison.warnings,
         cards=list(_cards(comparison)),
         figures=_FIGURES,
@@ -66,7 +74,10 @@ def report_page(comparison: Comparison) -> str:
             for method in comparison.methods
             if method.doors
         ],
-        block_m=BLOCK_M,
+        by_unit=[(method, comparison.by_unit(method)) for method in comparison.methods]
+        if comparison.unit == "node"
+        else [],
+        blocks=_BLOCKS[comparison.unit],
         truth=_truth(comparison, labels),
         stage_seconds=comparison.stage_seconds,
         legend=(*labels, Swatch("error", ERROR), *GROUND_SWATCHES),
@@ -165,7 +176,7 @@ class _Share:
     """How much of the ground truth is one label."""
 
     label: Swatch
-    n_cells: int
+    n_nodes: int
     area_m2: float
     share: float
 
@@ -175,7 +186,7 @@ def _truth(comparison: Comparison, labels: Sequence[Swatch]) -> list[_Share]:
     counts = np.zeros(len(labels), np.int64)
     areas_m2 = np.zeros(len(labels))
     for item in comparison.maps:
-        truth = item.layout.from_raster(item.truth)
+        truth = item.node_truth
         on_map = np.bincount(truth[truth >= 0], minlength=len(counts))
         counts += on_map
         areas_m2 += on_map * item.grid.resolution_m**2

@@ -1,12 +1,13 @@
 """The layers of a comparison's maps as images of a page: truth, labels, errors, probabilities."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
+from pgm_places.experiment.comparison import Comparison, MethodResult, TestDrive, TestItem
+from pgm_places.labelers.tracking import Track
 from pgm_places.report.canvas import (
     Canvas,
     View,
@@ -18,6 +19,7 @@ from pgm_places.report.canvas import (
 from pgm_places.report.map_pictures import entropy
 from pgm_places.report.page import data_uri
 from pgm_places.report.sheet import round_length
+from pgm_places.report.track_pictures import belief_plot
 
 __all__ = ["Layer", "MapLayers", "label_layers", "probability_layers"]
 
@@ -85,12 +87,16 @@ class Layer:
 
 @dataclass(frozen=True)
 class MapLayers:
-    """A test map: what it is, its truth, and per method its labels and its errors."""
+    """A test map: what it is, its truth, and per method its labels and its errors.
+
+    Drives also have a plot per method of labels and beliefs along the path, as an image's address.
+    """
 
     name: str
     facts: Sequence[tuple[str, str]]
     truth: Layer
     methods: Sequence[tuple[str, Sequence[Layer]]]
+    along_path: Sequence[tuple[str, str]] = ()
 
 
 def label_layers(comparison: Comparison) -> list[MapLayers]:
@@ -103,26 +109,36 @@ def label_layers(comparison: Comparison) -> list[MapLayers]:
 def _layers(comparison: Comparison, index: int, most_pixels: int) -> MapLayers:
     item, names = comparison.maps[index], comparison.label_names
     view = _view(item, most_pixels)
-    truth = item.layout.to_raster(item.layout.from_raster(item.truth), fill=-1)
+    truth = item.layout.to_raster(item.node_truth, fill=-1)
     canvas = label_canvas(item.grid, truth, names, view)
     first = Layer(index, "Ground truth", f"{item.name}: ground truth", "ground truth", canvas)
     methods = [
         (method.id, _pair(index, item, method, (truth, names), view))
         for method in comparison.methods
     ]
-    return MapLayers(item.name, _facts(item), first, methods)
+    return MapLayers(
+        item.name, _facts(item), first, methods, list(_along_path(comparison, index, item))
+    )
+
+
+def _along_path(comparison: Comparison, index: int, item: TestItem) -> Iterator[tuple[str, str]]:
+    """Each method's labels and beliefs over the length of a drive."""
+    if isinstance(item, TestDrive):
+        for method in comparison.methods:
+            track = Track(item.trajectory, method.labelings[index], comparison.label_names)
+            yield method.id, data_uri(belief_plot(track))
 
 
 def _pair(
     index: int,
-    item: TestMap,
+    item: TestItem,
     method: MethodResult,
     truth: tuple[NDArray[np.integer], Sequence[str]],
     view: View,
 ) -> tuple[Layer, Layer]:
     true, names = truth
     found = item.layout.to_raster(method.labelings[index].labels.astype(np.int16), fill=-1)
-    evaluation = method.evaluations[index]
+    evaluation, unit = method.evaluations[index], item.unit
     correct = f"{100 * evaluation.accuracy:.2f} % correct"
     n_wrong = evaluation.n - round(evaluation.accuracy * evaluation.n)
     return (
@@ -136,22 +152,26 @@ def _pair(
         Layer(
             index,
             f"{method.id} errors",
-            f"{item.name}: {n_wrong} of {evaluation.n} cells that {method.id} labels wrongly",
-            f"errors: {n_wrong:,} of {evaluation.n:,} cells",
+            f"{item.name}: {n_wrong} of {evaluation.n} {unit}s labelled wrongly by {method.id}",
+            f"errors: {n_wrong:,} of {evaluation.n:,} {unit}s",
             difference_canvas(item.grid, true, found, names, view),
         ),
     )
 
 
-def _facts(item: TestMap) -> list[tuple[str, str]]:
+def _facts(item: TestItem) -> list[tuple[str, str]]:
     height, width = item.grid.shape
     side = item.grid.resolution_m
     size = f"{width} × {height} cells of {side:g} m ({width * side:.1f} × {height * side:.1f} m)"
-    n_evaluated = int((item.layout.from_raster(item.truth) >= 0).sum())
+    n_evaluated = int((item.node_truth >= 0).sum())
+    labelled = f"{len(item.layout.cells_rc):,} free cells of the test window"
+    if isinstance(item, TestDrive):
+        path = item.trajectory
+        labelled = f"{len(path):,} steps over {path.path_length_m:,.0f} m"
     return [
         ("map", size),
-        ("labelled", f"{len(item.layout.cells_rc):,} free cells of the test window"),
-        ("evaluated", f"{n_evaluated:,} cells with ground truth"),
+        ("labelled", labelled),
+        ("evaluated", f"{n_evaluated:,} {item.unit}s with ground truth"),
     ]
 
 
@@ -176,7 +196,7 @@ def probability_layers(comparison: Comparison) -> list[tuple[str, list[Layer]]]:
 
 
 def _beliefs(
-    index: int, item: TestMap, method: MethodResult, names: Sequence[str], most_pixels: int
+    index: int, item: TestItem, method: MethodResult, names: Sequence[str], most_pixels: int
 ) -> list[Layer]:
     beliefs = method.labelings[index].beliefs
     assert beliefs is not None  # chosen by the caller
@@ -199,8 +219,8 @@ def _beliefs(
 
 
 def _mean(values: NDArray[np.floating]) -> str:
-    return f"mean {values.mean():.3f}" if len(values) else "no cells"
+    return f"mean {values.mean():.3f}" if len(values) else "nothing labelled"
 
 
-def _view(item: TestMap, most_pixels: int) -> View:
+def _view(item: TestItem, most_pixels: int) -> View:
     return view_of(item.grid, item.layout.node_of_cell >= 0, most_pixels=most_pixels)

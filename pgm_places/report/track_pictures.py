@@ -11,14 +11,9 @@ from pgm_places.palette import label_colours
 from pgm_places.report.drawing import text_width
 from pgm_places.report.figure import INK, MUTED, PixelFigure
 from pgm_places.report.map_pictures import label_map
+from pgm_places.trajectories.path_layout import PathLayout
 
 __all__ = ["belief_plot", "path_picture", "path_raster"]
-
-BRUSH_M = 0.12
-"""Half the width of the path as drawn."""
-
-LONGEST_STROKE_M = 1.5
-"""Steps farther apart are drawn as dots: where the robot went in between is unknown."""
 
 PLOT_COLUMNS = 1400
 """Most columns of the belief plot; longer logs show means."""
@@ -26,43 +21,8 @@ PLOT_COLUMNS = 1400
 
 def path_raster(track: Track, grid: OccupancyGrid) -> NDArray[np.int16]:
     """(H, W) label of the path where it runs over the grid's free cells, -1 elsewhere."""
-    raster = np.full(grid.shape, -1, np.int16)
-    radius = max(1.0, BRUSH_M / grid.resolution_m)
-    reach = int(np.ceil(radius))
-    offsets = np.array(
-        [
-            (row, column)
-            for row in range(-reach, reach + 1)
-            for column in range(-reach, reach + 1)
-            if row * row + column * column <= radius * radius
-        ]
-    )
-    positions, labels = _dense(track, grid.resolution_m)
-    cells = grid.cells_at_m(positions)
-    for offset in offsets:  # a brush of many cells, each painted along the whole path
-        at = cells + offset
-        inside = ((at >= 0) & (at < grid.shape)).all(axis=1)
-        rows, columns = at[inside].T
-        raster[rows, columns] = labels[inside]
-    raster[~grid.free] = -1
-    return raster
-
-
-def _dense(track: Track, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
-    """Positions along the path close enough to make a line, with their labels."""
-    xy = track.trajectory.poses[:, :2]
-    labels = track.labeling.labels.astype(np.int16)
-    if len(xy) < 2:
-        return xy, labels
-    lengths = track.trajectory.step_lengths_m
-    counts = np.where(lengths < LONGEST_STROKE_M, np.ceil(lengths / spacing_m), 1).astype(np.int64)
-    counts = np.append(np.maximum(counts, 1), 1)
-    step = np.repeat(np.arange(len(xy)), counts)
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    fraction = (np.arange(len(step)) - first[step]) / counts[step]
-    after = np.minimum(step + 1, len(xy) - 1)
-    positions = xy[step] + fraction[:, None] * (xy[after] - xy[step])
-    return positions, labels[step]
+    layout = PathLayout(grid, track.trajectory.poses[:, :2])
+    return layout.to_raster(track.labeling.labels.astype(np.int16), fill=-1)
 
 
 def path_picture(track: Track, grid: OccupancyGrid, *, title: str | None = None) -> bytes:

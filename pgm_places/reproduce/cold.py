@@ -12,7 +12,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.trajectories.trajectory import Trajectory, headings_along
+from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = [
     "CLASSES",
@@ -100,12 +100,4 @@ def denser(run: Trajectory) -> Trajectory:
     Recorded positions are a metre apart, far more than the robot drives between two updates; what
     lies between them has no label.
     """
-    assert run.labels is not None and run.label_names is not None
-    way = np.concatenate([[0.0], np.cumsum(run.step_lengths_m)])
-    steps = np.union1d(np.arange(0.0, way[-1], STEP_M), way)
-    xy = np.stack([np.interp(steps, way, run.poses[:, axis]) for axis in (0, 1)], axis=1)
-    labels = np.full(len(steps), -1)
-    labels[np.searchsorted(steps, way)] = run.labels
-    times = np.interp(steps, way, run.times_s)
-    poses = np.column_stack([xy, headings_along(xy)])
-    return Trajectory(times, poses, labels=labels, label_names=run.label_names, name=run.name)
+    return run.resampled(STEP_M)

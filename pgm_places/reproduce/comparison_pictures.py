@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap
+from pgm_places.experiment.comparison import Comparison, MethodResult, TestItem
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of
@@ -25,7 +25,7 @@ def label_sheet(comparison: Comparison, index: int = 0, *, title: str | None = N
     """A PNG file: the ground truth and each method's labels of a test map, side by side."""
     item, names = comparison.maps[index], comparison.label_names
     grid, view = _shown(item)
-    truth = item.layout.to_raster(item.layout.from_raster(item.truth), fill=-1)
+    truth = item.layout.to_raster(item.node_truth, fill=-1)
     panels = [Panel(label_canvas(grid, truth, names, view), "ground truth")]
     for method in comparison.methods:
         canvas = label_canvas(grid, _raster(item, method, index), names, view)
@@ -43,7 +43,9 @@ def error_sheet(comparison: Comparison, index: int = 0, *, title: str | None = N
         canvas = difference_canvas(grid, item.truth, found, names, view)
         evaluation = method.evaluations[index]
         wrong = evaluation.n - int(np.trace(evaluation.confusion))
-        panels.append(Panel(canvas, f"{method.id}: errors in {wrong:,} of {evaluation.n:,} cells"))
+        panels.append(
+            Panel(canvas, f"{method.id}: errors in {wrong:,} of {evaluation.n:,} {item.unit}s")
+        )
     entries = [Swatch("error", ERROR)]
     entries += [
         Swatch(f"{item.name}, correct", tinted(item.colour, RIGHT_TINT))
@@ -77,12 +79,12 @@ def window_grid(grid: OccupancyGrid, window: NDArray[np.bool_]) -> OccupancyGrid
     return OccupancyGrid(cells, grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
 
 
-def _shown(item: TestMap) -> tuple[OccupancyGrid, View]:
+def _shown(item: TestItem) -> tuple[OccupancyGrid, View]:
     grid = window_grid(item.grid, item.window)
     return grid, view_of(grid, most_pixels=_MOST_PIXELS)
 
 
-def _raster(item: TestMap, method: MethodResult, index: int) -> NDArray[np.int16]:
+def _raster(item: TestItem, method: MethodResult, index: int) -> NDArray[np.int16]:
     labels = method.labelings[index].labels.astype(np.int16)
     raster: NDArray[np.int16] = item.layout.to_raster(labels, fill=-1)
     return raster

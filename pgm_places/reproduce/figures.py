@@ -87,7 +87,7 @@ def away_from_borders(comparison: Comparison, method: MethodResult) -> float | N
     right = total = 0
     for item, labeling in zip(comparison.maps, method.labelings, strict=True):
         inside = border_tolerant_mask(item.truth, item.grid.resolution_m, tolerance_m=BORDER_M)
-        truth = item.layout.from_raster(item.truth)
+        truth = item.node_truth
         chosen = item.layout.from_raster(inside) & (truth >= 0)
         right += int((labeling.labels[chosen] == truth[chosen]).sum())
         total += int(chosen.sum())

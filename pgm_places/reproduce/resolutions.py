@@ -49,7 +49,7 @@ def fine(setting: Setting) -> Outcome:
     sides = [cells_m for cells_m in FINE_CELLS_M if cells_m >= finest]
     found = _by_cells(setting, "fine_cells", sides)
     last = found[sides[-1]]
-    nodes = int((last.maps[0].layout.from_raster(last.maps[0].truth) >= 0).sum())
+    nodes = int((last.maps[0].node_truth >= 0).sum())
     return Outcome(
         setting="Building 79 as the COLD campaign mapped it, in 2 cm cells, from one half to "
         "the other; the lists are trained on 20,000 cells drawn at random, the methods on all "

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import TestMap
+from pgm_places.experiment.comparison import TestItem
 from pgm_places.experiment.runs import compare
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
@@ -86,7 +86,7 @@ def run(setting: Setting) -> Outcome:
 
 
 def topology_table(
-    item: TestMap,
+    item: TestItem,
     answers: Mapping[str, NDArray[np.int16]],
     names: tuple[str, ...],
     doorways: Doorways | None = None,

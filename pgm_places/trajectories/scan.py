@@ -94,6 +94,19 @@ class ScanGeometry:
             np.arange(n_beams, dtype=np.float64) * spacing - pi / 2, range_max_m, range_min_m
         )
 
+    @classmethod
+    def ahead(cls, n_beams: int, view_rad: float, *, range_max_m: float = 30.0) -> Self:
+        """Beams around the direction ahead that share a field of view of up to a full circle.
+
+        A half circle and a full circle have the beams of :meth:`half_circle` and
+        :meth:`full_circle`; other views reach from edge to edge.
+        """
+        if np.isclose(view_rad, 2 * pi):
+            return cls.full_circle(n_beams, range_max_m=range_max_m)
+        if np.isclose(view_rad, pi):
+            return cls.half_circle(n_beams, range_max_m=range_max_m)
+        return cls(np.linspace(-view_rad / 2, view_rad / 2, n_beams), range_max_m)
+
     @property
     def n_beams(self) -> int:
         """M, the number of beams."""

@@ -251,6 +251,34 @@ class Trajectory:
     def __getitem__(self, steps: slice) -> Self:
         return self.subset(steps)
 
+    def resampled(self, every_m: float) -> Self:
+        """The path with positions this far apart, on straight lines between the recorded ones.
+
+        For tables of positions that are farther apart than a robot drives between two updates. The
+        recorded positions stay, with their labels; what lies between them has none.
+
+        Raises
+        ------
+        InputError
+            There are scans, which cannot be resampled, or the distance is not positive.
+        """
+        if self.ranges_m is not None:
+            raise InputError(f"{self.name} has scans, which cannot be taken elsewhere")
+        if not every_m > 0:
+            raise InputError(f"every_m must be above 0 metres, got {every_m}")
+        if len(self) < 2:
+            return self
+        way = np.concatenate([[0.0], np.cumsum(self.step_lengths_m)])
+        steps = np.union1d(np.arange(0.0, way[-1], every_m), way)
+        xy = np.stack([np.interp(steps, way, self.poses[:, axis]) for axis in (0, 1)], axis=1)
+        labels = None
+        if self.labels is not None:
+            labels = np.full(len(steps), -1)
+            labels[np.searchsorted(steps, way)] = self.labels
+        times = np.interp(steps, way, self.times_s)
+        poses = np.column_stack([xy, headings_along(xy)])
+        return type(self)(times, poses, labels=labels, label_names=self.label_names, name=self.name)
+
     def scan(self, step: int) -> Scan:
         """The scan of a step, with its pose and time.
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pgm_places.experiment.comparison import score_intervals
+from pgm_places.experiment.comparison import TestMap, score_intervals
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import UNKNOWN
@@ -42,6 +42,7 @@ def test_cells_at_a_border_do_not_count_away_from_borders() -> None:
     # Labels change from column to column of 0.5 m: everything is within 0.3 m of a border.
     assert away_from_borders(comparison, comparison.methods[0]) is None
     item = comparison.maps[0]
+    assert isinstance(item, TestMap)
     one = replace(item, truth=np.where(item.truth >= 0, 0, -1).astype(np.int16))
     wrong = replace(comparison, maps=(one,))
     found = away_from_borders(wrong, comparison.methods[0])

@@ -1,0 +1,170 @@
+"""The drives of an experiment with their true places, read from logs or simulated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pgm_places.errors import LabelError, LogError
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.maps import load_grid, load_map_of
+from pgm_places.experiment.source_config import DriveConfig, LaserConfig, SourceConfig
+from pgm_places.io.logs.trajectories import read_trajectory
+from pgm_places.io.logs.truth_table import translated, with_truth
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.sensing.sensor import SensorNoise
+from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["SourceDrive", "load_drives"]
+
+
+@dataclass(frozen=True, eq=False)
+class SourceDrive:
+    """A drive with its true places, and the map that it goes through, if there is one.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        With true places by the experiment's label names, -1 where unknown.
+    map : LabelledMap or None
+        In the frame of the poses; its labels are -1 throughout where none are given.
+    """
+
+    trajectory: Trajectory
+    map: LabelledMap | None
+
+    @property
+    def grid(self) -> OccupancyGrid | None:
+        """The map without its labels."""
+        return None if self.map is None else self.map.grid
+
+
+def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
+    """The drives among the sources of ``"train"`` or ``"test"``, in their order.
+
+    Raises
+    ------
+    LogError, MapError, LabelError
+        A file cannot be read, or no step of a drive has a known place.
+    """
+    sources: Sequence[SourceConfig] = getattr(experiment.config, part)
+    chosen = [(index, item) for index, item in enumerate(sources) if item.is_drive]
+    with experiment.timed("load"), experiment.progress.stage(f"{part} drives") as stage:
+        drives = []
+        for done, (index, source) in enumerate(chosen):
+            where = f"{part}[{index}]"
+            if source.drive is not None:
+                found = _simulated(experiment, source.drive, where)
+            else:
+                found = _recorded(experiment, source, where)
+            drives.append(_windowed(source, found, where))
+            stage.update((done + 1) / len(chosen), drives[-1].trajectory.name)
+    return drives
+
+
+def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> SourceDrive:
+    known = load_map_of(experiment, drive, f"{where}.drive")
+    robot = SimulatedRobot(
+        _geometry(drive.laser),
+        radius_m=drive.radius_m,
+        speed_m_s=drive.speed_m_s,
+        scan_every_s=drive.scan_every_s,
+        sensor_noise=_noise(drive.laser),
+    )
+    path = robot.explore(
+        known.grid,
+        spacing_m=drive.spacing_m,
+        max_length_m=drive.length_m,
+        seed=drive.seed,
+        name=f"drive {drive.seed} through {known.name}",
+        n_threads=experiment.n_threads,
+    )
+    return SourceDrive(path.labelled_by(known, experiment.config.labels.names), known)
+
+
+def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> SourceDrive:
+    names = experiment.config.labels.names
+    log = experiment.resolve(str(source.log))
+    table = log.suffix.lower() == ".csv" and source.truth is None
+    read = read_trajectory(
+        log,
+        range_max_m=source.range_max_m,
+        label_column=source.label_column if table else None,
+    )
+    for message in read.warnings:
+        experiment.warn(f"{log.name}: {message}")
+    if log.is_file():
+        experiment.record_input(log)
+    path = read.trajectory
+    if source.frame is not None:
+        path = path.transformed(source.frame)
+    known = None
+    if source.map is not None:
+        known = load_grid(experiment, source)
+    if source.truth is not None:
+        truth = experiment.resolve(source.truth)
+        path = with_truth(
+            path, truth, names, label_column=source.label_column, classes=source.classes
+        )
+        experiment.record_input(truth)
+    elif path.labels is not None:
+        path = translated(path, names, source.classes)
+    if source.resample_m is not None:
+        path = path.resampled(source.resample_m)
+    told_by_map = source.truth is None and known is not None and (known.labels >= 0).any()
+    if told_by_map and (path.labels is None or source.resample_m is not None):
+        assert known is not None
+        path = path.labelled_by(known, names)
+    if path.labels is None:
+        raise LabelError(
+            f"{where}: nothing tells the true places of {log.name}; give truth (a table), or map "
+            "and labels in the log's frame"
+        )
+    if source.laser is not None:
+        assert known is not None  # SourceConfig has checked
+        path = scans_along(
+            known.grid,
+            path,
+            _geometry(source.laser),
+            noise=_noise(source.laser),
+            n_threads=experiment.n_threads,
+        )
+    return SourceDrive(path, known)
+
+
+def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDrive:
+    """The chosen steps, with unknown places outside the chosen region."""
+    path = found.trajectory
+    first, last = source.from_step or 0, source.to_step
+    if last is not None or first:
+        if not first < min(len(path) if last is None else last, len(path)):
+            raise LogError(
+                f"{where}: from_step {first} to to_step {'the end' if last is None else last} "
+                f"holds no step; the log has {len(path)}"
+            )
+        path = path[slice(first, last)]
+    assert path.labels is not None and path.label_names is not None
+    labels = path.labels
+    if source.region is not None:
+        low, high = np.array(source.region[:2]), np.array(source.region[2:])
+        xy = path.poses[:, :2]
+        labels = np.where(((xy >= low) & (xy <= high)).all(axis=1), labels, -1)
+    if not (labels >= 0).any():
+        raise LabelError(
+            f"{where} ({path.name}): no step has a known place; check that the truth belongs "
+            "to this drive, and its frame, steps and region"
+        )
+    path = path.with_labels(labels, path.label_names)
+    return replace(found, trajectory=replace(path, name=source.name or path.name))
+
+
+def _geometry(laser: LaserConfig) -> ScanGeometry:
+    view = float(np.deg2rad(laser.view_degrees))
+    return ScanGeometry.ahead(laser.n_beams, view, range_max_m=laser.range_m)
+
+
+def _noise(laser: LaserConfig) -> SensorNoise | None:
+    return SensorNoise(laser.noise_m, seed=laser.seed) if laser.noise_m else None

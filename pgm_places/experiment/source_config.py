@@ -1,0 +1,170 @@
+"""What an experiment learns from or is tested on: a map, a log of a drive, or a simulated drive."""
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from pgm_places.errors import ConfigError
+from pgm_places.experiment.map_config import MapConfig
+from pgm_places.options import AtLeastZero, Positive, Seed, Whole, check_options
+from pgm_places.trajectories.similarity import Similarity
+
+__all__ = ["DriveConfig", "LaserConfig", "SourceConfig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserConfig:
+    """A simulated laser that looks ahead.
+
+    Parameters
+    ----------
+    n_beams : int
+    view_degrees : float
+        Its field of view.
+    range_m : float
+        Its maximum range.
+    noise_m : float
+        Standard deviation of its readings.
+    seed : int
+        Of the noise.
+    """
+
+    n_beams: Whole = 180
+    view_degrees: Annotated[float, Gt(0), Le(360)] = 180.0
+    range_m: Positive = 30.0
+    noise_m: AtLeastZero = 0.02
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveConfig(MapConfig):
+    """A simulated robot's tour of a labelled map.
+
+    The map is described as any other: ``map`` and ``labels``, ``generated``, ... The robot visits
+    every place that it fits into (:class:`pgm_places.sensing.simulated_robot.SimulatedRobot`).
+
+    Parameters
+    ----------
+    seed : int
+        Draws where the robot starts.
+    length_m : float, optional
+        The tour ends after this distance.
+    spacing_m : float
+        Largest distance of any place from the nearest stop of the tour.
+    laser : LaserConfig
+        Its laser.
+    speed_m_s, scan_every_s, radius_m : float
+        Its speed, the time between two scans, and its size.
+    """
+
+    seed: Seed = 0
+    length_m: Positive | None = None
+    spacing_m: Positive = 3.0
+    laser: LaserConfig = field(default_factory=LaserConfig)
+    speed_m_s: Positive = 0.4
+    scan_every_s: Positive = 0.2
+    radius_m: Positive = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceConfig(MapConfig):
+    """A map, or a drive: recorded in a log, or simulated.
+
+    For a log, ``map`` with ``labels`` or ``regions`` is a map in the frame of the log, which tells
+    the true place of each step unless ``truth`` or the log itself does. Options without a meaning
+    for what is given are refused.
+
+    Parameters
+    ----------
+    log : str, optional
+        A CARMEN log, a bag, or a table of poses.
+    drive : DriveConfig, optional
+        A drive that is simulated.
+    truth : str, optional
+        A table of true places with one row per step of the log.
+    label_column : str, optional
+        The column of places in ``truth`` or in the log's own table. ``classes`` translates them.
+    frame : Similarity, optional
+        From the log's frame to the map's.
+    range_max_m : float, optional
+        Readings of at least this mean that nothing was seen.
+    laser : LaserConfig, optional
+        Simulate the scans of this laser in the map along the log's path, instead of the log's own.
+    resample_m : float, optional
+        Take positions this far apart, on straight lines between those recorded; for logs without
+        scans.
+    from_step, to_step : int, optional
+        The half-open range of the log's steps to use.
+    region : (float, float, float, float), optional
+        Use the true places of steps in this rectangle only: its least x and y and its largest, in
+        metres. The robot is tracked outside of it all the same.
+    """
+
+    log: str | None = None
+    drive: DriveConfig | None = None
+    truth: str | None = None
+    label_column: str | None = None
+    frame: Similarity | None = None
+    range_max_m: Positive | None = None
+    laser: LaserConfig | None = None
+    resample_m: Positive | None = None
+    from_step: Annotated[int, Ge(0)] | None = None
+    to_step: Annotated[int, Ge(0)] | None = None
+    region: tuple[float, float, float, float] | None = None
+
+    @property
+    def is_drive(self) -> bool:
+        """Whether it is a drive, with or without a map, rather than a map alone."""
+        return self.log is not None or self.drive is not None
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if self.log is not None and self.drive is not None:
+            raise ConfigError("give log (a file) or drive (a simulated one), not both")
+        if self.region is not None:
+            low_x, low_y, high_x, high_y = self.region
+            if not (low_x < high_x and low_y < high_y):
+                raise ConfigError(
+                    "region must be the least x and y and then the largest, in metres, got "
+                    f"{list(self.region)}"
+                )
+        if self.drive is not None:
+            self._refuse(_OF_LOGS - {"region"} | _OF_MAPS, "drive", "put it into drive = {...}")
+        elif self.log is None:
+            self._refuse(_OF_LOGS, "map", "it is for logs")
+            self._check_map()
+        else:
+            self._check_log()
+
+    def _check_log(self) -> None:
+        self._refuse(_DRAWN, "log", "it is for generated buildings")
+        if self.map is None and (self.labels is not None or self.regions is not None):
+            raise ConfigError(
+                "labels and regions are on the raster or in the frame of a map; add map"
+            )
+        if self.labels is not None and self.regions is not None:
+            raise ConfigError("give labels (an image) or regions (a GeoJSON file), not both")
+        if self.laser is not None and self.map is None:
+            raise ConfigError("laser simulates scans in a map; add map")
+
+    def _refuse(self, names: "frozenset[str] | set[str]", beside: str, what: str) -> None:
+        given = [
+            item.name
+            for item in dataclasses.fields(self)
+            if item.name in names and getattr(self, item.name) != item.default
+        ]
+        if given:
+            raise ConfigError(f"{given[0]} has no meaning beside {beside}: {what}")
+
+
+_OWN = frozenset(item.name for item in dataclasses.fields(SourceConfig))
+_OF_LOGS = _OWN - {item.name for item in dataclasses.fields(MapConfig)} - {"log", "drive"}
+_OF_MAPS = _OWN - _OF_LOGS - {"log", "drive", "name", "building"}
+_DRAWN = frozenset(
+    {"generated", "half", "style", "halls", "furniture", "slam_noise", "simulated", "simulation"}
+)

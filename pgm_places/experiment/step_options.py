@@ -1,0 +1,39 @@
+"""Options of the steps of drives: updates, loops, and how scans are completed."""
+
+from dataclasses import dataclass, field
+
+from pgm_places.labelers.trajectory_labeler import EVERY_M, REACH_M
+from pgm_places.options import AtLeastZero, Positive, Seed, Whole, check_options
+from pgm_places.unary.scan_model import BeamOptions
+
+__all__ = ["StepOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepOptions:
+    """How the steps of drives are observed and joined.
+
+    Parameters
+    ----------
+    every_m : float
+        Distance between two updates in metres.
+    loop_m : float
+        Link passes of one spot within this many metres; 0 for a chain. Methods for chains see the
+        chain alone.
+    max_range_m : float
+        Reach of the completed scans.
+    n_runs, seed : int
+        Simulated runs in maps, from which the hidden Markov model learns its transitions.
+    beams : BeamOptions
+        Where beams come from that the laser does not have.
+    """
+
+    every_m: AtLeastZero = EVERY_M
+    loop_m: AtLeastZero = 0.0
+    max_range_m: Positive = REACH_M
+    n_runs: Whole = 1000
+    seed: Seed = 0
+    beams: BeamOptions = field(default_factory=BeamOptions)
+
+    def __post_init__(self) -> None:
+        check_options(self)
