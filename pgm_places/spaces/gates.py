@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.openings import Openings, find_openings
 from pgm_places.spaces.segmentation import Segmentation
@@ -17,7 +16,6 @@ __all__ = [
     "OFFSETS_M",
     "Gate",
     "Gates",
-    "cells_in_gates",
     "gate_candidates",
 ]
 
@@ -189,44 +187,6 @@ def gate_candidates(segmentation: Segmentation) -> Gates:
         before + behind,
         _wider_side_last(profile * grid.resolution_m),
     )
-
-
-def cells_in_gates(
-    gates: Gates, strength: ArrayLike, *, wider_m: float = 0.1, half_depth_m: float = 0.6
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The free cells inside gates and the strongest gate of each: evidence from gates for cells.
-
-    Parameters
-    ----------
-    gates : Gates
-    strength : (G,) float
-        Of each gate, such as the probability that it is a doorway; of equal ones the gate whose
-        centre is nearer counts.
-    wider_m : float
-        Added to the width at either end.
-    half_depth_m : float
-        How far a gate reaches before and behind its centre, whatever its depth.
-
-    Returns
-    -------
-    (n, 2) int64
-        Row and column of each cell, in row-major order.
-    (n,) int64
-        The number of its gate.
-    """
-    strengths = finite_array("strength", strength, (len(gates),))
-    grid = gates.segmentation.watershed.grid
-    cells, owner, away = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
-    for g, gate in enumerate(gates):
-        inside = gate.cells(grid, wider_m=wider_m, deeper_m=half_depth_m - gate.depth_m / 2)
-        cells.append(inside)
-        owner.append(np.full(len(inside), g))
-        away.append(((grid.cell_centres_m(inside) - gate.centre_m) ** 2).sum(axis=1))
-    every, gate_of = np.concatenate(cells), np.concatenate(owner)
-    number = every[:, 0] * grid.shape[1] + every[:, 1]
-    order = np.lexsort((gate_of, np.concatenate(away).round(9), -strengths[gate_of], number))
-    best = order[np.unique(number[order], return_index=True)[1]]
-    return every[best], gate_of[best]
 
 
 def _narrow_openings(segmentation: Segmentation) -> Openings:

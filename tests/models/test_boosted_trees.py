@@ -14,6 +14,7 @@ from pgm_places.models.boosted_trees import BoostedTrees, TreeTable
 from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import prepare
+from tests.models.columns import random_columns
 from tests.reference import gentle_boosting as reference
 
 Matrix = NDArray[np.float32]
@@ -28,22 +29,10 @@ def learned(X: Matrix, y: NDArray[Any], weights: Any = None, **options: Any) -> 
 
 @st.composite
 def training_sets(draw: st.DrawFn) -> tuple[Any, Any, Any]:
-    """Continuous, tied, sparse, repeated and constant columns; positive examples first."""
+    """Random columns; positive examples first."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     n, n_features = draw(st.integers(4, 40)), draw(st.integers(1, 5))
-    X = rng.normal(size=(n, n_features))
-    for j in range(n_features):
-        kind = draw(st.sampled_from(["normal", "tied", "sparse", "scaled", "constant", "binary"]))
-        if kind == "tied":
-            X[:, j] = np.round(2 * X[:, j])
-        elif kind == "sparse":
-            X[:, j] *= rng.random(n) < 0.1
-        elif kind == "scaled":
-            X[:, j] = 3 * X[:, 0]
-        elif kind == "constant":
-            X[:, j] = 7.0
-        elif kind == "binary":
-            X[:, j] = X[:, j] > 0.5
+    X = random_columns(draw, rng, n, n_features)
     n_positive = draw(st.integers(1, n - 1))
     y = np.where(np.arange(n) < n_positive, 1, -1)
     X[:, 0] += draw(st.sampled_from([0.0, 0.5, 3.0])) * y

@@ -18,6 +18,7 @@ from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.boosting_rounds import MAX_EDGE, boost
 from pgm_places.models.sorted_features import prepare
 from pgm_places.models.strong_classifier import StrongClassifier, score_all
+from tests.models.columns import random_columns
 from tests.reference import boosting as reference
 
 
@@ -44,22 +45,10 @@ def assert_same_stumps(model: AdaBoostStumps, wanted: list[reference.Stump]) -> 
 
 @st.composite
 def training_sets(draw: st.DrawFn) -> tuple[Any, Any, Any]:
-    """Continuous, tied, sparse, repeated and constant columns; weights with zeros."""
+    """Random columns; weights with zeros."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     n, n_features = draw(st.integers(4, 120)), draw(st.integers(1, 6))
-    X = rng.normal(size=(n, n_features))
-    for j in range(n_features):
-        kind = draw(st.sampled_from(["normal", "tied", "sparse", "scaled", "constant", "binary"]))
-        if kind == "tied":
-            X[:, j] = np.round(2 * X[:, j])
-        elif kind == "sparse":
-            X[:, j] *= rng.random(n) < 0.1
-        elif kind == "scaled":
-            X[:, j] = 3 * X[:, 0]
-        elif kind == "constant":
-            X[:, j] = 7.0
-        elif kind == "binary":
-            X[:, j] = X[:, j] > 0.5
+    X = random_columns(draw, rng, n, n_features)
     noise = draw(st.sampled_from([0.0, 0.5, 3.0]))
     y = np.where(X[:, 0] + noise * rng.normal(size=n) > 0, 1.0, -1.0)
     y[:2], weights = [1, -1], np.ones(n)

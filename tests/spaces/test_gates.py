@@ -14,7 +14,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
 from pgm_places.spaces.gate_features import gate_feature_names, gate_features
-from pgm_places.spaces.gates import Gate, Gates, cells_in_gates, gate_candidates
+from pgm_places.spaces.gates import Gate, Gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from tests.real_data import real_data_folder
 from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of, two_rooms
@@ -110,38 +110,6 @@ def test_the_cells_of_a_gate_are_those_inside() -> None:
         assert len(found) * 0.01 == pytest.approx(area, abs=0.06)
     assert gate.contains(gate.corners_m, wider_m=1e-9, deeper_m=1e-9).all()
     assert Gate((-9.0, 0.0), 0.0, width_m=1.0, depth_m=0.2).cells(grid).shape == (0, 2)
-
-
-def test_cells_take_the_strongest_gate() -> None:
-    grid = grid_of(two_rooms(wall=2, door=24))
-    free = grid.free.copy()
-    free[20:23, 41:43] = False  # two doors side by side
-    gates = gates_of(free)
-    strength = np.array([0.2, 0.7])
-    cells, owner = cells_in_gates(gates, strength, wider_m=0.2, half_depth_m=0.6)
-    wanted = {}
-    for r, c in np.argwhere(free):
-        point = grid.cell_centres_m([[r, c]])
-        for g, gate in enumerate(gates):  # the stronger one comes last
-            if gate.contains(point, wider_m=0.2, deeper_m=0.6 - gate.depth_m / 2)[0]:
-                wanted[int(r), int(c)] = g
-    assert dict(zip(map(tuple, cells.tolist()), owner.tolist(), strict=True)) == wanted
-    assert set(owner.tolist()) == {0, 1} and sorted(map(tuple, cells.tolist())) == sorted(wanted)
-    with pytest.raises(InputError, match="strength"):
-        cells_in_gates(gates, [0.5])
-
-
-def test_of_equal_gates_the_nearer_one_counts() -> None:
-    free = two_rooms(wall=2, door=24)
-    free[20:23, 41:43] = False
-    gates = gates_of(free)
-    cells, owner = cells_in_gates(gates, np.ones(2), wider_m=0.5)
-    centres = grid_of(free).cell_centres_m(cells)
-    away = ((centres[:, None] - gates.centre_m) ** 2).sum(axis=2)
-    both = np.stack(
-        [g.contains(centres, wider_m=0.5, deeper_m=0.6 - g.depth_m / 2) for g in gates], axis=1
-    ).all(axis=1)
-    assert both.any() and (owner[both] == away[both].argmin(axis=1)).all()
 
 
 def test_a_pillar_parts_a_double_door_into_two_gates() -> None:
