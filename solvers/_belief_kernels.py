@@ -12,11 +12,13 @@ from pgm_places.solvers._pairwise_kernels import Terms, add_edge, pass_max, pass
 __all__ = [
     "Rule",
     "agreement_sweep",
+    "decode_beliefs",
     "decode_forest",
     "forest_order",
     "gather_beliefs",
     "message_sweep",
     "pass_forest",
+    "spanning_order",
 ]
 
 _ONE = np.uint32(1)
@@ -200,6 +202,64 @@ def forest_order(
                 order[n_ordered] = j
                 n_ordered += 1
     return -1
+
+
+@njit
+def spanning_order(arcs: Arcs, order: NDArray[np.uint32], seen: NDArray[np.bool_]) -> None:
+    """Fill ``order`` (N,) with the nodes, each beside one before it where the graph allows it."""
+    n_ordered = 0
+    for root in range(order.shape[0]):
+        if seen[root]:
+            continue
+        seen[root] = True
+        order[n_ordered] = root
+        done = n_ordered
+        n_ordered += 1
+        while done < n_ordered:
+            i = order[done]
+            done += 1
+            for slot in range(arcs.start[i], arcs.start[i + _ONE]):
+                j = arcs.head[slot]
+                if not seen[j]:
+                    seen[j] = True
+                    order[n_ordered] = j
+                    n_ordered += 1
+
+
+@njit
+def decode_beliefs(
+    terms: Terms,
+    arcs: Arcs,
+    order: NDArray[np.uint32],
+    message: NDArray[np.float64],
+    slack: float,
+    labels: NDArray[np.int32],
+) -> None:
+    """Label the nodes in order, each given the labels before it and the messages of the others.
+
+    Only labels whose log-belief is within ``slack`` of the node's best are considered.
+    """
+    n_labels = terms.unary.shape[1]
+    belief, given = np.empty(n_labels), np.empty(n_labels)
+    labels[:] = -1
+    for step in range(order.shape[0]):
+        i = order[step]
+        gather_beliefs(terms.unary, arcs, message, i, belief)
+        for k in range(n_labels):
+            given[k] = terms.unary[i, k]
+        for slot in range(arcs.start[i], arcs.start[i + _ONE]):
+            j = arcs.head[slot]
+            if labels[j] >= 0:
+                add_edge(terms.pairwise, arcs.arc[slot], labels[j], given)
+            else:
+                for k in range(n_labels):
+                    given[k] += message[arcs.arc[slot] ^ REVERSE, k]
+        top = belief.max()
+        best = belief.argmax()
+        for k in range(n_labels):
+            if belief[k] >= top - slack and given[k] > given[best]:
+                best = k
+        labels[i] = best
 
 
 @njit

@@ -9,7 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import Rule, agreement_sweep, message_sweep
+from pgm_places.solvers._belief_kernels import (
+    Rule,
+    agreement_sweep,
+    decode_beliefs,
+    message_sweep,
+    spanning_order,
+)
 from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -17,6 +23,9 @@ __all__ = ["BeliefPropagation", "belief_propagation"]
 
 ROUNDING = 1e-14
 """Changes below this share of the potentials' unit are rounding, whatever the tolerance."""
+
+TIE = 1e-9
+"""Log-marginals closer than this share of the potentials' unit are a tie."""
 
 _SAFE_EXP = 500.0
 """Rewards up to this are added as exponentials: far from the largest float even when summed."""
@@ -29,7 +38,10 @@ class BeliefPropagation:
     Parameters
     ----------
     labels : (N,) int
-        The label that each node's beliefs favour.
+        For ``"max-product"`` decoded node after node, each given the labels of the neighbours
+        before it and the messages of the others, which on a forest is backtracking: the best
+        labelling, also where several are. For ``"sum-product"`` the most probable label of each
+        node by itself; ties are decided in that way, so that they fit together.
     score : float
         The labels' log-potential.
     beliefs : (N, K) float
@@ -109,7 +121,8 @@ def belief_propagation(
     check_schedule(damping, tolerance, max_iterations)
     model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    sweep = _sweeper(model, Rule(kind == "max-product", float(damping)), message)
+    rule = Rule(kind == "max-product", float(damping))
+    sweep = _sweeper(model, rule, message)
     history: list[float] = []
     still = tolerance * (model.unit if kind == "max-product" else min(model.unit, 1.0))
     still = max(still, ROUNDING * model.unit)
@@ -121,7 +134,7 @@ def belief_propagation(
         if change <= still:
             break
     beliefs = beliefs_from_messages(model, message)
-    labels = beliefs.argmax(axis=1)
+    labels = _decoded(model, message, np.inf if rule.maximise else TIE * model.unit)
     return BeliefPropagation(
         labels=frozen(labels),
         score=total_score(model, labels),
@@ -130,6 +143,15 @@ def belief_propagation(
         converged=history[-1] <= still,
         history=frozen(np.array(history)),
     )
+
+
+def _decoded(model: PairwiseModel, message: NDArray[np.float64], slack: float) -> NDArray[np.int64]:
+    """(N,) labels from messages; see :func:`decode_beliefs`."""
+    order = np.empty(model.n_nodes, np.uint32)
+    spanning_order(model.around.arcs, order, np.zeros(model.n_nodes, np.bool_))
+    labels = np.empty(model.n_nodes, np.int32)
+    decode_beliefs(model.terms, model.around.arcs, order, message, slack, labels)
+    return labels.astype(np.int64)
 
 
 def _sweeper(
