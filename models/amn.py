@@ -315,7 +315,8 @@ class AssociativeMarkovNetwork:
                 f"{edge_feature_count(problem, self.edge_features)}; make them as for training"
             )
         edges = self._edge_features(problem)
-        return Potentials(nodes @ node_weights, agreement=edges @ edge_weights)
+        unary = problem.with_evidence(nodes @ node_weights)
+        return Potentials(unary, agreement=edges @ edge_weights)
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels of largest score that the chosen decoder finds, with that score.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
@@ -45,6 +45,7 @@ def decode(
     potentials: Potentials,
     method: str = "graph-cut",
     *,
+    known: ArrayLike | None = None,
     certify: bool = False,
     max_iterations: int | None = None,
     on_iteration: Callable[[int, float], None] | None = None,
@@ -59,6 +60,8 @@ def decode(
         Log-potentials; larger is better.
     method : str
         A name of :data:`DECODERS`.
+    known : (N,) int, optional
+        Label index of the nodes whose label is known, -1 elsewhere; the others are forbidden there.
     certify : bool
         Add an upper bound of the best score by tree-reweighted message passing where the method
         has none of its own. The labels stay the method's. What the certificate cost is in
@@ -99,6 +102,8 @@ def decode(
     """
     require_decoder(method)
     potentials.check_fits(graph)
+    if known is not None:
+        potentials = potentials.with_known(known)
     started = time.perf_counter()
     history: list[float] = []
 

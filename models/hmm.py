@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
@@ -21,7 +21,14 @@ from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight
 from pgm_places.options import AtLeastZero, check_options
-from pgm_places.solvers.forward import ForwardFilter, filtered_beliefs, smoothed_beliefs, viterbi
+from pgm_places.solvers.forward import (
+    ChainBeliefs,
+    ChainPath,
+    ForwardFilter,
+    filtered_beliefs,
+    smoothed_beliefs,
+    viterbi,
+)
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["HiddenMarkovModel"]
@@ -31,6 +38,10 @@ logger = logging.getLogger(__name__)
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 MOVE, STAY = 0, 1
+
+LEAST = 1e-200
+"""Of a transition that was learned to be impossible, where labels are known that prove it wrong:
+so little that it is taken only there, and enough for floats when multiplied by a belief."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,6 +239,9 @@ class HiddenMarkovModel:
         over as if nothing had been seen. The score of a Viterbi path is its joint log-probability,
         which is also its bound.
 
+        Labels that are known or forbidden (-inf) in the problem hold whatever was learned: where
+        they contradict transitions of probability 0, these count as 1e-200.
+
         Raises
         ------
         NotFittedError
@@ -236,22 +250,25 @@ class HiddenMarkovModel:
             Not a chain, no unary, or other labels than learned.
         """
         begin = time.perf_counter()
-        observed = self._log_likelihood(_chain_unary(problem))
+        observed = self._log_likelihood(problem.with_evidence(_chain_unary(problem)))
         actions = self._actions(problem.graph)
-        start, tables = self._start(), self._transitions
+        chain = (self._start(), self._transitions, observed)
+        found = self._explained(chain, actions)
+        impossible = found.impossible
+        contradicts = problem.evidence[impossible]
+        if contradicts.any():
+            observed[impossible[~contradicts]] = 0.0
+            chain = (_possible(chain[0]), _possible(chain[1]), observed)
+            found = self._explained(chain, actions)
         info: dict[str, Any] = {}
-        if self.mode == "viterbi":
-            path = viterbi(start, tables, observed, actions=actions)
-            labels, beliefs, status = path.labels, None, Status.EXACT
-            impossible = path.impossible
-            potentials = _potentials(start, tables, observed, actions, impossible)
+        if isinstance(found, ChainPath):
+            labels, beliefs, status = found.labels, None, Status.EXACT
+            potentials = _potentials(*chain, actions, found.impossible)
             total: float | None = score(problem.graph, potentials, labels)
         else:
-            method = filtered_beliefs if self.mode == "filter" else smoothed_beliefs
-            found = method(start, tables, observed, actions=actions)
             labels, beliefs, status = found.beliefs.argmax(axis=1), found.beliefs, Status.CONVERGED
-            impossible, total = found.impossible, None
-            info["log_evidence"] = found.log_evidence
+            total = None
+            info["log_evidence"] = -np.inf if len(impossible) else found.log_evidence
         if len(impossible):
             logger.warning(
                 "the hidden Markov model gives what was seen at %d of %d steps (first %d) no "
@@ -264,6 +281,14 @@ class HiddenMarkovModel:
         info["seconds"] = time.perf_counter() - begin
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
 
+    def _explained(
+        self, chain: tuple[NDArray[np.float64], ...], actions: NDArray[np.int64]
+    ) -> ChainBeliefs | ChainPath:
+        """What the mode's algorithm finds in start, transitions and log-likelihoods."""
+        methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
+        methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
+        return methods[self.mode](*chain, actions=actions)
+
     def step(
         self, unary: ArrayLike, belief: ArrayLike | None = None, *, moved_m: float | None = None
     ) -> tuple[NDArray[np.float64], bool]:
@@ -272,7 +297,8 @@ class HiddenMarkovModel:
         Parameters
         ----------
         unary : (K,) float
-            Log-probabilities of the labels from the classifier.
+            Log-probabilities of the labels from the classifier; -inf forbids a label, for all of
+            them it says that nothing was seen.
         belief : (K,) float, optional
             The belief so far; None at the first step.
         moved_m : float, optional
@@ -283,10 +309,17 @@ class HiddenMarkovModel:
             raise InputError(f"unary must have shape (K,), got {row.shape}")
         observed = self._log_likelihood(row[None])
         stays = moved_m is not None and moved_m < self.stay_below_m
-        return self._forward.step(observed[0], belief, STAY if stays else MOVE)
+        action = STAY if stays else MOVE
+        after, possible = self._forward.step(observed[0], belief, action)
+        if not possible and (row == -np.inf).any() and row.max() > -np.inf:
+            after, _ = self._forward_of_possible.step(observed[0], belief, action)
+        return after, possible
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where no label is allowed."""
+        """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.
+
+        Labels that are allowed are alike where the classifier's confusions exclude them all.
+        """
         if self.confusion is None or self.prior is None:
             raise NotFittedError("the hidden Markov model has learned nothing yet; call fit first")
         n_labels = unary.shape[1]
@@ -306,6 +339,11 @@ class HiddenMarkovModel:
                 prior = finite_array("prior", self.prior, (n_labels,))
                 found[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
         found *= self._weight
+        allowed = unary > -np.inf
+        restricted = ~allowed.all(axis=1)
+        found[restricted] = np.where(allowed[restricted], found[restricted], -np.inf)
+        excluded = restricted & (found.max(axis=1, initial=-np.inf) == -np.inf)
+        found[excluded] = np.where(allowed[excluded], 0.0, -np.inf)
         return found
 
     @property
@@ -334,6 +372,10 @@ class HiddenMarkovModel:
         return ForwardFilter(self._start(), self._transitions)
 
     @cached_property
+    def _forward_of_possible(self) -> ForwardFilter:
+        return ForwardFilter(_possible(self._start()), _possible(self._transitions))
+
+    @cached_property
     def _transitions(self) -> NDArray[np.float64]:
         """(2, K, K): for MOVE as learned, for STAY as learned or else the same label again."""
         if self.transition is None:
@@ -350,6 +392,11 @@ class HiddenMarkovModel:
             moved = np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1)
             actions[moved < self.stay_below_m] = STAY
         return actions
+
+
+def _possible(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same with the least probability in place of 0, for what evidence says has happened."""
+    return np.maximum(probabilities, LEAST)
 
 
 def _chain_unary(problem: LabelingProblem) -> NDArray[np.float64]:

@@ -32,7 +32,8 @@ class Independent:
         """
         if problem.unary is None:
             raise InputError("'independent' needs unary log-probabilities; the problem has none")
-        labels = sealed(problem.unary.argmax(axis=1))
-        total = score(problem.graph, Potentials(problem.unary), labels)
-        beliefs = sealed(starting_beliefs(problem.unary))
+        unary = problem.with_evidence(problem.unary)
+        labels = sealed(unary.argmax(axis=1))
+        total = score(problem.graph, Potentials(unary), labels)
+        beliefs = sealed(starting_beliefs(unary))
         return Labeling(labels, Status.EXACT, beliefs=beliefs, score=total, bound=total)

@@ -71,10 +71,11 @@ class PottsField:
         """
         if problem.unary is None:
             raise InputError("'potts' needs unary log-probabilities; the problem has none")
-        potentials = Potentials.potts(problem.unary, self.weight)
+        unary = problem.with_evidence(problem.unary)
+        potentials = Potentials.potts(unary, self.weight)
         if self.edge_weights == "given":
             earned = np.repeat(self.weight * _given(problem), problem.n_labels, axis=1)
-            potentials = Potentials(problem.unary, agreement=earned)
+            potentials = Potentials(unary, agreement=earned)
         return decode(
             problem.graph,
             potentials,

@@ -177,7 +177,8 @@ class Relaxation:
                 f"the problem has {problem.n_labels}"
             )
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
-        relaxed = self._relax(problem.graph, problem.unary, _both(recorder, on_iteration))
+        unary = problem.with_evidence(problem.unary)
+        relaxed = self._relax(problem.graph, unary, _both(recorder, on_iteration))
         history = {
             "change": relaxed.max_change,
             "mean_change": relaxed.mean_change,

@@ -255,7 +255,7 @@ def decode_beliefs(
                 for k in range(n_labels):
                     given[k] += message[arcs.arc[slot] ^ REVERSE, k]
         top = belief.max()
-        best = belief.argmax()
+        best = int(belief.argmax())
         for k in range(n_labels):
             if belief[k] >= top - slack and given[k] > given[best]:
                 best = k

@@ -13,7 +13,7 @@ from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 
-__all__ = ["Potentials", "score"]
+__all__ = ["Potentials", "keep_known", "score"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +67,11 @@ class Potentials:
         table = np.asarray(unary, np.float64)
         return cls(table, pairwise=weight * np.eye(table.shape[1]))
 
+    def with_known(self, known: ArrayLike) -> "Potentials":
+        """The same with all other labels forbidden where a label is known: (N,) int, else -1."""
+        labels = integer_array("known", known, (self.n_nodes,), low=-1, high=self.n_labels)
+        return Potentials(keep_known(self.unary, labels), self.pairwise, self.agreement)
+
     @property
     def n_nodes(self) -> int:
         """N, the number of nodes."""
@@ -103,6 +108,17 @@ class Potentials:
             diagonal = np.arange(self.n_labels)
             tables[:, diagonal, diagonal] = self.agreement
         return tables
+
+
+def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(N, K) scores with -inf for the other labels of nodes of known label (N,), -1 for none."""
+    nodes = np.flatnonzero(known >= 0)
+    if not len(nodes):
+        return scores
+    kept = np.array(scores, np.float64)
+    kept[nodes] = -np.inf
+    kept[nodes, known[nodes]] = scores[nodes, known[nodes]]
+    return kept
 
 
 def score(graph: LabelGraph, potentials: Potentials, labels: ArrayLike) -> float:

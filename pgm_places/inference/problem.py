@@ -1,15 +1,16 @@
 """A labelling problem: a graph, the label names, and the evidence about each node."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.potentials import keep_known
 
 __all__ = ["LabelingProblem", "labelled_problems"]
 
@@ -30,8 +31,19 @@ class LabelingProblem:
         Features of the nodes, for models that learn their own unary potentials.
     edge_features : (E, F) float, optional
         Non-negative features of the edges, for models that learn edge weights.
+    known : (N,) int, optional
+        Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
+        labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. It is
+        evidence for labelling: what is learned from are the labelings that ``fit`` is given, and
+        no model stores it.
 
-    At least one of ``unary`` and ``node_features`` is needed.
+    At least one of ``unary``, ``node_features`` and ``known`` is needed; with ``known`` alone the
+    unary is 0 for all labels.
+
+    Raises
+    ------
+    InputError
+        Arrays that do not fit the graph or the labels; a node without any label that is allowed.
 
     Examples
     --------
@@ -47,6 +59,7 @@ class LabelingProblem:
     unary: NDArray[np.float64] | None = None
     node_features: NDArray[np.float64] | None = None
     edge_features: NDArray[np.float64] | None = None
+    known: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         names = tuple(str(name) for name in self.label_names)
@@ -54,6 +67,11 @@ class LabelingProblem:
             raise InputError(f"label_names must be at least one name, each once, got {list(names)}")
         object.__setattr__(self, "label_names", names)
         n, e = self.graph.n_nodes, self.graph.n_edges
+        if self.known is not None:
+            known = integer_array("known", self.known, (n,), low=-1, high=len(names))
+            object.__setattr__(self, "known", frozen(known))
+            if self.unary is None and self.node_features is None:
+                object.__setattr__(self, "unary", np.zeros((n, len(names))))
         if self.unary is None and self.node_features is None:
             raise InputError(
                 f"a problem needs unary log-probabilities of shape ({n}, {len(names)}) or "
@@ -62,6 +80,7 @@ class LabelingProblem:
         if self.unary is not None:
             unary = finite_array("unary", self.unary, (n, len(names)), allow_minus_inf=True)
             object.__setattr__(self, "unary", frozen(unary))
+            self._check_allowed()
         if self.node_features is not None:
             nodes = finite_array("node_features", self.node_features, (n, "D"))
             object.__setattr__(self, "node_features", frozen(nodes))
@@ -77,7 +96,7 @@ class LabelingProblem:
     def __repr__(self) -> str:
         given = [
             f"{name} {values.shape}"
-            for name in ("unary", "node_features", "edge_features")
+            for name in ("unary", "node_features", "edge_features", "known")
             if (values := getattr(self, name)) is not None
         ]
         names = ", ".join(self.label_names)
@@ -92,6 +111,7 @@ class LabelingProblem:
         *,
         node_features: NDArray[np.float64] | None = None,
         edge_features: NDArray[np.float64] | None = None,
+        known: NDArray[np.int64] | None = None,
     ) -> Self:
         """The problem whose unary is the logarithm of (N, K) probabilities, such as a classifier's.
 
@@ -115,7 +135,7 @@ class LabelingProblem:
                 f"{int(wrong[0])}"
             )
         with np.errstate(divide="ignore"):
-            return cls(graph, label_names, np.log(table), node_features, edge_features)
+            return cls(graph, label_names, np.log(table), node_features, edge_features, known)
 
     @property
     def n_labels(self) -> int:
@@ -133,7 +153,61 @@ class LabelingProblem:
             None if self.unary is None else self.unary[keep],
             None if self.node_features is None else self.node_features[keep],
             None if self.edge_features is None else self.edge_features[inside],
+            None if self.known is None else self.known[keep],
         )
+
+    def with_unary(self, unary: NDArray[np.float64]) -> Self:
+        """The problem with other scores (N, K); labels that were forbidden (-inf) stay so."""
+        if self._forbids_some:
+            unary = np.where(self.unary == -np.inf, -np.inf, unary)
+        return replace(self, unary=unary)
+
+    def with_evidence(self, scores: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Scores (N, K) with -inf for every label that is not allowed: how methods keep evidence.
+
+        Labels are not allowed where ``unary`` is -inf, and at a node of known label all others.
+        The array itself is returned where everything is allowed.
+        """
+        if scores is not self.unary and self._forbids_some:
+            scores = np.where(self.unary == -np.inf, -np.inf, scores)
+        return scores if self.known is None else keep_known(scores, self.known)
+
+    @property
+    def evidence(self) -> NDArray[np.bool_]:
+        """(N,) whether a label is known or forbidden at each node."""
+        found = np.zeros(self.graph.n_nodes, np.bool_)
+        if self.known is not None:
+            found |= self.known >= 0
+        if self._forbids_some:
+            assert self.unary is not None
+            found |= (self.unary == -np.inf).any(axis=1)
+        return found
+
+    @property
+    def _forbids_some(self) -> bool:
+        return self.unary is not None and self.unary.min(initial=0.0) == -np.inf
+
+    def _check_allowed(self) -> None:
+        """Refuse a node at which no label is allowed; piece by piece, for maps of any size."""
+        assert self.unary is not None
+        for first in range(0, len(self.unary), ROWS_AT_ONCE):
+            part = self.unary[first : first + ROWS_AT_ONCE]
+            best = part.max(axis=1, initial=-np.inf)
+            if self.known is not None:
+                known = self.known[first : first + ROWS_AT_ONCE]
+                of_known = part[np.arange(len(part)), known]
+                if (barred := np.flatnonzero((known >= 0) & (of_known == -np.inf))).size:
+                    node = int(barred[0])
+                    raise InputError(
+                        f"node {first + node} is known to be {self.label_names[known[node]]!r}, "
+                        "which unary forbids there (-inf)"
+                    )
+            barred = np.flatnonzero(best == -np.inf)
+            if len(barred):
+                raise InputError(
+                    f"unary forbids every label at node {first + int(barred[0])}; allow at least "
+                    "one, or give a row of zeros where nothing is known"
+                )
 
 
 def labelled_problems(

@@ -1,6 +1,5 @@
 """StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -169,10 +168,7 @@ class StructuredLabeler(Labeler):
                 held_out = part == fold
                 if held_out.any():
                     unary[held_out] = self._unary(classifier, _features(problem)[held_out], problem)
-        return [
-            dataclasses.replace(problem, unary=unary)
-            for problem, unary in zip(problems, unaries, strict=True)
-        ]
+        return [problem.with_unary(unary) for problem, unary in zip(problems, unaries, strict=True)]
 
     def _unary(
         self, classifier: Any, features: NDArray[np.float64], problem: LabelingProblem
@@ -185,8 +181,7 @@ class StructuredLabeler(Labeler):
         return np.log(table / table.sum(axis=1, keepdims=True))
 
     def _scored(self, problem: LabelingProblem, classifier: Any) -> LabelingProblem:
-        unary = self._unary(classifier, _features(problem), problem)
-        return dataclasses.replace(problem, unary=unary)
+        return problem.with_unary(self._unary(classifier, _features(problem), problem))
 
     # ------------------------------------------------------------------ use
 
@@ -211,15 +206,17 @@ class StructuredLabeler(Labeler):
     ) -> Labeling:
         """The backend's labelling of given scores (N, K)."""
         self.check_fitted()
-        seen = dataclasses.replace(problem, unary=scores)
-        return infer(self.backend_, seen, truth)
+        return infer(self.backend_, problem.with_unary(scores), truth)
 
     def problem(self, problem: LabelingProblem) -> LabelingProblem:
-        """The problem as the backend sees it: with the scores as its unary."""
+        """The problem as the backend sees it: with the scores as its unary.
+
+        What is known or forbidden (-inf) in the problem stays so, whatever the classifier says.
+        """
         self._check_labels(problem)
         if self.classifier_ is None:
             return problem
-        return dataclasses.replace(problem, unary=self.scores(problem))
+        return problem.with_unary(self.scores(problem))
 
     def label(self, problem: LabelingProblem, *, truth: ArrayLike | None = None) -> Labeling:
         """A label for each node, with what the backend knows of them: score, bound, beliefs.

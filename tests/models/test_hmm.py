@@ -166,14 +166,12 @@ def test_impossible_observations_are_reported(mode: Any, caplog: pytest.LogCaptu
 
 
 @pytest.mark.parametrize("observation", ["hard", "soft", "posterior"])
-def test_a_step_where_no_label_is_allowed_is_passed_over(observation: str) -> None:
-    problem, _ = a_walk(3, 20)
-    unary = np.array(problem.unary)
-    unary[7] = -np.inf
-    holed = LabelingProblem(problem.graph, NAMES, unary=unary)
-    labeling = fitted(observation=observation, mode="smooth").infer(holed)
-    assert labeling.info["impossible"] == [7]
-    assert labeling.info["log_evidence"] == -np.inf
+def test_an_online_step_at_which_nothing_was_seen_is_passed_over(observation: str) -> None:
+    model = fitted(observation=observation)
+    belief = np.array([0.2, 0.5, 0.3])
+    after, possible = model.step(np.full(3, -np.inf), belief)
+    assert not possible
+    np.testing.assert_allclose(after, belief @ known(model.transition), rtol=1e-12)
 
 
 def test_the_viterbi_score_is_the_judges() -> None:

@@ -1,0 +1,162 @@
+"""Evidence: labels that are known or forbidden hold in every method."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from sklearn.linear_model import LogisticRegression
+
+from pgm_places import LabelGraph, LabelingProblem, Potentials, Status, StructuredLabeler, build
+from pgm_places.errors import InputError
+from pgm_places.inference.backends import Backend
+from pgm_places.models.decoding import DECODERS, decode
+from pgm_places.models.hmm import MODES
+from tests.reference.energy import Model, labelings, score
+from tests.strategies import models
+
+NAMES = ("a", "b", "c")
+
+METHODS: dict[str, tuple[str, dict[str, Any]]] = {
+    "independent": ("independent", {}),
+    "relaxation": ("relaxation", {}),
+    **{f"potts, {name}": ("potts", {"inference": name}) for name in DECODERS},
+    **{f"amn, {name}": ("amn", {"inference": name}) for name in DECODERS},
+    **{
+        f"hmm, {mode}, {seen}": ("hmm", {"mode": mode, "observation": seen})
+        for mode in MODES
+        for seen in ("hard", "soft", "posterior")
+    },
+}
+
+
+def chain(seed: int, n_nodes: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    rng = np.random.default_rng(seed)
+    truth = np.arange(n_nodes) // 5 % 3
+    p = rng.dirichlet(np.ones(3), n_nodes) + 0.3 * np.eye(3)[truth]
+    graph = LabelGraph.from_lattice((n_nodes,))
+    features = truth[:, None] + rng.normal(size=(n_nodes, 2))
+    return LabelingProblem(graph, NAMES, np.log(p), node_features=features), truth
+
+
+def fitted(key: str) -> Backend:
+    name, chosen = METHODS[key]
+    backend: Any = build(name, chosen)
+    problem, truth = chain(0, 60)
+    return backend.fit([problem], [truth]) if hasattr(backend, "fit") else backend
+
+
+@pytest.mark.parametrize("how", ["known", "forbidden"])
+@pytest.mark.parametrize("key", list(METHODS))
+def test_what_is_known_holds_against_every_classifier(key: str, how: str) -> None:
+    backend = fitted(key)
+    plain, _ = chain(1, 30)
+    assert plain.unary is not None
+    known = np.full(30, -1)
+    known[[0, 4, 17, 29]] = plain.unary[[0, 4, 17, 29]].argmin(axis=1)
+    evident = known >= 0
+    if how == "known":
+        problem = LabelingProblem(plain.graph, NAMES, plain.unary, plain.node_features, known=known)
+    else:
+        unary = np.array(plain.unary)
+        unary[evident] = np.where(np.eye(3)[known[evident]] > 0, unary[evident], -np.inf)
+        problem = LabelingProblem(plain.graph, NAMES, unary, plain.node_features)
+    found = backend.infer(problem)
+    np.testing.assert_array_equal(found.labels[evident], known[evident])
+    if found.beliefs is not None:
+        np.testing.assert_allclose(
+            found.beliefs[evident], np.eye(3)[known[evident]], rtol=0, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("observation", ["hard", "soft", "posterior"])
+def test_what_is_known_holds_against_transitions_that_never_happened(
+    mode: str, observation: str
+) -> None:
+    """The model has learned that labels never change and that the classifier never errs."""
+    graph, z = LabelGraph.from_lattice((6,)), np.log([[0.9, 0.1]] * 6)
+    truth = np.zeros(6, np.int64)
+    training = [
+        LabelingProblem(graph, ["a", "b"], z),
+        LabelingProblem(graph, ["a", "b"], z[:, ::-1]),
+    ]
+    options = {"mode": mode, "observation": observation, "smoothing": 0.0}
+    model = build("hmm", options).fit(training, [truth, truth + 1])
+    known = np.array([-1, -1, 1, -1, -1, 0])
+    found = model.infer(LabelingProblem(graph, ["a", "b"], z, known=known))
+    assert found.labels[[2, 5]].tolist() == [1, 0]
+    assert found.info["impossible"]
+    if mode == "filter":
+        belief = None
+        for row in LabelingProblem(graph, ["a", "b"], z, known=known).with_evidence(z):
+            belief, _ = model.step(row, belief)
+            assert belief[row == -np.inf].sum() == 0.0
+
+
+@given(models(("associative",), max_nodes=5), st.integers(0, 999))
+def test_known_labels_leave_the_best_of_the_labellings_that_keep_them(
+    model: Model, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    n_nodes, n_labels = model.unary.shape
+    best = model.unary.argmax(axis=1) if n_nodes else np.zeros(0, np.int64)
+    known = np.where(rng.random(n_nodes) < 0.4, best, -1)
+    graph = LabelGraph.from_edges(n_nodes, model.edges)
+    potentials = Potentials(model.unary, agreement=model.agreement)
+    keeping = [y for y in labelings(model) if ((known < 0) | (known == y)).all()]
+    highest = max(score(model, labels) for labels in keeping)
+    for method in ("graph-cut", "trw-s", "lp"):
+        found = decode(graph, potentials, method, known=known, certify=True)
+        assert ((known < 0) | (found.labels == known)).all()
+        assert found.bound is not None
+        assert found.bound >= highest - 1e-9
+        if found.status is Status.EXACT or n_labels == 2:
+            assert found.score == pytest.approx(highest, rel=0, abs=1e-9)
+
+
+@pytest.mark.parametrize("backend", ["potts", "amn", "relaxation", "independent", "hmm"])
+def test_a_classifier_does_not_overwrite_what_is_known(backend: str) -> None:
+    problems, truths = zip(*(chain(seed, 60) for seed in range(3)), strict=True)
+    labeler = StructuredLabeler(backend, LogisticRegression()).fit(problems, truths)
+    plain, truth = chain(7, 30)
+    known = np.full(30, -1)
+    known[[3, 12]] = (truth[[3, 12]] + 1) % 3
+    unary = np.zeros((30, 3))
+    unary[20, truth[20]] = -np.inf
+    problem = LabelingProblem(plain.graph, NAMES, unary, plain.node_features, known=known)
+    found = labeler.label(problem)
+    assert found.labels[[3, 12]].tolist() == known[[3, 12]].tolist()
+    assert found.labels[20] != truth[20]
+    again = labeler.infer(problem, labeler.scores(problem))
+    np.testing.assert_array_equal(again.labels, found.labels)
+
+
+def test_known_labels_alone_are_a_problem() -> None:
+    """Two ends of a chain are known; the tie between decides where the border goes."""
+    graph = LabelGraph.from_lattice((6,))
+    ties = np.array([5.0, 5.0, 1.0, 5.0, 5.0])[:, None]
+    known = np.array([0, -1, -1, -1, -1, 1])
+    problem = LabelingProblem(graph, ["a", "b"], edge_features=ties, known=known)
+    found = build("potts", {"edge_weights": "given"}).infer(problem)
+    assert found.labels.tolist() == [0, 0, 0, 1, 1, 1]
+    part = problem.subproblem(np.arange(6) > 2)
+    assert part.known is not None
+    assert part.known.tolist() == [-1, -1, 1]
+    assert "known (6,)" in repr(problem)
+
+
+def test_a_node_with_no_label_left_is_refused_by_name() -> None:
+    graph, unary = LabelGraph.from_lattice((3,)), np.zeros((3, 2))
+    unary[1] = -np.inf
+    with pytest.raises(InputError, match="unary forbids every label at node 1; allow at least"):
+        LabelingProblem(graph, ["a", "b"], unary)
+    unary[1, 0] = 0.0
+    with pytest.raises(InputError, match="node 1 is known to be 'b', which unary forbids there"):
+        LabelingProblem(graph, ["a", "b"], unary, known=np.array([-1, 1, -1]))
+    with pytest.raises(InputError, match="unary forbids every label at node 1"):
+        decode(graph, Potentials(unary), "icm", known=[-1, 1, -1])
+    with pytest.raises(InputError, match=r"known must hold integers from -1 to 1, got 2"):
+        LabelingProblem(graph, ["a", "b"], unary, known=np.array([2, -1, -1]))
