@@ -9,12 +9,12 @@ import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array
+from pgm_places._checks import finite_array, integer_array, require_type
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.models.amn_features import (
     Standardization,
     edge_feature_count,
@@ -303,6 +303,7 @@ class AssociativeMarkovNetwork:
             Other labels or features than in training.
         """
         node_weights, edge_weights, scaling = self._fitted()
+        require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
         if problem.n_labels != node_weights.shape[1]:
             raise InputError(
                 f"the network was trained on {node_weights.shape[1]} labels, this problem has "

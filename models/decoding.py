@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name
+from pgm_places._checks import nearest_name, require_type
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.raster_edges import RasterEdges
@@ -101,6 +101,8 @@ def decode(
     ([0, 0], 1.5, <Status.EXACT: 'exact'>)
     """
     require_decoder(method)
+    require_type("graph", graph, LabelGraph)
+    require_type("potentials", potentials, Potentials)
     potentials.check_fits(graph)
     if known is not None:
         potentials = potentials.with_known(known)

@@ -17,7 +17,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.models.chain_statistics import count_table, normalised
 from pgm_places.models.evidence_weight import best_weight
 from pgm_places.options import AtLeastZero, check_options
@@ -134,7 +134,10 @@ class HiddenMarkovModel:
         first = np.full(n_labels, float(self.smoothing))
         share = first.copy()
         for problem, truth in pairs:
-            unary = _chain_unary(problem)
+            _require_chain(problem.graph)
+            if problem.unary is None:
+                raise InputError("'hmm' needs unary log-probabilities; the problem has none")
+            unary = problem.unary
             known = np.flatnonzero(truth >= 0)
             pair = (truth[:-1] >= 0) & (truth[1:] >= 0)
             pair &= self._actions(problem.graph) == MOVE
@@ -250,7 +253,9 @@ class HiddenMarkovModel:
             Not a chain, no unary, or other labels than learned.
         """
         begin = time.perf_counter()
-        observed = self._log_likelihood(problem.with_evidence(_chain_unary(problem)))
+        unary = evident_unary(problem, "hmm")
+        _require_chain(problem.graph)
+        observed = self._log_likelihood(unary)
         actions = self._actions(problem.graph)
         chain = (self._start(), self._transitions, observed)
         found = self._explained(chain, actions)
@@ -304,9 +309,7 @@ class HiddenMarkovModel:
         moved_m : float, optional
             Distance from the step before, for ``stay_below_m``; None counts as moved.
         """
-        row = np.asarray(unary, np.float64)
-        if row.ndim != 1:
-            raise InputError(f"unary must have shape (K,), got {row.shape}")
+        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
         observed = self._log_likelihood(row[None])
         stays = moved_m is not None and moved_m < self.stay_below_m
         action = STAY if stays else MOVE
@@ -399,15 +402,11 @@ def _possible(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.maximum(probabilities, LEAST)
 
 
-def _chain_unary(problem: LabelingProblem) -> NDArray[np.float64]:
-    if not problem.graph.is_chain:
+def _require_chain(graph: LabelGraph) -> None:
+    if not graph.is_chain:
         raise InputError(
-            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {problem.graph!r} is "
-            "none"
+            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {graph!r} is none"
         )
-    if problem.unary is None:
-        raise InputError("'hmm' needs unary log-probabilities; the problem has none")
-    return problem.unary
 
 
 def _potentials(

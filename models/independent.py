@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from pgm_places._checks import sealed
-from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["Independent"]
@@ -30,9 +29,7 @@ class Independent:
         InputError
             The problem has no unary, or forbids every label at some node.
         """
-        if problem.unary is None:
-            raise InputError("'independent' needs unary log-probabilities; the problem has none")
-        unary = problem.with_evidence(problem.unary)
+        unary = evident_unary(problem, "independent")
         labels = sealed(unary.argmax(axis=1))
         total = score(problem.graph, Potentials(unary), labels)
         beliefs = sealed(starting_beliefs(unary))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.decoding import Decoder, decode
 from pgm_places.options import Whole, check_options
 
@@ -69,9 +69,7 @@ class PottsField:
             are wanted, or the decoder cannot take the weight (a graph cut wants it to be at least
             0).
         """
-        if problem.unary is None:
-            raise InputError("'potts' needs unary log-probabilities; the problem has none")
-        unary = problem.with_evidence(problem.unary)
+        unary = evident_unary(problem, "potts")
         potentials = Potentials.potts(unary, self.weight)
         if self.edge_weights == "given":
             earned = np.repeat(self.weight * _given(problem), problem.n_labels, axis=1)

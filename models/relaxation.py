@@ -15,7 +15,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
@@ -169,15 +169,13 @@ class Relaxation:
         begin = time.perf_counter()
         if self.compatibility is None:
             raise NotFittedError("relaxation has learned no coefficients; call fit first")
-        if problem.unary is None:
-            raise InputError("'relaxation' needs unary log-probabilities; the problem has none")
+        unary = evident_unary(problem, "relaxation")
         if self.compatibility.shape[1] != problem.n_labels + 1:
             raise InputError(
                 f"relaxation learned {self.compatibility.shape[1] - 1} labels (and the wall), but "
                 f"the problem has {problem.n_labels}"
             )
         recorder = None if truth is None else _AccuracyRecorder(truth, problem.n_labels)
-        unary = problem.with_evidence(problem.unary)
         relaxed = self._relax(problem.graph, unary, _both(recorder, on_iteration))
         history = {
             "change": relaxed.max_change,

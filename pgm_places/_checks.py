@@ -15,7 +15,9 @@ __all__ = [
     "integer_array",
     "label_raster",
     "nearest_name",
+    "number_array",
     "plain_names",
+    "require_type",
     "sealed",
 ]
 
@@ -66,6 +68,27 @@ def _shape_hint(name: str, got: tuple[int, ...], shape: tuple[int | str | None, 
     return f"; transpose it: {name}.T" if turned else ""
 
 
+def require_type(name: str, value: object, kind: type, hint: str = "") -> None:
+    """Raise InputError, with a hint what to write instead, unless ``value`` is of that type."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be a {kind.__name__}, got a {type(value).__name__}{hint}")
+
+
+def number_array(name: str, values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """``values`` as an array of that type (their own if None), unless they are no real numbers."""
+    if hasattr(values, "toarray"):
+        raise InputError(
+            f"{name} must be an array of numbers, got a sparse one; give its toarray()"
+        )
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind in "cSU":
+            raise ValueError(f"its type is {array.dtype}")
+        return array if dtype is None else array.astype(dtype, copy=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be an array of numbers: {error}") from None
+
+
 def finite_array(
     name: str,
     values: ArrayLike,
@@ -82,10 +105,7 @@ def finite_array(
     """
     if dtype is None:
         dtype = np.float32 if getattr(values, "dtype", None) == np.float32 else np.float64
-    try:
-        array = np.asarray(values, dtype=dtype)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} must be an array of numbers: {error}") from None
+    array = number_array(name, values, dtype)
     _check_shape(name, array.shape, shape)
     if not _all_allowed(array, allow_minus_inf):
         bad = np.isnan(array) | (array == np.inf) if allow_minus_inf else ~np.isfinite(array)
@@ -112,7 +132,7 @@ def integer_array(
     name: str, values: ArrayLike, shape: tuple[int | str | None, ...], *, low: int, high: int
 ) -> NDArray[np.int64]:
     """``values`` as an integer array of the stated shape with ``low <= value < high``."""
-    array = np.asarray(values)
+    array = number_array(name, values, None)
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{name} must hold integers, got dtype {array.dtype}")
     _check_shape(name, array.shape, shape)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array
+from pgm_places._checks import finite_array, integer_array, number_array
 from pgm_places.errors import InputError
 
 __all__ = [
@@ -216,8 +216,8 @@ class ForwardFilter:
         """
         from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
 
-        rows = np.asarray(log_likelihood, np.float64)[None]
-        before = self._start if belief is None else np.asarray(belief, np.float64)
+        rows = number_array("log_likelihood", log_likelihood)[None]
+        before = self._start if belief is None else number_array("belief", belief)
         for name, values in (("log_likelihood", rows[0]), ("belief", before)):
             if values.shape != self._start.shape:
                 raise InputError(f"{name} must have shape {self._start.shape}, got {values.shape}")

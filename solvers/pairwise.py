@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array
+from pgm_places._checks import finite_array, integer_array, number_array
 from pgm_places.errors import InputError
 from pgm_places.solvers._pairwise_kernels import Terms, score_labels
 from pgm_places.solvers.adjacency import Adjacency, adjacency
@@ -170,7 +170,7 @@ def _with_tables(
     around: Adjacency, unary: NDArray[np.float64], pairwise: ArrayLike
 ) -> PairwiseModel:
     n_labels = unary.shape[1]
-    tables = np.asarray(pairwise, np.float64)
+    tables = number_array("pairwise", pairwise)
     shape: tuple[int, ...] = (n_labels, n_labels)
     if tables.ndim == 3:
         shape = (around.n_edges, n_labels, n_labels)

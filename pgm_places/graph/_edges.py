@@ -6,14 +6,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._checks import number_array
 from pgm_places.errors import InputError
 
-__all__ = ["empty_pairs", "lattice_edges", "nearest_pairs", "require_canonical", "sparse_pairs"]
+__all__ = [
+    "empty_pairs",
+    "lattice_edges",
+    "nearest_pairs",
+    "require_canonical",
+    "require_sparse",
+    "sparse_pairs",
+]
 
 
 def empty_pairs(edges: ArrayLike, name: str = "edges") -> NDArray[Any]:
     """``edges`` as an array, of shape (0, 2) where there are none; (2, E) is refused by name."""
-    pairs = np.asarray(edges)
+    pairs = number_array(name, edges, None)
     if pairs.ndim == 2 and pairs.shape[0] == 2 and pairs.shape[1] > 2:
         raise InputError(
             f"{name} must have shape (E, 2), got {pairs.shape}; transpose them: {name}.T"
@@ -82,8 +90,18 @@ def nearest_pairs(points: NDArray[np.float64], n_neighbours: int) -> NDArray[np.
     return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
+def require_sparse(matrix: Any) -> None:
+    """Raise InputError unless it is a sparse matrix or array of SciPy."""
+    if not hasattr(matrix, "tocoo"):
+        raise InputError(
+            "matrix must be a sparse matrix or array of SciPy, got a "
+            f"{type(matrix).__name__}; write scipy.sparse.csr_array(matrix)"
+        )
+
+
 def sparse_pairs(matrix: Any) -> tuple[int, NDArray[np.int64]]:
     """N and the (E, 2) pairs, each once, at which a square matrix is not 0 in either direction."""
+    require_sparse(matrix)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise InputError(f"matrix must have shape (N, N), got {matrix.shape}")
     found = matrix.tocoo()

@@ -3,12 +3,13 @@
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import finite_array, frozen, integer_array, number_array
 from pgm_places.errors import InputError
 from pgm_places.graph._edges import empty_pairs, lattice_edges, nearest_pairs, sparse_pairs
 from pgm_places.graph.edge_kind import EdgeKind
@@ -110,6 +111,8 @@ class LabelGraph:
         InputError
             A pair names a node outside ``0..n_nodes-1``, joins a node to itself, or comes twice.
         """
+        if not isinstance(n_nodes, Integral):
+            raise InputError(f"n_nodes must be a whole number, got {n_nodes!r}")
         pairs = integer_array(
             "edges", empty_pairs(edges), ("E", 2), low=0, high=max(int(n_nodes), 1)
         )
@@ -123,7 +126,7 @@ class LabelGraph:
         return cls(
             int(n_nodes),
             EdgeList(pairs[order].astype(np.int32), None if kind is None else kind[order]),
-            None if positions_m is None else np.asarray(positions_m, np.float64),
+            None if positions_m is None else number_array("positions_m", positions_m),
             layout,
         )
 
@@ -186,7 +189,11 @@ class LabelGraph:
         >>> LabelGraph.from_lattice((4, 3, 2))
         LabelGraph(24 nodes, 46 edges)
         """
-        mask = np.ones(nodes, np.bool_) if isinstance(nodes, tuple) else np.asarray(nodes)
+        if isinstance(nodes, tuple):
+            nodes = np.ones(
+                integer_array("the lattice's sizes", nodes, ("D",), low=0, high=2**31), np.bool_
+            )
+        mask = np.asarray(nodes)
         if mask.dtype != np.bool_ or mask.ndim == 0:
             raise InputError(
                 "from_lattice takes a tuple of sizes or a boolean mask, got an array of shape "
@@ -252,7 +259,7 @@ class LabelGraph:
 
         Edges have the kinds TIME and LOOP.
         """
-        poses = np.asarray(positions_m, np.float64)
+        poses = number_array("positions_m", positions_m)
         if poses.ndim != 2 or poses.shape[1] not in (2, 3):
             raise InputError(f"positions_m must have shape (T, 2) or (T, 3), got {poses.shape}")
         steps = np.arange(len(poses), dtype=np.int32)
@@ -296,7 +303,7 @@ class LabelGraph:
 
         ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
         """
-        pairs = np.asarray(empty_pairs(links, "links"))
+        pairs = integer_array("links", empty_pairs(links, "links"), ("L", 2), low=0, high=2**31)
         integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first.n_nodes, 1))
         integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second.n_nodes, 1))
         shift = first.n_nodes

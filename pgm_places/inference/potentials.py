@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
+from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array, number_array
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 
@@ -51,7 +51,7 @@ class Potentials:
         if self.pairwise is not None and self.agreement is not None:
             raise InputError("give pairwise or agreement, not both")
         if self.pairwise is not None:
-            pairwise = np.asarray(self.pairwise, np.float64)
+            pairwise = number_array("pairwise", self.pairwise)
             shape: tuple[int | str, ...] = (n_labels, n_labels)
             if pairwise.ndim == 3:
                 shape = ("E", n_labels, n_labels)
@@ -64,8 +64,9 @@ class Potentials:
     @classmethod
     def potts(cls, unary: ArrayLike, weight: float) -> Self:
         """Every edge earns ``weight`` when its ends agree, whatever the label."""
-        table = np.asarray(unary, np.float64)
-        return cls(table, pairwise=weight * np.eye(table.shape[1]))
+        table = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
+        earned = finite_array("weight", weight, ())
+        return cls(table, pairwise=earned * np.eye(table.shape[1]))
 
     def with_known(self, known: ArrayLike) -> "Potentials":
         """The same with all other labels forbidden where a label is known: (N,) int, else -1."""

@@ -1,18 +1,24 @@
 """A labelling problem: a graph, the label names, and the evidence about each node."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import ROWS_AT_ONCE, finite_array, frozen, integer_array
+from pgm_places._checks import (
+    ROWS_AT_ONCE,
+    finite_array,
+    frozen,
+    integer_array,
+    require_type,
+)
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import keep_known
 
-__all__ = ["LabelingProblem", "labelled_problems"]
+__all__ = ["LabelingProblem", "evident_unary", "labelled_problems", "listed_problems"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +68,12 @@ class LabelingProblem:
     known: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
+        require_type("graph", self.graph, LabelGraph)
+        if isinstance(self.label_names, str) or not isinstance(self.label_names, Iterable):
+            raise InputError(
+                f"label_names must be a list of names, got {self.label_names!r}; a list of one is "
+                "['name']"
+            )
         names = tuple(str(name) for name in self.label_names)
         if len(names) < 1 or len(set(names)) != len(names):
             raise InputError(f"label_names must be at least one name, each once, got {list(names)}")
@@ -210,6 +222,41 @@ class LabelingProblem:
                 )
 
 
+ONE_BY_ONE = "; the problems of a list are labelled one by one"
+
+
+def evident_unary(problem: LabelingProblem, method: str) -> NDArray[np.float64]:
+    """(N, K) the unary with what is known or forbidden, for a method that needs one.
+
+    Raises
+    ------
+    InputError
+        The problem has no unary, or is no problem.
+    """
+    require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
+    if problem.unary is None:
+        raise InputError(f"{method!r} needs unary log-probabilities; the problem has none")
+    return problem.with_evidence(problem.unary)
+
+
+def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem]:
+    """The problems as a list.
+
+    Raises
+    ------
+    InputError
+        A single problem, or something else among them.
+    """
+    if isinstance(problems, LabelingProblem):
+        raise InputError("problems must be a list, got a single LabelingProblem; write [problem]")
+    if not isinstance(problems, Iterable):
+        raise InputError(f"problems must be a list of LabelingProblem, got {problems!r}")
+    found = list(problems)
+    for number, problem in enumerate(found):
+        require_type(f"problems[{number}]", problem, LabelingProblem)
+    return found
+
+
 def labelled_problems(
     problems: Sequence[LabelingProblem], labelings: Sequence[ArrayLike]
 ) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
@@ -221,7 +268,11 @@ def labelled_problems(
         No problem, another number of labelings, problems with different labels, or a labeling that
         does not fit its problem.
     """
-    if not len(problems) or len(problems) != len(labelings):
+    problems = listed_problems(problems)
+    if not isinstance(labelings, Iterable):
+        raise InputError(f"labelings must be a list, one per problem, got {labelings!r}")
+    labelings = list(labelings)
+    if not problems or len(problems) != len(labelings):
         raise InputError(
             "learning takes at least one problem and as many labelings, got "
             f"{len(problems)} problems and {len(labelings)} labelings"

@@ -192,7 +192,10 @@ def _options_of(value: Any, *, deep: bool) -> dict[str, Any]:
 def _changed(value: Any, params: Mapping[str, Any]) -> Any:
     """The value with other options; the one that is given stays as it is."""
     if hasattr(value, "set_params"):
-        return copy.deepcopy(value).set_params(**params)
+        try:
+            return copy.deepcopy(value).set_params(**params)
+        except ValueError as error:  # scikit-learn's own words for a name that it does not know
+            raise ConfigError(str(error)) from None
     known = _options_of(value, deep=False)
     new = {}
     for name, (given, inner) in _grouped(params).items():

@@ -12,7 +12,7 @@ from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.inference.problem import LabelingProblem, labelled_problems, listed_problems
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.unary.options import LearnOn, NumberOfFolds
@@ -228,7 +228,7 @@ class StructuredLabeler(Labeler):
 
     def predict(self, X: Sequence[LabelingProblem]) -> list[Truth]:
         """For each problem the (N,) label indices of its nodes."""
-        return [self.label(problem).labels for problem in _listed(X)]
+        return [self.label(problem).labels for problem in listed_problems(X)]
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
@@ -271,17 +271,11 @@ class StructuredLabeler(Labeler):
             )
 
 
-def _listed(problems: Sequence[LabelingProblem]) -> list[LabelingProblem]:
-    if isinstance(problems, LabelingProblem):
-        raise InputError("X must be a list of problems, got a single LabelingProblem; write [it]")
-    return list(problems)
-
-
 def _checked(
     problems: Sequence[LabelingProblem], labelings: Sequence[Truth]
 ) -> tuple[list[LabelingProblem], list[Truth]]:
     """Both as lists that belong together."""
-    pairs = labelled_problems(_listed(problems), labelings)
+    pairs = labelled_problems(problems, labelings)
     return [problem for problem, _ in pairs], [truth for _, truth in pairs]
 
 
