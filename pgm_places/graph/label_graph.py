@@ -1,8 +1,9 @@
 """The graph that everything is labelled on: grid cells, trajectory steps, or any nodes."""
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, frozen, integer_array, number_array
 from pgm_places.errors import InputError
 from pgm_places.graph._edges import empty_pairs, lattice_edges, nearest_pairs, sparse_pairs
+from pgm_places.graph._networkx import networkx_parts, to_networkx
+from pgm_places.graph._values import mapped_edges, mapped_nodes, matrix_edges
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout
@@ -38,6 +41,8 @@ class LabelGraph:
         Positions of the nodes in metres, where they do not follow from ``layout``.
     layout : GridLayout, StepLayout or None
         How node values go back to where they came from.
+    node_names : tuple of N, or None
+        What the nodes are called elsewhere, each name once; messages then name them so.
 
     Use the named constructors; the plain one checks and refuses, it does not repair.
 
@@ -54,10 +59,13 @@ class LabelGraph:
     links: EdgeList | RasterEdges
     points_m: NDArray[np.float64] | None = None
     layout: GridLayout | StepLayout | None = None
+    node_names: tuple[Hashable, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.n_nodes < 0:
             raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
+        if self.node_names is not None and len(set(self.node_names)) != self.n_nodes:
+            raise InputError(f"node_names must be {self.n_nodes} names, each once")
         self._check_links()
         if self.points_m is not None:
             points = finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
@@ -278,24 +286,29 @@ class LabelGraph:
         )
 
     @classmethod
-    def from_networkx(cls, graph: "nx.Graph[Any]", *, position: str | None = "pos") -> Self:
-        """The nodes and edges of a networkx graph; node ``i`` is the i-th in its iteration order.
+    def from_networkx(
+        cls,
+        graph: "nx.Graph[Any]",
+        *,
+        nodelist: Iterable[Hashable] | None = None,
+        position: str | None = "pos",
+    ) -> Self:
+        """The nodes and edges of a networkx graph, whose nodes keep their names.
 
         Parameters
         ----------
         graph : networkx.Graph
             Directions and parallel edges are dropped; self-loops are refused.
+        nodelist : iterable, optional
+            All nodes in the order that they are to have, that of other arrays; the graph's own
+            order by default. :meth:`node_values` and :meth:`edge_values` look attributes up by
+            name, whatever the order.
         position : str or None
             Node attribute that holds ``(x, y)`` in metres; ignored unless every node has it.
         """
-        index: dict[Hashable, int] = {node: i for i, node in enumerate(graph.nodes)}
-        pairs = {tuple(sorted((index[a], index[b]))) for a, b in graph.edges()}
-        positions = None
-        if position is not None and index:
-            values = [data.get(position) for _, data in graph.nodes(data=True)]
-            if all(value is not None for value in values):
-                positions = np.asarray(values, np.float64)
-        return cls.from_edges(len(index), sorted(pairs), positions_m=positions)
+        names, pairs, positions = networkx_parts(graph, nodelist, position)
+        found = cls.from_edges(len(names), pairs, positions_m=positions)
+        return replace(found, node_names=names)
 
     @classmethod
     def joined(cls, first: "LabelGraph", second: "LabelGraph", links: ArrayLike) -> Self:
@@ -326,37 +339,34 @@ class LabelGraph:
 
     # ------------------------------------------------------------------ conversions
 
-    def to_networkx(self) -> "nx.Graph[int]":
+    def to_networkx(self) -> "nx.Graph[Any]":
         """The same graph for networkx, with ``pos`` and ``kind`` attributes where known."""
-        import networkx as nx
+        return to_networkx(self._names, self.edges, self.positions_m, self.edge_kind)
 
-        graph: nx.Graph[int] = nx.Graph()
-        graph.add_nodes_from(range(self.n_nodes))
-        graph.add_edges_from((int(i), int(j)) for i, j in self.edges)
-        if self.positions_m is not None:
-            where = {i: tuple(map(float, at)) for i, at in enumerate(self.positions_m)}
-            nx.set_node_attributes(graph, where, "pos")
-        if self.edge_kind is not None:
-            named = {
-                (int(i), int(j)): int(kind)
-                for (i, j), kind in zip(self.edges, self.edge_kind, strict=True)
-            }
-            nx.set_edge_attributes(graph, named, "kind")
-        return graph
+    def node_values(self, values: Mapping[Any, Any], default: Any = None) -> NDArray[Any]:
+        """(N, ...) the value of each node, by its name or else its number.
 
-    def edge_values(self, matrix: Any) -> NDArray[np.float64]:
-        """(E,) the value of a sparse (N, N) matrix at each edge, the larger of both directions."""
-        n_nodes = self.n_nodes
-        if matrix.shape != (n_nodes, n_nodes):
-            raise InputError(f"matrix must have shape ({n_nodes}, {n_nodes}), got {matrix.shape}")
-        if not self.n_edges:
-            return np.zeros(0)
-        rows = matrix.tocsr()
-        first, second = self.edges[:, 0], self.edges[:, 1]
-        return np.maximum(
-            np.asarray(rows[first, second], np.float64).ravel(),
-            np.asarray(rows[second, first], np.float64).ravel(),
-        )
+        For example ``graph.node_values(networkx.get_node_attributes(g, "age"))``. Without a
+        ``default`` every node must have a value.
+        """
+        return mapped_nodes(self._names, values, default)
+
+    def edge_values(self, values: Any, default: Any = None) -> NDArray[np.float64]:
+        """(E,) a value per edge, from a sparse matrix or by the names of its ends.
+
+        Parameters
+        ----------
+        values : sparse (N, N) matrix or array of SciPy, or mapping
+            A matrix's entry that is stored in either direction, 0 where there is none; or a value
+            by pairs of names (numbers where nodes have no names), such as
+            ``networkx.get_edge_attributes(g, "weight")``. Where both directions have one it is the
+            larger of the two.
+        default : float, optional
+            For edges that a mapping leaves out.
+        """
+        if isinstance(values, Mapping):
+            return mapped_edges(self._names, self.edges, values, default)
+        return matrix_edges(self.n_nodes, self.edges, values)
 
     def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
         """The graph of the nodes where the mask (N,) is true, renumbered in order.
@@ -371,6 +381,7 @@ class LabelGraph:
             self.links.among(keep),
             None if self.points_m is None else self.points_m[keep],
             self.layout.part(keep) if isinstance(self.layout, GridLayout) else None,
+            None if self.node_names is None else tuple(compress(self.node_names, keep)),
         )
 
     # ------------------------------------------------------------------ derived
@@ -396,6 +407,10 @@ class LabelGraph:
         if self.points_m is None and isinstance(self.layout, GridLayout):
             return self.layout.positions_m
         return self.points_m
+
+    @property
+    def _names(self) -> tuple[Hashable, ...] | range:
+        return range(self.n_nodes) if self.node_names is None else self.node_names
 
     @cached_property
     def is_chain(self) -> bool:

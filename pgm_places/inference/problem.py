@@ -199,27 +199,31 @@ class LabelingProblem:
     def _forbids_some(self) -> bool:
         return self.unary is not None and self.unary.min(initial=0.0) == -np.inf
 
+    def _name(self, node: int) -> str:
+        names = self.graph.node_names
+        return str(node) if names is None else repr(names[node])
+
     def _check_allowed(self) -> None:
         """Refuse a node at which no label is allowed; piece by piece, for maps of any size."""
         assert self.unary is not None
         for first in range(0, len(self.unary), ROWS_AT_ONCE):
             part = self.unary[first : first + ROWS_AT_ONCE]
-            best = part.max(axis=1, initial=-np.inf)
-            if self.known is not None:
-                known = self.known[first : first + ROWS_AT_ONCE]
-                of_known = part[np.arange(len(part)), known]
-                if (barred := np.flatnonzero((known >= 0) & (of_known == -np.inf))).size:
-                    node = int(barred[0])
-                    raise InputError(
-                        f"node {first + node} is known to be {self.label_names[known[node]]!r}, "
-                        "which unary forbids there (-inf)"
-                    )
-            barred = np.flatnonzero(best == -np.inf)
+            barred = np.flatnonzero(part.max(axis=1, initial=-np.inf) == -np.inf)
             if len(barred):
                 raise InputError(
-                    f"unary forbids every label at node {first + int(barred[0])}; allow at least "
-                    "one, or give a row of zeros where nothing is known"
+                    f"unary forbids every label at node {self._name(first + int(barred[0]))}; "
+                    "allow at least one, or give a row of zeros where nothing is known"
                 )
+        if self.known is None:
+            return
+        nodes = np.flatnonzero(self.known >= 0)
+        barred = nodes[self.unary[nodes, self.known[nodes]] == -np.inf]
+        if len(barred):
+            node = int(barred[0])
+            raise InputError(
+                f"node {self._name(node)} is known to be "
+                f"{self.label_names[self.known[node]]!r}, which unary forbids there (-inf)"
+            )
 
 
 ONE_BY_ONE = "; the problems of a list are labelled one by one"

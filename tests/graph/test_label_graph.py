@@ -105,10 +105,40 @@ def test_networkx_round_trip() -> None:
     nx.set_node_attributes(first, {"a": (0, 0), "b": (1, 0), "c": (1, 1)}, "pos")
     graph = LabelGraph.from_networkx(first)
     assert graph.edges.tolist() == [[0, 1], [1, 2]]
+    assert graph.node_names == ("a", "b", "c")
+    assert list(graph.to_networkx().edges) == list(first.edges)
     back = LabelGraph.from_networkx(graph.to_networkx())
     assert back.edges.tolist() == graph.edges.tolist()
     assert back.positions_m is not None
     np.testing.assert_allclose(back.positions_m, [[0, 0], [1, 0], [1, 1]], rtol=0, atol=0)
+
+
+def test_networkx_nodes_keep_their_names_in_the_order_that_is_wanted() -> None:
+    club = nx.karate_club_graph()
+    nodes = sorted(club, key=lambda node: -node)
+    graph = LabelGraph.from_networkx(club, nodelist=nodes)
+    assert graph.node_names == tuple(nodes)
+    sides = graph.node_values(nx.get_node_attributes(club, "club"))
+    assert sides.tolist() == [club.nodes[node]["club"] for node in nodes]
+    met = graph.edge_values(nx.get_edge_attributes(club, "weight"))
+    matrix = nx.to_scipy_sparse_array(club, nodelist=nodes)
+    np.testing.assert_array_equal(met, graph.edge_values(matrix))
+    for (i, j), weight in zip(graph.edges, met, strict=True):
+        assert club.edges[nodes[i], nodes[j]]["weight"] == weight
+    few = graph.subgraph(np.arange(34) < 3)
+    assert few.node_names == (33, 32, 31)
+    assert few.node_values({32: 1.0}, default=0.0).tolist() == [0.0, 1.0, 0.0]
+    with pytest.raises(InputError, match="values has none for 2 nodes, the first 33; give a"):
+        few.node_values({32: 1.0})
+    with pytest.raises(InputError, match=r"none for the edge \(33, 32\); give a default"):
+        few.edge_values({})
+    assert few.edge_values({(32, 33): 2.0}, default=0.5).max() == 2.0
+
+
+@pytest.mark.parametrize("nodelist", [["a", "b"], ["a", "b", "b"], ["a", "b", "c", "d"]])
+def test_a_nodelist_must_hold_every_node_once(nodelist: list[str]) -> None:
+    with pytest.raises(InputError, match=r"nodelist must hold every node of the graph once: 3 no"):
+        LabelGraph.from_networkx(nx.path_graph(["a", "b", "c"]), nodelist=nodelist)
 
 
 def test_joined_renumbers_and_marks_links() -> None:
@@ -242,7 +272,9 @@ def test_sparse_matrix_has_an_edge_where_it_is_not_zero(matrix: np.ndarray) -> N
     assert graph.n_nodes == len(matrix)
     assert graph.edges.tolist() == expected.tolist()
     values = graph.edge_values(sparse.coo_array(matrix))
-    assert values.tolist() == np.maximum(matrix, matrix.T)[tuple(expected.T)].tolist()
+    one_sided = (matrix == 0) | (matrix.T == 0)
+    larger = np.where(one_sided, matrix + matrix.T, np.maximum(matrix, matrix.T))
+    assert values.tolist() == larger[tuple(expected.T)].tolist()
 
 
 def test_sparse_matrix_must_be_square_without_loops() -> None:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
@@ -160,3 +161,9 @@ def test_a_node_with_no_label_left_is_refused_by_name() -> None:
         decode(graph, Potentials(unary), "icm", known=[-1, 1, -1])
     with pytest.raises(InputError, match=r"known must hold integers from -1 to 1, got 2"):
         LabelingProblem(graph, ["a", "b"], unary, known=np.array([2, -1, -1]))
+
+
+def test_a_node_is_refused_by_the_name_that_it_has() -> None:
+    graph = LabelGraph.from_networkx(nx.path_graph(["hall", "stairs"]))
+    with pytest.raises(InputError, match="unary forbids every label at node 'stairs'; allow at"):
+        LabelingProblem(graph, ["a", "b"], np.array([[0.0, 0.0], [-np.inf, -np.inf]]))
