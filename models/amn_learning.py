@@ -172,7 +172,10 @@ def choose_penalty(
     LabelError
         A label lies in one part only, so that learning without that part is impossible.
     """
-    parts = [contiguous_parts(graph, n_blocks) for graph in graphs]
+    parts = [
+        contiguous_parts(graph, n_blocks, problem.labels)
+        for graph, problem in zip(graphs, problems, strict=True)
+    ]
     quick = replace(
         options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
     )

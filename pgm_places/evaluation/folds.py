@@ -36,16 +36,28 @@ def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
     return np.searchsorted(cuts, along, side="right").astype(np.int64)
 
 
-def contiguous_parts(graph: LabelGraph, n_parts: int) -> NDArray[np.int64]:
+def contiguous_parts(
+    graph: LabelGraph, n_parts: int, labels: NDArray[np.int64] | None = None
+) -> NDArray[np.int64]:
     """(N,) part of each node: the :func:`contiguous_blocks` of the graph's positions.
 
-    Without positions those of its raster's cells, else of the nodes in their order.
+    Without positions those of its raster's cells, or of the steps of a chain. Where nothing says
+    which nodes lie together, stripes in the order of the nodes would hold out whole labels if they
+    are sorted by label: the nodes of each label (N,), -1 where unknown, are then cut into stripes
+    by themselves, so that every part has its share of all labels.
     """
     if graph.points_m is None and isinstance(graph.layout, GridLayout):
         return contiguous_blocks(graph.layout.cells_rc, n_parts)
     if graph.points_m is not None:
         return contiguous_blocks(graph.points_m, n_parts)
-    return contiguous_blocks(np.arange(graph.n_nodes)[:, None], n_parts)
+    order = np.arange(graph.n_nodes)
+    if labels is None or graph.layout is not None or graph.is_chain:
+        return contiguous_blocks(order[:, None], n_parts)
+    parts = np.empty(graph.n_nodes, np.int64)
+    for label in np.unique(labels):
+        nodes = order[labels == label]
+        parts[nodes] = np.arange(len(nodes)) * n_parts // len(nodes)
+    return parts
 
 
 def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.int64]:

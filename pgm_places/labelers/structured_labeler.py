@@ -1,5 +1,6 @@
 """StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
 
+import warnings
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -42,7 +43,9 @@ class StructuredLabeler(Labeler):
         Which unary the backend learns from: that of classifiers which have not seen the node (like
         those of new problems), or the classifier's own, on which it hardly errs.
     n_folds : int
-        For the former: folds are whole problems, or stripes of the graph where there is only one.
+        For the former: folds are whole problems. Where there is only one they are stripes of its
+        graph, across its positions or along its chain; if it has neither, stripes of the nodes of
+        each label (:func:`pgm_places.evaluation.folds.contiguous_parts`).
     min_probability : float
         Smaller probabilities are raised to it: a classifier that says 0 must not forbid a label.
     metric : {"accuracy", "balanced_accuracy", "macro_f1", "mcc"}
@@ -155,7 +158,7 @@ class StructuredLabeler(Labeler):
         self, problems: Sequence[LabelingProblem], truths: Sequence[Truth]
     ) -> list[LabelingProblem]:
         """The problems with unaries from classifiers that were fitted without those nodes."""
-        folds = _folds(problems, self.n_folds)
+        folds = _folds(problems, truths, self.n_folds)
         unaries = [np.zeros((p.graph.n_nodes, p.n_labels)) for p in problems]
         for fold in np.unique(np.concatenate(folds)):
             others = [
@@ -163,6 +166,7 @@ class StructuredLabeler(Labeler):
             ]
             if (np.concatenate(others) < 0).all():
                 raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
+            _warn_of_missing(np.concatenate(others), problems[0].label_names, int(fold))
             classifier = self._trained(problems, others)
             for problem, part, unary in zip(problems, folds, unaries, strict=True):
                 held_out = part == fold
@@ -288,9 +292,24 @@ def _features(problem: LabelingProblem) -> NDArray[np.float64]:
     return problem.node_features
 
 
-def _folds(problems: Sequence[LabelingProblem], n_folds: int) -> list[NDArray[np.int64]]:
+def _folds(
+    problems: Sequence[LabelingProblem], truths: Sequence[Truth], n_folds: int
+) -> list[NDArray[np.int64]]:
     """For each problem the fold of every node: whole problems, or stripes of a single one."""
     if len(problems) == 1:
-        return [contiguous_parts(problems[0].graph, n_folds)]
+        return [contiguous_parts(problems[0].graph, n_folds, truths[0])]
     n = min(n_folds, len(problems))
     return [np.full(p.graph.n_nodes, m * n // len(problems)) for m, p in enumerate(problems)]
+
+
+def _warn_of_missing(truth: Truth, names: Sequence[str], fold: int) -> None:
+    """Warn of labels without an example outside a fold: its scores say that they never occur."""
+    missing = [name for k, name in enumerate(names) if k not in truth]
+    if missing:
+        warnings.warn(
+            f"all nodes labelled {', '.join(map(repr, missing))} lie in fold {fold + 1}: the "
+            "scores that the backend learns from never expect them there. Give more problems, "
+            "other n_folds, or learn_on='in-sample'",
+            UserWarning,
+            stacklevel=4,
+        )

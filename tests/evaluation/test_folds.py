@@ -53,3 +53,14 @@ def test_places_at_one_position_are_in_one_block_whatever_their_type() -> None:
     assert len(contiguous_blocks(np.zeros((0, 2)), 3)) == 0
     with pytest.raises(InputError, match="n_blocks must be at least 1, got 0"):
         contiguous_blocks(cells, 0)
+
+
+def test_nodes_without_a_layout_are_cut_label_by_label() -> None:
+    """Every part has its share of every label, as consecutive nodes; a chain is cut as it runs."""
+    labels = np.repeat([0, 1, -1, 2], [10, 5, 15, 20])
+    ring = LabelGraph.from_edges(50, [(i, (i + 1) % 50) for i in range(50)])
+    parts = contiguous_parts(ring, 5, labels)
+    for label, share in ((0, 2), (1, 1), (-1, 3), (2, 4)):
+        assert parts[labels == label].tolist() == np.repeat(np.arange(5), share).tolist()
+    chain = LabelGraph.from_lattice((50,))
+    assert contiguous_parts(chain, 5, labels).tolist() == np.repeat(np.arange(5), 10).tolist()

@@ -92,6 +92,22 @@ def test_one_problem_is_cut_into_stripes(chains: list[LabelingProblem]) -> None:
     assert labeler.score(chains[:1], [TRUTH]) > 0.9
 
 
+def test_a_network_sorted_by_label_is_not_held_out_label_by_label() -> None:
+    """Three groups, most ties within; stripes of the nodes would each hold out a whole group."""
+    rng = np.random.default_rng(0)
+    truth = np.repeat([0, 1, 2], 40)
+    near = rng.random((120, 120)) < np.where(truth[:, None] == truth, 0.06, 0.005)
+    graph = LabelGraph.from_edges(120, np.argwhere(np.triu(near, k=1)))
+    problems = [
+        LabelingProblem(
+            graph, NAMES, node_features=np.eye(3)[truth] + rng.normal(scale=0.7, size=(120, 3))
+        )
+        for _ in range(2)
+    ]
+    labeler = StructuredLabeler("amn", LogisticRegression(), n_folds=3).fit(problems[:1], [truth])
+    assert labeler.score(problems[1:], [truth]) > 0.9
+
+
 def test_without_a_classifier_the_unary_is_taken() -> None:
     p = np.array([[0.9, 0.1], [0.4, 0.6], [0.9, 0.1]])
     problem = LabelingProblem.from_probabilities(LabelGraph.from_lattice((3,)), ["a", "b"], p)
@@ -103,7 +119,7 @@ def test_what_does_not_fit_is_refused(
     chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
 ) -> None:
     labeler = StructuredLabeler("potts", LogisticRegression())
-    with pytest.raises(InputError, match=r"got a single LabelingProblem; write \[it\]"):
+    with pytest.raises(InputError, match=r"got a single LabelingProblem; write \[problem\]"):
         labeler.fit(chains[0], truths)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="4 problems and 2 labelings"):
         labeler.fit(chains, truths[:2])
@@ -145,9 +161,11 @@ def test_a_label_that_a_fold_has_not_met_gets_the_least_probability(
     chains: list[LabelingProblem],
 ) -> None:
     truths = [np.minimum(TRUTH, 1)] * 3 + [TRUTH]  # nobody runs but in the last chain
-    StructuredLabeler(
+    labeler = StructuredLabeler(
         Recorder(), LogisticRegression(), n_folds=4, min_probability=1e-3, learn_on="out-of-fold"
-    ).fit(chains, truths)
+    )
+    with pytest.warns(UserWarning, match="all nodes labelled 'run' lie in fold 4: the scores"):
+        labeler.fit(chains, truths)
     met = [bool((np.exp(unary[:, 2]) > 0.01).any()) for unary in SEEN]
     assert met == [True, True, True, False]
     np.testing.assert_allclose(np.exp(SEEN[3][:, 2]), 1e-3, rtol=2e-3)
