@@ -3,6 +3,7 @@
 import os
 import stat
 import sys
+import warnings
 from pathlib import Path
 
 from pgm_places._version import __version__
@@ -14,7 +15,8 @@ def cache_folder() -> Path | None:
     """Where compiled kernels are kept, or None where no private folder can be written.
 
     ``PGM_PLACES_CACHE_DIR`` wins, then numba's own ``NUMBA_CACHE_DIR``, then the platform's cache
-    folder of the user. A folder that others may write is refused: cached machine code is executed.
+    folder of the user. Only a private folder of the user's own is used, as cached machine code is
+    executed: one that others may look into or write to is refused with a warning.
     """
     for variable in ("PGM_PLACES_CACHE_DIR", "NUMBA_CACHE_DIR"):
         named = os.environ.get(variable)
@@ -41,8 +43,15 @@ def _private_folder(folder: Path) -> Path | None:
         status = folder.stat()
     except OSError:
         return None
-    others_may_write = bool(status.st_mode & stat.S_IWOTH)
-    foreign = hasattr(os, "getuid") and status.st_uid != os.getuid()
-    if others_may_write or foreign or not os.access(folder, os.W_OK):
+    is_private = os.name != "posix" or (
+        status.st_uid == os.getuid() and not status.st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    )
+    if not is_private:
+        warnings.warn(
+            f"{folder} is not private, so compiled kernels are not kept there; make it so: "
+            f"chmod 700 {folder}",
+            RuntimeWarning,
+            stacklevel=3,
+        )
         return None
-    return folder
+    return folder if os.access(folder, os.W_OK) else None

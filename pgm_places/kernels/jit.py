@@ -6,12 +6,14 @@ share code. ``NUMBA_DISABLE_JIT=1`` runs the same source in plain Python.
 """
 
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar, overload
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast, overload
 
 import numba
 import numba.extending
 
 from pgm_places.kernels.cache import cache_folder
+from pgm_places.kernels.code_cache import KernelCache
 
 __all__ = ["fused", "inlined", "njit", "prefetch"]
 
@@ -38,24 +40,28 @@ def njit(
     """
 
     def decorate(plain: Callable[P, R]) -> Callable[P, R]:
-        # numba reads its cache folder while decorating; it is put back so that the user's own
-        # numba code keeps its own place.
-        before = numba.config.CACHE_DIR
-        try:
-            if _CACHE is not None:
-                numba.config.CACHE_DIR = str(_CACHE)
-            compiled: Callable[P, R] = numba.njit(
-                nogil=True,
-                error_model="numpy",
-                fastmath=fastmath,
-                no_cfunc_wrapper=True,
-                cache=_CACHE is not None,
-            )(plain)
-        finally:
-            numba.config.CACHE_DIR = before
-        return compiled
+        compiled: Any = numba.njit(
+            nogil=True, error_model="numpy", fastmath=fastmath, no_cfunc_wrapper=True
+        )(plain)
+        if _CACHE is not None:
+            _keep(compiled, plain, _CACHE)
+        return cast(Callable[P, R], compiled)
 
     return decorate if function is None else decorate(function)
+
+
+def _keep(compiled: Any, plain: Callable[..., Any], folder: Path) -> None:
+    """Keep the machine code of a kernel in a folder, if that is possible."""
+    # numba reads its cache folder here; it is put back so that the user's own numba code keeps
+    # its own place.
+    before = numba.config.CACHE_DIR
+    try:
+        numba.config.CACHE_DIR = str(folder)
+        compiled._cache = KernelCache(plain, folder)
+    except RuntimeError:
+        return  # a full disk, a function without a file
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:

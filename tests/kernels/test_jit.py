@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,96 @@ def test_named_folder_is_used_and_private(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX's")
-def test_a_folder_that_others_may_write_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o750, 0o701])
+def test_a_folder_that_is_not_private_is_refused(
+    mode: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shared = tmp_path / "shared"
     shared.mkdir()
-    shared.chmod(0o777)
+    shared.chmod(mode)
     monkeypatch.setenv("PGM_PLACES_CACHE_DIR", str(shared))
-    assert cache_folder() is None
+    with pytest.warns(RuntimeWarning, match="shared is not private.*chmod 700"):
+        assert cache_folder() is None
+
+
+KERNEL = """\
+from pgm_places.kernels.jit import njit
+
+@njit
+def twice(x):
+    return 2 * x
+
+@njit
+def thrice(x):
+    return 3 * x
+
+if __name__ == "__main__":
+    print(twice(3), thrice(3), sum(twice.stats.cache_hits.values()))
+"""
+
+
+def run_kernels(folder: Path, **changes: str) -> tuple[str, str]:
+    """What a process with two kernels prints, and its warnings; the cache is in the folder."""
+    if not (folder / "kernels.py").exists():
+        (folder / "kernels.py").write_text(KERNEL)
+    ended = subprocess.run(
+        [sys.executable, folder / "kernels.py"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PGM_PLACES_CACHE_DIR": str(folder / "cache"), **changes},
+        check=True,
+    )
+    return ended.stdout, ended.stderr
+
+
+def cut(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def flip(content: bytes) -> bytes:
+    middle = len(content) * 3 // 4
+    return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", [cut, flip])
+def test_damaged_code_is_compiled_anew(
+    ending: str, damage: Callable[[bytes], bytes], tmp_path: Path
+) -> None:
+    assert run_kernels(tmp_path) == ("6 9 0\n", "")
+    damaged = list((tmp_path / "cache").rglob(f"*.{ending}"))
+    assert len(damaged) == 2
+    for path in damaged:
+        path.write_bytes(damage(path.read_bytes()))
+    out, warned = run_kernels(tmp_path)
+    assert out == "6 9 0\n"
+    assert warned.count("RuntimeWarning") <= 1  # an index that is none is simply written anew
+    if ending == "nbc":
+        assert "are damaged and compiled anew" in warned
+    assert run_kernels(tmp_path) == ("6 9 1\n", "")
+
+
+FULL = """\
+import errno, os, numba.core.caching
+def full(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+numba.core.caching.os.replace = full
+import runpy, sys
+runpy.run_path(sys.argv[1], run_name="__main__")
+"""
+
+
+def test_a_full_disk_is_one_warning(tmp_path: Path) -> None:
+    (tmp_path / "kernels.py").write_text(KERNEL)
+    ended = subprocess.run(
+        [sys.executable, "-c", FULL, tmp_path / "kernels.py"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PGM_PLACES_CACHE_DIR": str(tmp_path / "cache")},
+        check=True,
+    )
+    assert ended.stdout == "6 9 0\n"
+    assert ended.stderr.count("RuntimeWarning: compiled kernels cannot be kept in") == 1
 
 
 def test_no_folder_at_all_still_works(tmp_path: Path) -> None:
