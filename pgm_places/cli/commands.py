@@ -153,7 +153,7 @@ def run_label(
         from pgm_places.persistence.stored import read
 
         stored = read(folder, "place-labeler")
-        labeler, rules = stored.item, rules_of(stored.record, doorways)
+        labeler, rules = stored.item, rules_of(stored.rules, doorways)
         chosen = labeler.method(method)  # an unknown method shows before the work
         # The run divides the map first, which leaves time for all that comes after it.
         spaces = ["scans", "space"] if chosen.unary == "space" else []

@@ -1,6 +1,6 @@
 """Commands about places: topology, export and where."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
-from pgm_places.options import from_mapping
+from pgm_places.options import from_mapping, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
@@ -20,16 +20,12 @@ if TYPE_CHECKING:
 __all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
 
 
-def rules_of(record: Mapping[str, Any], doorways: str | None = None) -> TopologyOptions:
-    """The options of topological maps in a model's record; the paper's where there are none.
-
-    ``doorways`` is what the flag says, None where it was not given.
-    """
-    stored = dict(record.get("config", {}).get("topology", {}))
+def rules_of(rules: TopologyOptions, doorways: str | None = None) -> TopologyOptions:
+    """A model's rules with what the flag says, if it was given."""
     if doorways is None:
-        return from_mapping(TopologyOptions, stored)
+        return rules
     with named_as_flags({"doorways": "--doorways"}):
-        return from_mapping(TopologyOptions, {**stored, "doorways": doorways})
+        return from_mapping(TopologyOptions, {**option_values(rules), "doorways": doorways})
 
 
 def write_places(

@@ -43,9 +43,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
         if not Path(self.cache_path).is_relative_to(folder):
             raise RuntimeError(f"{folder} cannot be written")
         files = self._cache_file
-        self._cache_file = _CheckedFiles(
-            files._cache_path, self._impl.filename_base, files._source_stamp
-        )
+        # Names of their own, as the files of numba itself and of earlier versions have no SHA-256.
+        name = f"{self._impl.filename_base}.sha256"
+        self._cache_file = _CheckedFiles(files._cache_path, name, files._source_stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The code for a signature; None where there is none, or it is damaged."""

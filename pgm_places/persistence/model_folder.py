@@ -9,20 +9,24 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._version import __version__
-from pgm_places.errors import ModelFileError, PgmPlacesError
+from pgm_places.errors import ModelFileError, PgmPlacesError, shown
 from pgm_places.io.atomic import atomic_folder, check_folder_target, check_writable_folder
+from pgm_places.io.input_file import file_kind, user_path
+from pgm_places.io.json_file import read_json
+from pgm_places.io.text_file import read_bytes
 
 __all__ = ["Arrays", "check_target", "is_model", "load_folder", "readable", "save_folder"]
 
 MANIFEST, ARRAYS = "manifest.json", "arrays.safetensors"
 FORMAT = "pgm_places model"
 SCHEMA = 1
+MAX_MANIFEST, MAX_ARRAYS = 16 << 20, 2 << 30
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -83,22 +87,15 @@ def load_folder(path: Path | str) -> tuple[dict[str, Any], Arrays]:
         Where the folder is missing or no model, a file is missing, damaged or changed since it was
         written, or an array holds NaN.
     """
-    from safetensors.numpy import load
-
-    folder = Path(path)
-    if not folder.is_dir():
-        what = "a file" if folder.exists() else "not there"
+    folder = user_path(path, ModelFileError)
+    kind = file_kind(folder)
+    if kind != "folder":
+        what = "not there" if kind is None else "a file"
         raise ModelFileError(
             f"{folder} is {what}; a model is a folder written by 'pgm-places train'"
         )
     record = _manifest(folder)
-    with _content(folder / ARRAYS) as data:
-        if hashlib.sha256(data).hexdigest() != record["arrays_sha256"]:
-            raise ModelFileError(
-                f"{folder / ARRAYS} is not the file that {MANIFEST} describes (another SHA-256): "
-                "it was damaged or exchanged; copy the folder again or train again"
-            )
-        arrays = load(data)
+    arrays = _arrays(folder / ARRAYS, record["arrays_sha256"])
     for name, array in arrays.items():
         _check_numbers(folder, name, array)
         array.setflags(write=False)
@@ -112,9 +109,9 @@ def readable(folder: Path | str) -> Iterator[None]:
         yield
     except PgmPlacesError as error:
         raise ModelFileError(f"{folder}: {error}") from None
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise ModelFileError(
-            f"{folder}/{MANIFEST} is not what this version writes ({error!r}); train again"
+            f"{folder}/{MANIFEST} is not what this version writes ({shown(error)}); train again"
         ) from None
 
 
@@ -164,14 +161,13 @@ def _check_numbers(folder: Path, name: str, array: NDArray[Any]) -> None:
 
 def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
-    with _content(path) as data:
-        record = json.loads(data.decode("utf-8"), parse_constant=_refuse_constant)
+    record = read_json(path, ModelFileError, "the manifest of a model", max_bytes=MAX_MANIFEST)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise ModelFileError(f"{path} does not describe a {FORMAT}")
     if record.get("schema") != SCHEMA:
         raise ModelFileError(
-            f"{path} has schema {record.get('schema')!r} (written by version "
-            f"{record.get('package_version')!r}), this version {__version__} reads {SCHEMA}; "
+            f"{path} has schema {shown(record.get('schema'))} (written by version "
+            f"{shown(record.get('package_version'))}), this version {__version__} reads {SCHEMA}; "
             "use a matching version or train again"
         )
     for key, kind in (("arrays_sha256", str), ("content", dict)):
@@ -180,24 +176,17 @@ def _manifest(folder: Path) -> dict[str, Any]:
     return record
 
 
-def _refuse_constant(text: str) -> NoReturn:
-    raise ValueError(f"{text} is not a JSON number")
-
-
-@contextmanager
-def _content(path: Path) -> Iterator[bytes]:
-    """A file's bytes; what cannot be made of them is one clear line that names the file."""
+def _arrays(path: Path, sha256: str) -> Arrays:
     from safetensors import SafetensorError
+    from safetensors.numpy import load
 
-    if not path.is_file():
+    data = read_bytes(path, ModelFileError, "the arrays of a model", max_bytes=MAX_ARRAYS)
+    if hashlib.sha256(data).hexdigest() != sha256:
         raise ModelFileError(
-            f"{path} is missing; a model folder holds {MANIFEST} and {ARRAYS}, copy both"
+            f"{path} is not the file that {MANIFEST} describes (another SHA-256): it was damaged "
+            "or exchanged; copy the folder again or train again"
         )
     try:
-        yield path.read_bytes()
-    except ModelFileError:
-        raise
-    except OSError as error:
-        raise ModelFileError(f"{path} cannot be read: {error.strerror or error}") from None
+        return load(data)
     except (SafetensorError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise ModelFileError(f"{path} is damaged: {error}; copy the folder again") from None

@@ -12,6 +12,8 @@ from pgm_places.features.own import FEATURES, as_features, n_columns
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.maps.occupancy_grid import check_resolution
+from pgm_places.options import check_option
 from pgm_places.persistence.backend import dump_backend, load_backend
 from pgm_places.persistence.model_folder import Arrays
 from pgm_places.persistence.unary import (
@@ -68,6 +70,8 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
     fitted again after loading takes the default one, unless it is given another.
     """
     check_feature_set(manifest)
+    resolution_m = check_option("resolution_m", float, manifest["resolution_m"])
+    check_resolution(resolution_m)
     unary = _unary_model(manifest, arrays)
     methods = {item["name"]: _load_method(arrays, item) for item in manifest["methods"]}
     record = manifest.get("movement")  # absent from models saved by earlier versions
@@ -90,7 +94,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         unary_model_=unary,
         methods_=methods,
         learn_seconds_={},
-        resolution_m_=float(manifest["resolution_m"]),
+        resolution_m_=resolution_m,
         movement_=None if record is None else load_backend(arrays, "movement", record),
         label_names_=names,
     )

@@ -7,10 +7,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from pgm_places.errors import InputError, ModelFileError, OutputError
+from pgm_places._checks import plain_names
+from pgm_places.errors import InputError, ModelFileError, OutputError, shown
 from pgm_places.inference.backends import Backend
 from pgm_places.labelers.labeler import Labeler
+from pgm_places.options import from_mapping
 from pgm_places.persistence.model_folder import load_folder, readable, save_folder
+from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["KINDS", "Stored", "load", "read", "save"]
 
@@ -37,12 +40,15 @@ class Stored:
         The labels that were learned.
     record : mapping
         How it was trained, word for word as it was saved.
+    rules : TopologyOptions
+        The options of topological maps in the record; the paper's where there are none.
     """
 
     kind: str
     item: Any
     label_names: tuple[str, ...]
     record: Mapping[str, Any]
+    rules: TopologyOptions
 
 
 def save(
@@ -73,6 +79,8 @@ def save(
         The labeler has not learned.
     OutputError
         Something in it cannot be stored as data, or the folder cannot be written.
+    InputError
+        The record's ``config`` has a ``topology`` that is none.
 
     Examples
     --------
@@ -83,6 +91,7 @@ def save(
     0.5
     """
     kind = _kind_of(item)
+    _rules(dict(record or {}))
     names: tuple[Sequence[str], ...] = ()
     if isinstance(item, Labeler):
         item.check_fitted()
@@ -119,14 +128,29 @@ def read(folder: Path | str, *kinds: str) -> Stored:
     wanted = kinds or KINDS
     if kind not in wanted:
         listed = " or ".join(repr(name) for name in wanted)
-        raise ModelFileError(f"{folder} holds a {kind!r} model; a {listed} is wanted")
+        raise ModelFileError(f"{folder} holds a {shown(kind)} model; a {listed} is wanted")
     with readable(folder):
-        return Stored(
-            kind,
-            _codec(kind).load(manifest, arrays),
-            tuple(str(name) for name in manifest["label_names"]),
-            dict(manifest.get("record", {})),
-        )
+        names = plain_names("label_names", manifest["label_names"])  # before they are written
+        record = manifest.get("record", {})
+        rules = _rules(record)
+        return Stored(kind, _codec(kind).load(manifest, arrays), names, record, rules)
+
+
+def _rules(record: Any) -> TopologyOptions:
+    """The options of topological maps in a record, which is checked; the defaults without any."""
+    config = _table("record", record).get("config", {})
+    topology = _table("record.config", config).get("topology", {})
+    return from_mapping(
+        TopologyOptions,
+        _table("record.config.topology", topology),
+        path="record.config.topology",
+    )
+
+
+def _table(where: str, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} must be a table of keys and values, got {shown(value)}")
+    return value
 
 
 def _kind_of(item: Any) -> str:

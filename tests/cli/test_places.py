@@ -2,10 +2,12 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pgm_places.cli.places import rules_of
+from pgm_places.topology.rules import TopologyOptions
 from tests.cli.conftest import Run
 
 
@@ -156,6 +158,8 @@ def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run
 def test_the_flag_comes_before_what_the_model_was_configured_with(
     stored: str | None, flag: str | None, used: str
 ) -> None:
-    topology = {"min_width_m": 0.3} | ({} if stored is None else {"doorways": stored})
-    rules = rules_of({"config": {"topology": topology}}, flag)
+    topology: dict[str, Any] = {"min_width_m": 0.3} | (
+        {} if stored is None else {"doorways": stored}
+    )
+    rules = rules_of(TopologyOptions(**topology), flag)
     assert (rules.doorways, rules.min_width_m) == (used, 0.3)

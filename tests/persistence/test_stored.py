@@ -5,6 +5,8 @@
 """
 
 import dataclasses
+import json
+import shutil
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,7 @@ from pgm_places.inference.backends import BACKENDS
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import KINDS, read
+from pgm_places.trained import model_folder
 
 STORED = Path(__file__).parents[1] / "data" / "stored"
 
@@ -207,3 +210,68 @@ def test_stored_options_are_checked_like_given_ones(
     manifest, arrays = load_folder(STORED / folder)
     with pytest.raises(ModelFileError, match=wanted):
         load(save_folder(tmp_path / "spoiled", {**manifest, key: value}, arrays))
+
+
+def spoiled(tmp_path: Path, source: Path, keys: tuple[str, ...], value: object) -> Path:
+    """A copy of a model with another value at a place of its manifest."""
+    folder = tmp_path / "model"
+    shutil.copytree(source, folder)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    part = manifest["content"]
+    for key in keys[:-1]:
+        part = part.setdefault(key, {})
+    part[keys[-1]] = value
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    return folder
+
+
+@pytest.mark.parametrize("kind", sorted(path.name for path in STORED.iterdir() if path.is_dir()))
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (("label_names",), ["room", "\0"], "label_names must not hold control characters"),
+        (("label_names",), ["room", "\ud800"], "label_names must not hold control characters"),
+        (("label_names",), ["room", "room"], "label_names must differ, got 'room' twice"),
+        (("label_names",), [1, 2], "label_names must be texts of 1 to 200 characters, got 1"),
+        (("label_names",), "room", "label_names must be a list of names, got 'room'"),
+        (("record",), None, "record must be a table of keys and values, got None"),
+        (("record", "config"), [], "record.config must be a table of keys and values, got []"),
+        (("record", "config", "topology"), None, "record.config.topology must be a table"),
+        (
+            ("record", "config", "topology"),
+            {"min_width": 1.0},
+            "unknown key 'record.config.topology.min_width'. did you mean 'min_width_m'?",
+        ),
+        (
+            ("record", "config", "topology"),
+            {"min_area_m2": 10**400},
+            "a whole number has 401 digits",
+        ),
+        (
+            ("record", "config", "topology"),
+            {"doorway_label": 5},
+            "record.config.topology.doorway_label must be",
+        ),
+    ],
+)
+def test_the_whole_record_is_checked(
+    kind: str, keys: tuple[str, ...], value: object, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ModelFileError) as caught:
+        load(spoiled(tmp_path, STORED / kind, keys, value))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [1e308, -1, 0, None, "0.05", True, [0.05]])
+def test_cells_of_a_model_are_metres(value: object, tmp_path: Path) -> None:
+    folder = spoiled(tmp_path, model_folder("generated"), ("resolution_m",), value)
+    with pytest.raises(ModelFileError, match="resolution_m must be"):
+        load(folder)
+
+
+def test_a_manifest_of_any_depth_is_one_message(tmp_path: Path) -> None:
+    folder = spoiled(tmp_path, model_folder("generated"), ("record",), {})
+    (folder / "manifest.json").write_text('{"a":' * 100_000)
+    with pytest.raises(ModelFileError, match="nested too deep"):
+        load(folder)
