@@ -29,6 +29,7 @@ from .persistence.stored import load as load
 from .persistence.stored import save as save
 from .sensing.sensor import Sensor as Sensor
 from .sensing.sensor import SensorNoise as SensorNoise
+from .topology.checks import places_to_check as places_to_check
 from .topology.from_labels import topological_map as topological_map
 from .trained import trained_labeler as trained_labeler
 from .trajectories.mapped_drive import MappedDrive as MappedDrive

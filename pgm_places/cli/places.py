@@ -36,7 +36,7 @@ def write_places(
     ``inputs`` are those of ``topological_map``, the grid among them.
     """
     from pgm_places.io.places.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
-    from pgm_places.report.topology_output import topology_summary, write_topology
+    from pgm_places.report.topology_output import doubt_summary, topology_summary, write_topology
     from pgm_places.topology.from_labels import topological_map
 
     known = load_topology(out).known_places if (out / TOPOLOGY_FILE).exists() else None
@@ -50,6 +50,9 @@ def write_places(
     )
     written = write_topology(out, inputs["grid"], found, title=title)
     say(topology_summary(found))
+    doubt = doubt_summary(found)
+    if doubt is not None:
+        say(doubt)
     return found, written
 
 

@@ -119,9 +119,9 @@ def values_on_map(
         A feature returned another shape, or a value that is not finite.
     """
     found = {}
-    cells = np.asarray(cells_rc, np.int64)
     for place, (item, chosen) in enumerate(_wanted(own, columns)):
         if len(chosen) and isinstance(item, MapFeature):
+            cells = np.asarray(cells_rc, np.int64)  # 16 bytes a cell: only where they are wanted
             found[place] = _checked(item, "of_cells", item.of_cells(grid, cells), len(cells))
     return found
 

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 from pgm_places.io.atomic import write_bytes
+from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.topology_pictures import count_line, topology_picture
+from pgm_places.report.topology_pictures import count_line, marked_checks, topology_picture
+from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["topology_summary", "write_topology"]
+__all__ = ["doubt_summary", "topology_summary", "write_topology"]
 
 
 def write_topology(
@@ -16,16 +18,36 @@ def write_topology(
 ) -> list[Path]:
     """Write the topological map's files and ``topology.png``; the paths.
 
+    Where probabilities are known, ``check.csv`` lists the places to check first.
+
     Raises
     ------
     OutputError
         Where a file cannot be written.
     """
     picture = write_bytes(folder / "topology.png", topology_picture(grid, topology, title=title))
-    return [*save_topology(folder, topology), picture]
+    written = [*save_topology(folder, topology), picture]
+    if places_to_check(topology):
+        written.append(write_checks(folder / CHECK_FILE, topology))
+    return written
 
 
 def topology_summary(topology: TopologicalMap) -> str:
     """One line: how many places of each class, connections and corrections."""
     n = len(topology.corrections)
     return f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"
+
+
+def doubt_summary(topology: TopologicalMap) -> str | None:
+    """One line: how much of the area is in doubt and where most of it lies; None if unknown."""
+    share = doubtful_share(topology)
+    if share is None:
+        return None
+    first = "; ".join(
+        f"{check.place.name} ({check.doubtful_m2:.1f} m²"
+        + (f" perhaps {check.second_label})" if check.second_label else ")")
+        for check in marked_checks(topology)
+    )
+    return f"in doubt: {100 * share:.1f} % of the area" + (
+        f"; check first: {first}" if first else ""
+    )

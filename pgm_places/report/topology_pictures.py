@@ -8,21 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.palette import label_colours, tinted
+from pgm_places.palette import ERROR, label_colours, tinted
 from pgm_places.report.canvas import Canvas, label_canvas, view_of
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.sheet import draw_scale_bar
+from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["count_line", "topology_picture"]
+__all__ = ["count_line", "marked_checks", "topology_picture"]
 
 _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
 _EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
 _PALE = 0.45
 _LINE = 2.2
+_MOST_MARKED, _LEAST_DOUBTFUL_M2 = 5, 1.0
 _ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 
 
@@ -34,7 +36,8 @@ def topology_picture(
     Nodes stand at the regions' anchors and edges go through the middle of the passages; at
     corridors, and other places with more than six neighbours, they end at the passage. In the
     diagram these keep their shape, every other place is a disc, doorways are squares. Doorways
-    that are gates have their rectangles drawn over the map.
+    that are gates have their rectangles drawn over the map. The places to check first are
+    numbered in red.
 
     Parameters
     ----------
@@ -67,10 +70,15 @@ def topology_picture(
     def pixels(points_m: ArrayLike) -> NDArray[np.float64]:
         return scale * view.pixels_at_m(grid, points_m)
 
-    page.text(_EDGE, top + 8, "places over the map", size=15, colour=MUTED)
+    caption = "places over the map"
+    if marked_checks(topology):
+        caption += "; check those numbered in red first"
+    page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)
     over = Drawing.of(_paled(canvas), scale)
     _draw_gates(over, topology, pixels)
     _draw_graph(over, topology, pixels)
+    checks = marked_checks(topology)
+    _draw_checks(over, checks, pixels)
     page.paste(over, _EDGE, top + _CAPTION)
     page.text(second[0], second[1] + 8, count_line(topology), size=15, colour=MUTED)
     diagram = Drawing(*size)
@@ -104,6 +112,13 @@ def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> 
         if region.gate is not None:
             corners = np.asarray(region.gate.corners_m)
             panel.line(pixels([*corners, corners[0]]), colour=INK, width=2)
+
+
+def _draw_checks(panel: Drawing, checks: Iterable[PlaceCheck], pixels: _ToPixels) -> None:
+    for number, check in enumerate(checks, start=1):
+        [(x, y)] = pixels(check.place.anchor_m)
+        panel.disc((x, y), diameter=21, fill=ERROR, edge="white")
+        panel.text(x, y, str(number), size=14, bold=True, centred=True, colour="white")
 
 
 def _draw_diagram(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:
@@ -156,6 +171,12 @@ def _draw_nodes(
 
 def _name(panel: Drawing, name: str, x: float, y: float) -> None:
     panel.text(x, y, name, centred=True, halo=2)
+
+
+def marked_checks(topology: TopologicalMap) -> list[PlaceCheck]:
+    """The first few places to check: at most five, each with 1 m² in doubt or more."""
+    first = places_to_check(topology)[:_MOST_MARKED]
+    return [check for check in first if check.doubtful_m2 >= _LEAST_DOUBTFUL_M2]
 
 
 def count_line(topology: TopologicalMap) -> str:

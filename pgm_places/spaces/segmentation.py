@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.basin_sums import BasinSums, sum_up
@@ -144,7 +145,13 @@ class Segments:
 
     def raster(self) -> NDArray[np.int32]:
         """(H, W) segment of each cell; -1 where it is not open, or on a line between segments."""
-        return self.of_basins(self.watershed.basins.raster[1:-1, 1:-1])
+        basin = self.watershed.basins.raster[1:-1, 1:-1]
+        found = np.empty(basin.shape, np.int32)
+        for rows in bands_of_rows(
+            self.watershed.grid.shape
+        ):  # NumPy looks up by 64-bit copies of the numbers
+            found[rows] = self.of_basins(basin[rows])
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""The confidence in a region's label: its mean probability over the region's cells."""
+"""The mean probability of each label over the cells of a region."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
@@ -11,17 +11,17 @@ from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.components import Components
 
-__all__ = ["mean_confidences"]
+__all__ = ["mean_probabilities"]
 
 
-def mean_confidences(
+def mean_probabilities(
     pieces: Components,
     beliefs: ArrayLike,
     layout: GridLayout | None,
     n_labels: int,
     grid: OccupancyGrid,
-) -> list[float | None]:
-    """The mean probability of each piece's label, None for a piece without a known cell.
+) -> NDArray[np.float64]:
+    """(P, K) mean probability of each label in each piece, NaN for a piece without a known cell.
 
     Parameters
     ----------
@@ -46,15 +46,13 @@ def mean_confidences(
         raise InputError("beliefs need the layout of their nodes; pass layout as well")
     array = finite_array("beliefs", beliefs, (len(layout.cells_rc), n_labels), dtype=np.float32)
     coarsening = Coarsening.behind(layout, grid)
-    counts, sums = np.zeros(pieces.count, np.int64), np.zeros(pieces.count)
+    counts, sums = np.zeros(pieces.count, np.int64), np.zeros((pieces.count, n_labels))
     for rows in bands_of_rows(grid.shape):
         piece = pieces.piece[rows]
         node = coarsening.paint(layout.node_of_cell, -1, rows=rows)
         known = (piece >= 0) & (node >= 0)
-        numbers = piece[known]
+        numbers, nodes = piece[known], node[known]
         counts += np.bincount(numbers, minlength=pieces.count)
-        probability = array[node[known], pieces.label[numbers]]
-        sums += np.bincount(numbers, probability, pieces.count)
-    return [
-        float(total / count) if count else None for total, count in zip(sums, counts, strict=True)
-    ]
+        for k in range(n_labels):
+            sums[:, k] += np.bincount(numbers, array[nodes, k], pieces.count)
+    return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)

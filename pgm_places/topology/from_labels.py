@@ -13,7 +13,7 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gates import Gate
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import connected_components
-from pgm_places.topology.confidence import mean_confidences
+from pgm_places.topology.confidence import mean_probabilities
 from pgm_places.topology.corrections import (
     Correction,
     CorrectionRules,
@@ -105,8 +105,9 @@ def topological_map(
         doorways = None
         found = _labelled_pieces(raster, names, grid.resolution_m, clearance, rules, correct)
     pieces = found.pieces
-    gates = _gates_of(found, doorways)
-    confidences = _confidences(found, doorways, beliefs, layout, len(names), grid)
+    probabilities = None
+    if beliefs is not None:
+        probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
     ids, next_id = identify(pieces, grid, names, known)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
@@ -117,8 +118,8 @@ def topological_map(
         clearance,
         ids=ids,
         names=called,
-        confidences=confidences,
-        gates=gates,
+        probabilities=probabilities,
+        gates=_gates_of(found, doorways),
         tolerance=tolerance,
     )
     passages = find_passages(pieces.piece, pieces.count, clearance)
@@ -168,31 +169,15 @@ def _labelled_pieces(
     return GatePieces(pieces, np.full(pieces.count, -1), tuple(corrections))
 
 
-def _gates_of(found: GatePieces, doorways: Doorways | None) -> list[Gate | None]:
-    """The gate that each piece is, None for pieces of places."""
+def _gates_of(
+    found: GatePieces, doorways: Doorways | None
+) -> list[tuple[Gate, float] | None] | None:
+    """The gate that each piece is, with its probability; None for pieces of places."""
     if doorways is None:
-        return [None] * found.pieces.count
-    return [None if g < 0 else doorways.gates[g] for g in found.gate.tolist()]
-
-
-def _confidences(
-    found: GatePieces,
-    doorways: Doorways | None,
-    beliefs: ArrayLike | None,
-    layout: GridLayout | None,
-    n_labels: int,
-    grid: OccupancyGrid,
-) -> list[float | None]:
-    """The mean probability of each piece's label; of gates, that of being a doorway."""
-    means: list[float | None] = [None] * found.pieces.count
-    if beliefs is not None:
-        means = mean_confidences(found.pieces, beliefs, layout, n_labels, grid)
-    if doorways is None:
-        return means
-    gates = found.gate.tolist()
+        return None
     return [
-        mean if g < 0 else float(doorways.probability[g])
-        for mean, g in zip(means, gates, strict=True)
+        None if g < 0 else (doorways.gates[g], float(doorways.probability[g]))
+        for g in found.gate.tolist()
     ]
 
 

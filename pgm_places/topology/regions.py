@@ -48,6 +48,8 @@ class Region:
         Its outline in the map frame, one polygon per part that is connected by sides of cells.
     gate : Gate or None
         The rectangle of a doorway that is a gate; its confidence is the gate's probability.
+    probabilities : tuple of float or None
+        Mean probability of each of the map's labels over its cells, where they are known.
     """
 
     id: int
@@ -61,6 +63,7 @@ class Region:
     clearance_m: float
     polygons: tuple[Polygon, ...]
     gate: Gate | None = None
+    probabilities: tuple[float, ...] | None = None
 
 
 def describe_regions(
@@ -71,8 +74,8 @@ def describe_regions(
     *,
     ids: Sequence[int],
     names: Sequence[str],
-    confidences: Sequence[float | None] | None = None,
-    gates: Sequence[Gate | None] | None = None,
+    probabilities: NDArray[np.float64] | None = None,
+    gates: Sequence[tuple[Gate, float] | None] | None = None,
     tolerance: float = 1.5,
 ) -> list[Region]:
     """A region per piece, in the order of the pieces.
@@ -87,10 +90,10 @@ def describe_regions(
         Squared distance in cells to the nearest cell that is not free.
     ids, names : sequences
         One per piece.
-    confidences : sequence of float or None, optional
-        Mean probability of each piece's label, None where it is unknown.
-    gates : sequence of Gate or None, optional
-        The gate that each piece is, None for other pieces.
+    probabilities : (P, K) float, optional
+        Mean probability of each label in each piece, NaN where it is unknown.
+    gates : sequence of (Gate, float) or None, optional
+        The gate that each piece is, with its probability; None for other pieces.
     tolerance : float
         How far an outline may be from the cells' corners, in cells.
     """
@@ -105,6 +108,10 @@ def describe_regions(
         )
         shell = np.concatenate([rings[0] for rings in polygons])
         low, high = shell.min(axis=0), shell.max(axis=0)
+        means = None if probabilities is None else probabilities[k]
+        known = None if means is None or np.isnan(means).any() else tuple(means.tolist())
+        confidence = None if known is None else known[pieces.label[k]]
+        gate, of_gate = (None if gates is None else gates[k]) or (None, None)
         room = np.sqrt(float(clearance[anchors[k, 0], anchors[k, 1]])) - 0.5
         found.append(
             Region(
@@ -113,12 +120,13 @@ def describe_regions(
                 label=label_names[pieces.label[k]],
                 area_m2=float(pieces.size[k]) * grid.resolution_m**2,
                 perimeter_m=outline.length * grid.resolution_m,
-                confidence=None if confidences is None else confidences[k],
+                confidence=confidence if of_gate is None else of_gate,
                 box_m=(float(low[0]), float(low[1]), float(high[0]), float(high[1])),
                 anchor_m=(float(centres[k, 0]), float(centres[k, 1])),
                 clearance_m=max(0.0, room) * grid.resolution_m,
                 polygons=polygons,
-                gate=None if gates is None else gates[k],
+                gate=gate,
+                probabilities=known,
             )
         )
     return found

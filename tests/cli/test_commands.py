@@ -63,6 +63,11 @@ def test_train_then_label(building: Path, run: Run) -> None:
     names = {path.name for path in out.iterdir()}
     assert {"labels.yaml", "overview.png", "probability_doorway.png"} <= names
 
+    rows = (out / "check.csv").read_text().splitlines()
+    regions = json.loads((out / "topology.json").read_text())["regions"]
+    assert len(rows) == 1 + len(regions)
+    assert "in doubt: " in text
+
     truth = pixels(building / "labels.png")
     known = truth > 0
     assert (truth[known] == written[known]).mean() > 0.85

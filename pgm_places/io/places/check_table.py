@@ -1,0 +1,56 @@
+"""The places to check first as a table, for spreadsheets."""
+
+import csv
+import io
+from pathlib import Path
+
+from pgm_places.io.atomic import write_text
+from pgm_places.topology.checks import places_to_check
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["CHECK_FILE", "check_table", "write_checks"]
+
+CHECK_FILE = "check.csv"
+_COLUMNS = (
+    "id",
+    "name",
+    "label",
+    "second_label",
+    "probability",
+    "second_probability",
+    "area_m2",
+    "doubt",
+    "doubtful_m2",
+    "x_m",
+    "y_m",
+)
+
+
+def check_table(topology: TopologicalMap) -> str:
+    """Comma-separated values: a row per place, those with most area in doubt first.
+
+    Columns: ``id``, ``name``, ``label``, ``second_label``, ``probability`` of the label,
+    ``second_probability``, ``area_m2``, ``doubt`` (1 - probability), ``doubtful_m2`` (doubt times
+    area), and ``x_m``, ``y_m``: the place's anchor in the map frame.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(_COLUMNS)
+    for check in places_to_check(topology):
+        place, second = check.place, check.second_probability
+        row = [place.id, place.name, place.label, check.second_label or ""]
+        row += [f"{check.probability:.4f}", "" if second is None else f"{second:.4f}"]
+        row += [f"{place.area_m2:.3f}", f"{check.doubt:.4f}", f"{check.doubtful_m2:.3f}"]
+        table.writerow([*row, *(f"{value:.3f}" for value in place.anchor_m)])
+    return text.getvalue()
+
+
+def write_checks(path: Path | str, topology: TopologicalMap) -> Path:
+    """Write the table; the path.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written.
+    """
+    return write_text(path, check_table(topology))
