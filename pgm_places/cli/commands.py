@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table, shares_line
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
 from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
     from pgm_places.io.maps.map_server import MapFile
+    from pgm_places.io.output_set import OutputSet
     from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
     from pgm_places.progress import Progress
     from pgm_places.topology.rules import TopologyOptions
@@ -42,31 +43,43 @@ def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "It
         yield experiment
 
 
-def run_compare(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
+def run_compare(
+    config_path: Path, out: Path, *, force: bool, n_threads: int | None, quiet: bool
+) -> None:
     """``pgm-places compare``."""
-    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import COMPARISON
 
+    with output_set(out, "compare", names=COMPARISON, force=force) as files:
+        table = _compare(config_path, files.stage, n_threads=n_threads, quiet=quiet)
+    say(table)
+    say_written(files)
+
+
+def _compare(config_path: Path, folder: Path, *, n_threads: int | None, quiet: bool) -> str:
+    """Compare the methods of a configuration and write the results into the folder; the table."""
     with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
         from pgm_places.experiment.runs import compare
         from pgm_places.report.comparison_files import write_comparison
 
-        check_writable_folder(out)  # an unwritable folder shows before the work, not after
         comparison = compare(experiment)
         with experiment.progress.stage("report"):
-            written = write_comparison(comparison, out)
-    say(comparison_table(comparison))
-    for path in written:
-        say(f"wrote {path}")
+            write_comparison(comparison, folder)
+    return comparison_table(comparison)
 
 
-def run_demo(out: Path, *, seed: int, n_threads: int | None, quiet: bool) -> None:
+def run_demo(out: Path, *, seed: int, force: bool, n_threads: int | None, quiet: bool) -> None:
     """``pgm-places demo``: writes a building as files, then compares methods as on any map."""
     from pgm_places.datasets.demo import write_demo
-    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import DEMO
 
-    check_writable_folder(out)
-    config_path = write_demo(out, seed=seed)
-    run_compare(config_path, out, n_threads=n_threads, quiet=quiet)
+    with output_set(out, "demo", names=DEMO, force=force) as files:
+        config_path = write_demo(files.stage, seed=seed)
+        table = _compare(config_path, files.stage, n_threads=n_threads, quiet=quiet)
+    say(table)
+    say_written(files)
+    config_path = out / config_path.name
     say(
         "\nNext:\n"
         f"  open {out / 'report.html'} in a browser\n"
@@ -137,6 +150,7 @@ def run_label(
     method: str | None,
     doorways: str | None,
     unknown_value: int | None,
+    force: bool,
     n_threads: int | None,
     quiet: bool,
 ) -> None:
@@ -148,9 +162,10 @@ def run_label(
     folder = model_folder(model)
     with WarmUp(["features"], n_threads=n_threads) as warm_up:  # imports take seconds
         from pgm_places.inference.backends import METHODS
-        from pgm_places.io.atomic import check_writable_folder
         from pgm_places.io.maps.map_server import load_map
+        from pgm_places.io.output_set import output_set
         from pgm_places.persistence.stored import read
+        from pgm_places.report.file_names import label_names
 
         stored = read(folder, "place-labeler")
         labeler, rules = stored.item, rules_of(stored.rules, doorways)
@@ -162,9 +177,12 @@ def run_label(
             loaded = load_map(map_yaml, unknown_value=unknown_value)
         for message in loaded.warnings:
             progress.warn(message)
-        check_writable_folder(out)
-        say(shares_line(loaded.fractions))
-        _label(labeler, rules, loaded, method, out, n_threads, progress)
+        names = label_names(labeler.label_names)
+        with output_set(out, "label", names=names, force=force) as files:
+            say(shares_line(loaded.fractions))
+            found = _label(labeler, rules, loaded, method, files, n_threads, progress)
+    say(found)
+    say_written(files)
 
 
 def _label(
@@ -172,28 +190,27 @@ def _label(
     rules: "TopologyOptions",
     loaded: "MapFile",
     method: str | None,
-    out: Path,
+    files: "OutputSet",
     n_threads: int | None,
     progress: "Progress",
-) -> None:
-    """Label a map that has been read; write labels, pictures and places."""
+) -> str:
+    """Label a map that has been read and write labels, pictures and places; a summary."""
     from pgm_places.cli.places import write_places
     from pgm_places.labelers.label_map import label_map
     from pgm_places.report.label_files import write_labels
+    from pgm_places.report.topology_output import places_summary
 
     result = label_map(labeler, loaded.grid, method=method, n_threads=n_threads, progress=progress)
     for message in result.warnings:
         progress.warn(message)
     with progress.stage("writing files"):
-        written = write_labels(result, loaded, out)
-    say(result.summary())
+        write_labels(result, loaded, files.stage)
+    summary = result.summary()
     title = f"{loaded.yaml_path.stem}: {result.method}"
     options = {"labels": result.labels, "label_names": result.label_names}
     options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
     options["doorways"] = result.doorways if rules.doorways == "gates" else None
     del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
-        _, paths = write_places(out, title, rules, grid=loaded.grid, **options)
-    written += paths
-    for path in written:
-        say(f"wrote {path}")
+        topology = write_places(files, title, rules, grid=loaded.grid, **options)
+    return f"{summary}\n{places_summary(topology)}"

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from pgm_places._version import __version__
+from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.entry import main
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.terminal import say
@@ -22,24 +23,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help starts faster and reads the same everywhere
 )
-
-Out = Annotated[
-    Path, typer.Option("--out", "-o", help="Folder for the results; created if needed.")
-]
-Threads = Annotated[
-    int | None, typer.Option("--threads", min=1, help="Number of threads; all cores by default.")
-]
-Model = Annotated[
-    str,
-    typer.Option(
-        "--model", "-m", help="Folder written by 'train', or the name of a shipped model."
-    ),
-]
-UnknownValue = Annotated[
-    int | None,
-    typer.Option(min=0, max=255, help="Grey value to read as unknown, such as 205."),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Hide progress.")]
 
 
 def _show_version(wanted: bool) -> None:
@@ -62,26 +45,28 @@ def _options(
 def demo(
     out: Out = Path("demo-report"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the generated building.")] = 0,
+    force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Train and label on a generated building; needs no data."""
     from pgm_places.cli.commands import run_demo
 
-    run_demo(out, seed=seed, n_threads=threads, quiet=quiet)
+    run_demo(out, seed=seed, force=force, n_threads=threads, quiet=quiet)
 
 
 @app.command()
 def compare(
     config: Annotated[Path, typer.Argument(help="Experiment configuration (TOML).")],
     out: Out,
+    force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Train and evaluate every method of a configuration. Writes tables and a report."""
     from pgm_places.cli.commands import run_compare
 
-    run_compare(config, out, n_threads=threads, quiet=quiet)
+    run_compare(config, out, force=force, n_threads=threads, quiet=quiet)
 
 
 @app.command()
@@ -114,6 +99,7 @@ def label(
         ),
     ] = None,
     unknown_value: UnknownValue = None,
+    force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -127,6 +113,7 @@ def label(
         method=method,
         doorways=doorways,
         unknown_value=unknown_value,
+        force=force,
         n_threads=threads,
         quiet=quiet,
     )
@@ -153,6 +140,7 @@ def topology(
         ),
     ] = 0.0,
     unknown_value: UnknownValue = None,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Find the places in a labelled map and their connections."""
@@ -164,6 +152,7 @@ def topology(
         out,
         names_path=names,
         unknown_value=unknown_value,
+        force=force,
         rules=rules,
         propose_splits_m=propose_splits,
         quiet=quiet,
@@ -189,11 +178,12 @@ def export(
         list[str] | None,
         typer.Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Write the places for Nav2, QGIS, Foxglove and other tools."""
     from pgm_places.cli.places import run_export
 
-    run_export(folder, to, out, values or [])
+    run_export(folder, to, out, values or [], force=force)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})  # a position may be negative
@@ -257,6 +247,7 @@ def simulate(
         int, typer.Option(help="Seed of the starting point, the noise and the building.")
     ] = 0,
     unknown_value: UnknownValue = None,
+    force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -282,6 +273,7 @@ def simulate(
         seed=seed,
         wheels_only=wheels_only,
         unknown_value=unknown_value,
+        force=force,
         n_threads=threads,
         quiet=quiet,
     )
@@ -300,6 +292,7 @@ def simulate_map(
     copies: Annotated[int, typer.Option(min=1, help="Number of maps, a seed for each.")] = 1,
     options: MapSimulation,
     unknown_value: UnknownValue = None,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Turn a labelled plan into maps like those a robot would make.
@@ -315,6 +308,7 @@ def simulate_map(
         seeds=range(seed, seed + copies),
         options=options,
         unknown_value=unknown_value,
+        force=force,
         quiet=quiet,
     )
 
@@ -371,6 +365,7 @@ def track(
             "--follow", "-f", help="Follow a growing CARMEN log, or -: one line per update."
         ),
     ] = False,
+    force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Label the places along a trajectory. The log may be complete or growing."""
@@ -380,9 +375,9 @@ def track(
         model, map_yaml, mode, beams, every, max_range, truth, counts, counts_within
     )
     if follow:
-        run_follow(log, out, options, quiet=quiet)
+        run_follow(log, out, options, force=force, quiet=quiet)
     else:
-        run_track(log, out, options, quiet=quiet)
+        run_track(log, out, options, force=force, quiet=quiet)
 
 
 @app.command()
@@ -398,13 +393,16 @@ def reproduce(
     again: Annotated[
         bool, typer.Option("--again", help="Rerun sections that have already been run.")
     ] = False,
+    force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Reproduce the experiments of the paper. Writes a page comparing its figures with ours."""
     from pgm_places.cli.reproduce import run_reproduce
 
-    run_reproduce(tuple(sections or ()), out, again=again, n_threads=threads, quiet=quiet)
+    run_reproduce(
+        tuple(sections or ()), out, again=again, force=force, n_threads=threads, quiet=quiet
+    )
 
 
 @app.command()

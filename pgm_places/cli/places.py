@@ -9,12 +9,13 @@ import typer
 
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
 from pgm_places.options import from_mapping, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
+    from pgm_places.io.output_set import OutputSet
     from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
@@ -29,31 +30,27 @@ def rules_of(rules: TopologyOptions, doorways: str | None = None) -> TopologyOpt
 
 
 def write_places(
-    out: Path, title: str, rules: TopologyOptions, **inputs: Any
-) -> tuple["TopologicalMap", list[Path]]:
-    """A topological map that keeps the ids of an earlier one in the folder, and what was written.
+    files: "OutputSet", title: str, rules: TopologyOptions, **inputs: Any
+) -> "TopologicalMap":
+    """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
 
     ``inputs`` are those of ``topological_map``, the grid among them.
     """
     from pgm_places.io.places.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
-    from pgm_places.report.topology_output import doubt_summary, topology_summary, write_topology
+    from pgm_places.report.topology_output import write_topology
     from pgm_places.topology.from_labels import topological_map
 
-    known = load_topology(out).known_places if (out / TOPOLOGY_FILE).exists() else None
+    earlier = (files.folder / TOPOLOGY_FILE).exists()
     found = topological_map(
         rules=rules,
         correct=rules.correct,
         min_width_m=rules.min_width_m,
-        known=known,
-        own_names=read_own_names(out),
+        known=load_topology(files.folder).known_places if earlier else None,
+        own_names=read_own_names(files.folder),
         **inputs,
     )
-    written = write_topology(out, inputs["grid"], found, title=title)
-    say(topology_summary(found))
-    doubt = doubt_summary(found)
-    if doubt is not None:
-        say(doubt)
-    return found, written
+    write_topology(files.stage, inputs["grid"], found, title=title)
+    return found
 
 
 def run_topology(
@@ -65,13 +62,16 @@ def run_topology(
     unknown_value: int | None,
     rules: TopologyOptions,
     propose_splits_m: float,
+    force: bool,
     quiet: bool,
 ) -> None:
     """``pgm-places topology``."""
-    from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import PLACES
+    from pgm_places.report.topology_output import places_summary
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
@@ -80,16 +80,18 @@ def run_topology(
         labels = load_labels(labels_path, names, grid=loaded.grid, names_path=names_path)
     for message in loaded.warnings:
         progress.warn(message)
-    check_writable_folder(out)
-    with progress.stage("places"):
-        topology, written = write_places(
-            out, map_yaml.stem, rules, grid=loaded.grid, labels=labels, label_names=names
+    with (
+        output_set(out, "topology", names=PLACES, force=force) as files,
+        progress.stage("places"),
+    ):
+        topology = write_places(
+            files, map_yaml.stem, rules, grid=loaded.grid, labels=labels, label_names=names
         )
+    say(places_summary(topology))
     if propose_splits_m:
         for line in _proposals(topology, propose_splits_m):
             say(line)
-    for path in written:
-        say(f"wrote {path}")
+    say_written(files)
 
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
@@ -106,14 +108,18 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
     return lines or [f"no split proposed: no constriction is narrower than {narrower_than_m:g} m"]
 
 
-def run_export(folder: Path, to: str, out: Path | None, values: Sequence[str]) -> None:
+def run_export(
+    folder: Path, to: str, out: Path | None, values: Sequence[str], *, force: bool
+) -> None:
     """``pgm-places export``."""
+    from pgm_places.io.output_set import output_set
     from pgm_places.io.places.exports import export
     from pgm_places.io.places.topology_files import load_topology
 
     topology = load_topology(folder)
-    for path in export(topology, to, out or folder, values=_values(values) or None):
-        say(f"wrote {path}")
+    with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
+        export(topology, to, files.stage, values=_values(values) or None)
+    say_written(files)
 
 
 def _values(texts: Sequence[str]) -> dict[str, int]:

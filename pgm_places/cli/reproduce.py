@@ -11,22 +11,31 @@ __all__ = ["run_reproduce"]
 
 
 def run_reproduce(
-    names: tuple[str, ...], out: Path, *, again: bool, n_threads: int | None, quiet: bool
+    names: tuple[str, ...],
+    out: Path,
+    *,
+    again: bool,
+    force: bool,
+    n_threads: int | None,
+    quiet: bool,
 ) -> None:
     """Run the sections, say what each found as soon as it is known, and the whole table last."""
-    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.output_set import claim
     from pgm_places.reproduce.overview import STAND_IN_WARNING, overview_table
     from pgm_places.reproduce.run import data_for, reproduce
     from pgm_places.reproduce.sections import SECTIONS, chosen_sections
 
     progress = make_progress(quiet=quiet)
     ids = chosen_sections(names)
-    check_writable_folder(out)
+    claim(out, force=force)
     if any(data_for(key) is None for key in ids):
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
     found = []
     with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
-        for section in reproduce(ids, out, again=again, progress=progress, n_threads=n_threads):
+        sections = reproduce(
+            ids, out, again=again, force=force, progress=progress, n_threads=n_threads
+        )
+        for section in sections:
             found.append(section)
             if not quiet:
                 say(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")

@@ -7,7 +7,7 @@ import numpy as np
 
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say
+from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,41 +72,61 @@ def run_simulate(
     seed: int,
     wheels_only: bool,
     unknown_value: int | None,
+    force: bool,
     n_threads: int | None,
     quiet: bool,
 ) -> None:
     """``pgm-places simulate``."""
-    from pgm_places.io.atomic import check_writable_folder, write_bytes
-    from pgm_places.io.logs.trajectories import check_name, write_trajectory
+    from pgm_places.io.logs.trajectories import check_name
+    from pgm_places.io.output_set import output_set
 
     if (map_yaml is None) is not demo:
         raise InputError("simulate needs a map, or --demo for a generated building, but not both")
     check_name(out)  # a name that cannot be written shows before the work, not after
-    check_writable_folder(out.parent)
     progress = make_progress(quiet=quiet)
-    with progress.stage("map"):
-        if map_yaml is None:
-            place, names, written = _demo_map(out, seed)
-        else:
-            place, names, notes = _users_map(map_yaml, labels, unknown_value)
-            written = []
-            for message in notes:
-                progress.warn(message)
-    with progress.stage("drive"):
-        driven = robot.explore(
-            place.grid, seed=seed, max_length_m=length_m, name=_stem(out), n_threads=n_threads
-        )
-        if names:
-            driven = driven.labelled_by(place, names)
-    with progress.stage("writing files"):
-        written.append(write_trajectory(out, _as_recorded(driven, wheels_only)))
-        if out.suffix != ".csv":
-            written.append(write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven))
-        picture = _picture(place, names, driven)
-        written.append(write_bytes(out.with_name(f"{_stem(out)}.png"), picture))
+    listed = _file_names(out, demo=demo)
+    with output_set(
+        out.parent, f"simulate {out.name}", names=listed, force=force, shared=True
+    ) as files:
+        staged = files.stage / out.name
+        with progress.stage("map"):
+            if map_yaml is None:
+                place, names = _demo_map(staged, seed)
+            else:
+                place, names, notes = _users_map(map_yaml, labels, unknown_value)
+                for message in notes:
+                    progress.warn(message)
+        with progress.stage("drive"):
+            driven = robot.explore(
+                place.grid, seed=seed, max_length_m=length_m, name=_stem(out), n_threads=n_threads
+            )
+            if names:
+                driven = driven.labelled_by(place, names)
+        with progress.stage("writing files"):
+            _write(staged, driven, _picture(place, names, driven), wheels_only)
     say(_summary(driven))
-    for path in written:
-        say(f"wrote {path}")
+    say_written(files)
+
+
+def _file_names(out: Path, *, demo: bool) -> list[str]:
+    """The files that a drive is written to, but for those in a bag that is a folder."""
+    stem = _stem(out)
+    names = [f"{stem}.png"] + [out.name] * bool(out.suffix)
+    if out.suffix != ".csv":
+        names.append(f"{stem}.truth.csv")
+    ends = ("_map.yaml", "_map.png", "_labels.png", "_labels.yaml")
+    return names + [f"{stem}{end}" for end in ends if demo]
+
+
+def _write(out: Path, driven: "Trajectory", picture: bytes, wheels_only: bool) -> None:
+    """Write the log, the true places of its steps and the picture."""
+    from pgm_places.io.atomic import write_bytes
+    from pgm_places.io.logs.trajectories import write_trajectory
+
+    write_trajectory(out, _as_recorded(driven, wheels_only))
+    if out.suffix != ".csv":
+        write_trajectory(out.with_name(f"{_stem(out)}.truth.csv"), driven)
+    write_bytes(out.with_name(f"{_stem(out)}.png"), picture)
 
 
 def _users_map(
@@ -127,7 +147,7 @@ def _users_map(
     return LabelledMap(loaded.grid, raster), names, tuple(loaded.warnings)
 
 
-def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list[Path]]":
+def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...]]":
     """A generated building, also written as files next to the log."""
     from pgm_places.datasets.building import generate_building
     from pgm_places.io.maps.label_image import save_labels
@@ -136,10 +156,10 @@ def _demo_map(out: Path, seed: int) -> "tuple[LabelledMap, tuple[str, ...], list
 
     building = generate_building(seed=seed)
     stem = out.with_name(_stem(out))
-    written = [save_map(building.grid, stem.with_name(f"{stem.name}_map"))]
+    save_map(building.grid, stem.with_name(f"{stem.name}_map"))
     labels = stem.with_name(f"{stem.name}_labels.png")
-    written.append(save_labels(labels, building.labels, building.label_names)[0])
-    return LabelledMap(building.grid, building.labels), building.label_names, written
+    save_labels(labels, building.labels, building.label_names)
+    return LabelledMap(building.grid, building.labels), building.label_names
 
 
 def _stem(out: Path) -> str:

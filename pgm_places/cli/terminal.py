@@ -2,10 +2,14 @@
 
 import contextlib
 import sys
+from typing import TYPE_CHECKING
 
 from pgm_places.errors import OutputError, printable
 
-__all__ = ["complain", "say", "warn"]
+if TYPE_CHECKING:
+    from pgm_places.io.output_set import OutputSet
+
+__all__ = ["complain", "say", "say_written", "warn"]
 
 _LONGEST = 2000
 
@@ -27,6 +31,12 @@ def say(text: str) -> None:
         raise OutputError(
             f"cannot write to standard output: {error.strerror or error}; check the free space"
         ) from None
+
+
+def say_written(files: "OutputSet") -> None:
+    """Print a line for every file of a set that has been swapped in."""
+    for path in files.written:
+        say(f"wrote {path}")
 
 
 def warn(message: str) -> None:

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, BinaryIO
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import complain, say
+from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import ConfigError, LogError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from pgm_places.io.logs.loaded_log import LoadedLog
     from pgm_places.labelers.tracking import Track
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -43,11 +44,13 @@ class TrackOptions:
     counts_within_s: float = 5.0
 
 
-def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
+def run_track(
+    log: Path, out: Path | None, options: TrackOptions, *, force: bool, quiet: bool
+) -> None:
     """Label a complete log."""
-    from pgm_places.io.atomic import check_writable_folder
     from pgm_places.io.logs.trajectories import read_trajectory
-    from pgm_places.labelers.tracking import Track
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import TRACK
 
     if out is None:
         raise ConfigError("track needs a folder for its results: pass --out DIR")
@@ -57,11 +60,29 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
     labeler = _labeler(options, progress)
     grid = _map(options)
     counts = _counts(options, labeler, progress)
-    check_writable_folder(out)
-    with progress.stage("log"):
-        read = read_trajectory(log, range_max_m=options.max_range_m)
-    for message in read.warnings:
-        progress.warn(message)
+    with output_set(out, "track", names=TRACK, force=force) as files:
+        with progress.stage("log"):
+            read = read_trajectory(log, range_max_m=options.max_range_m)
+        for message in read.warnings:
+            progress.warn(message)
+        track = _track(read, labeler, grid, counts, options, progress)
+        with progress.stage("writing files"):
+            _write(track, grid, files.stage)
+    say(_summary(track))
+    say_written(files)
+
+
+def _track(
+    read: "LoadedLog",
+    labeler: "TrajectoryLabeler",
+    grid: "OccupancyGrid | None",
+    counts: "_Seen | None",
+    options: TrackOptions,
+    progress: "Progress",
+) -> "Track":
+    """The labelled log, with all warnings about it."""
+    from pgm_places.labelers.tracking import Track
+
     trajectory = _with_truth(read.trajectory, options, tuple(labeler.label_names))
     warnings = list(read.warnings)
     extra = None
@@ -77,17 +98,15 @@ def run_track(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool
             f"{len(impossible)} observations (first at step {impossible[0]}) have probability 0 in "
             "this model and were skipped"
         )
-    track = Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
-    say(_summary(track))
-    with progress.stage("writing files"):
-        written = _write(track, grid, out)
-    for path in written:
-        say(f"wrote {path}")
+    return Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
 
 
-def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: bool) -> None:
+def run_follow(
+    log: Path, out: Path | None, options: TrackOptions, *, force: bool, quiet: bool
+) -> None:
     """Label scans as they are written, until interrupted."""
-    from pgm_places.io.atomic import check_writable_folder
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import TRACK
 
     if options.mode != "filter":
         raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
@@ -95,21 +114,24 @@ def run_follow(log: Path, out: Path | None, options: TrackOptions, *, quiet: boo
     labeler = _labeler(options, progress)
     grid = _map(options)
     counts = _counts(options, labeler, progress)
-    if out is not None:
-        check_writable_folder(out)
     scans: list[Scan] = []
     beliefs: list[object] = []
-    with _log_bytes(log) as (stream, poll_s):
-        try:
-            _follow(stream, poll_s, labeler, grid, counts, options, scans, beliefs)
-        except KeyboardInterrupt:
-            if not quiet:
-                complain(f"stopped after {len(beliefs)} scans")
-    if not beliefs:
-        progress.warn(f"{log}: no scans received")
-    elif out is not None:
-        for path in _write(_followed(log, labeler, scans[: len(beliefs)], beliefs), grid, out):
-            say(f"wrote {path}")
+    with ExitStack() as stack:
+        files = None
+        if out is not None:
+            files = stack.enter_context(output_set(out, "track", names=TRACK, force=force))
+        with _log_bytes(log) as (stream, poll_s):
+            try:
+                _follow(stream, poll_s, labeler, grid, counts, options, scans, beliefs)
+            except KeyboardInterrupt:
+                if not quiet:
+                    complain(f"stopped after {len(beliefs)} scans")
+        if not beliefs:
+            progress.warn(f"{log}: no scans received")
+        elif files is not None:
+            _write(_followed(log, labeler, scans[: len(beliefs)], beliefs), grid, files.stage)
+    if files is not None:
+        say_written(files)
 
 
 def _follow(
@@ -286,12 +308,12 @@ def _followed(
     return Track(Trajectory.from_scans(scans, name=name), labeling, tuple(labeler.label_names))
 
 
-def _write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> list[Path]:
+def _write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
     from pgm_places.labelers.tracking import map_of_scans
     from pgm_places.report.track_files import write_track
 
     drawn_on = map_of_scans(track.trajectory) if grid is None else grid
-    return write_track(track, drawn_on, out)
+    write_track(track, drawn_on, out)
 
 
 def _summary(track: "Track") -> str:

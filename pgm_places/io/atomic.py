@@ -1,19 +1,27 @@
-"""Atomic output: files are written under another name, then renamed."""
+"""Atomic output: files and folders are made on a stage, then shown as a whole."""
 
 import contextlib
+import errno
 import os
-import secrets
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from pgm_places.errors import OutputError
+from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish, swap_in
+from pgm_places.io.staging import (
+    as_output_errors,
+    flush,
+    locked,
+    make_folders,
+    remove_leftovers,
+    stage,
+)
 
 __all__ = [
     "atomic_file",
     "atomic_folder",
     "check_folder_target",
-    "check_writable_folder",
+    "tidy",
     "write_bytes",
     "write_text",
 ]
@@ -45,9 +53,9 @@ def write_text(path: Path | str, text: str) -> Path:
 
 @contextlib.contextmanager
 def atomic_file(path: Path | str) -> Iterator[Path]:
-    """A temporary path beside ``path`` to write to; renamed to ``path`` when the block ends well.
+    """A path on a stage to write to; renamed to ``path`` when the block ends well.
 
-    After an exception, Ctrl-C included, the temporary file is gone and ``path`` is as before.
+    After an exception, Ctrl-C included, the stage is gone and ``path`` is as before.
 
     Raises
     ------
@@ -56,30 +64,28 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         that stands where the file should go.
     """
     target = Path(path)
-    with _as_output_errors(target):
-        _make_parent(target)
+    with as_output_errors(target), make_folders(target.parent):
         if target.is_dir():
             raise OutputError(
                 f"cannot write the file {target}: a folder of that name is in the way; choose "
                 "another path or remove it"
             )
-        temporary = _sibling(target, "tmp")
-        try:
+        with stage(target.parent, target.name) as folder:
+            temporary = folder / target.name
             yield temporary
-            _flush_to_disk(temporary)
+            flush(temporary)
             temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        flush(target.parent)
 
 
 @contextlib.contextmanager
 def atomic_folder(
     path: Path | str, *, replaces: Callable[[Path], bool] | None = None
 ) -> Iterator[Path]:
-    """A new empty folder beside ``path``; renamed to ``path`` when the block ends well.
+    """A new empty folder on a stage; it takes the place of ``path`` when the block ends well.
 
-    A folder that already stands at ``path`` is replaced where it is empty or where
-    ``replaces(path)`` is true, and refused otherwise, before anything is written.
+    A folder that already stands at ``path`` is replaced, with all it holds, where it is empty or
+    where ``replaces(path)`` is true, and refused otherwise, before anything is written.
     After an exception, Ctrl-C included, the new folder is gone and ``path`` is as before.
 
     Raises
@@ -88,112 +94,78 @@ def atomic_folder(
         Where the folder cannot be written or another one is in the way.
     """
     target = Path(path)
-    with _as_output_errors(target):
-        _make_parent(target)
+    with as_output_errors(target):
         check_folder_target(target, replaces=replaces)
-        temporary = _sibling(target, "tmp")
-        temporary.mkdir()
-        try:
-            yield temporary
-            for file in temporary.rglob("*"):
-                if file.is_file():
-                    _flush_to_disk(file)
-            _swap_in(temporary, target)
-        finally:
-            if temporary.exists():
-                shutil.rmtree(temporary, ignore_errors=True)
+        target = target.resolve()
+        inside = target.is_dir() and not can_be_exchanged(target)
+        parent = target if inside else target.parent
+        with make_folders(parent):
+            old = file_names(target)  # before there is a stage in it
+            with stage(parent, target.name) as folder:
+                (folder / NEW).mkdir()
+                yield folder / NEW
+                with locked(target):
+                    finish(target)
+                    if not inside:
+                        _refuse_others(target, replaces)  # once more: hours may have passed
+                        old = file_names(target)
+                    swap_in(folder, target, old, in_place=inside)
 
 
 def check_folder_target(
     path: Path | str, *, replaces: Callable[[Path], bool] | None = None
 ) -> None:
-    """Refuse a path where ``atomic_folder`` would find something in the way.
+    """Refuse a path where ``atomic_folder`` would find something in the way, or could not write.
+
+    What a killed run left there is put right first.
 
     Raises
     ------
     OutputError
-        Where a file stands there, or a folder that is neither empty nor to be replaced.
+        Where a file stands there, or a folder that is neither empty nor to be replaced, or a folder
+        without permission to write.
     """
     target = Path(path)
-    with _as_output_errors(target):
-        if not target.exists() and not target.is_symlink():
-            return
-        if target.is_symlink() or not target.is_dir():
+    with as_output_errors(target):
+        tidy(target)
+        _refuse_others(target, replaces)
+
+
+def _refuse_others(target: Path, replaces: Callable[[Path], bool] | None) -> None:
+    if not target.is_dir() or not any(target.iterdir()):
+        return
+    if replaces is None or not replaces(target):
+        raise OutputError(
+            f"cannot write the folder {target}: it exists and holds other files; choose another "
+            "path or empty it"
+        )
+
+
+def tidy(path: Path | str) -> None:
+    """Finish or clear away what a killed run left of a folder; refuse one that cannot be written.
+
+    Raises
+    ------
+    OutputError
+        Where a file stands in the way, or without permission to write.
+    """
+    target = Path(path)
+    with as_output_errors(target):
+        if not target.is_dir() and (target.exists() or target.is_symlink()):
             raise OutputError(
                 f"cannot write the folder {target}: a file of that name is in the way; choose "
                 "another path or remove it"
             )
-        if any(target.iterdir()) and not (replaces is not None and replaces(target)):
+        target = target.resolve()
+        writable = next(parent for parent in (target, *target.parents) if parent.exists())
+        if not writable.is_dir():
             raise OutputError(
-                f"cannot write the folder {target}: it exists and holds other files; choose "
-                "another path or empty it"
-            )
-
-
-def check_writable_folder(path: Path | str) -> Path:
-    """The folder, made where it was missing, after a file was written there and removed again.
-
-    For commands that compute for minutes before they write: an unwritable folder is known at once.
-
-    Raises
-    ------
-    OutputError
-        Where the folder cannot be made or written to.
-    """
-    folder = Path(path)
-    with _as_output_errors(folder):
-        _make_parent(folder / "file")
-        probe = _sibling(folder / "probe", "tmp")
-        try:
-            probe.write_bytes(b"")
-        finally:
-            probe.unlink(missing_ok=True)
-    return folder
-
-
-@contextlib.contextmanager
-def _as_output_errors(target: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(
-            f"cannot write {target}: {reason}; check the permissions and the free space, or choose "
-            "another path"
-        ) from error
-
-
-def _make_parent(target: Path) -> None:
-    for parent in reversed(target.parents):
-        if parent.exists() and not parent.is_dir():
-            raise OutputError(
-                f"cannot write {target}: {parent} is a file, not a folder; choose another path or "
+                f"cannot write {path}: {writable} is a file, not a folder; choose another path or "
                 "remove it"
             )
-    target.parent.mkdir(parents=True, exist_ok=True)
-
-
-def _swap_in(new: Path, target: Path) -> None:
-    """Rename ``new`` to ``target``; a folder that stands there survives until that succeeded."""
-    if not target.exists():
-        new.rename(target)
-        return
-    old = _sibling(target, "old")
-    target.rename(old)
-    try:
-        new.rename(target)
-    except BaseException:
-        old.rename(target)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _sibling(target: Path, suffix: str) -> Path:
-    if target.name in ("", ".."):  # "." and the like: the folder's real name is wanted
-        target = target.resolve()
-    return target.with_name(f".{target.name}.{secrets.token_hex(6)}.{suffix}")
-
-
-def _flush_to_disk(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
+        if not os.access(writable, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        for parent in (target.parent, target):
+            remove_leftovers(parent, target.name)
+        with locked(target):
+            finish(target)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pgm_places._version import __version__
 from pgm_places.errors import ModelFileError, PgmPlacesError, shown
-from pgm_places.io.atomic import atomic_folder, check_folder_target, check_writable_folder
+from pgm_places.io.atomic import atomic_folder, check_folder_target
 from pgm_places.io.input_file import file_kind, user_path
 from pgm_places.io.json_file import read_json
 from pgm_places.io.text_file import read_bytes
@@ -132,10 +132,9 @@ def check_target(path: Path | str) -> None:
     Raises
     ------
     OutputError
-        Where the parent folder cannot be written or something other than a model stands there.
+        Where nothing can be written or something other than a model stands there.
     """
     check_folder_target(path, replaces=is_model)
-    check_writable_folder(Path(path).absolute().parent)
 
 
 def _storable(folder: Path, name: str, array: NDArray[Any]) -> NDArray[Any]:

@@ -10,7 +10,7 @@ from pgm_places.report.topology_pictures import count_line, marked_checks, topol
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["doubt_summary", "topology_summary", "write_topology"]
+__all__ = ["doubt_summary", "places_summary", "write_topology"]
 
 
 def write_topology(
@@ -32,10 +32,12 @@ def write_topology(
     return written
 
 
-def topology_summary(topology: TopologicalMap) -> str:
-    """One line: how many places of each class, connections and corrections."""
+def places_summary(topology: TopologicalMap) -> str:
+    """How many places of each class, connections and corrections; what is in doubt, if known."""
     n = len(topology.corrections)
-    return f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"
+    line = f"places: {count_line(topology)}; {n} correction{'' if n == 1 else 's'}"
+    doubt = doubt_summary(topology)
+    return line if doubt is None else f"{line}\n{doubt}"
 
 
 def doubt_summary(topology: TopologicalMap) -> str | None:

@@ -13,14 +13,14 @@ __all__ = ["html_page"]
 TITLE = "The paper’s experiments"
 
 
-def html_page(sections: Sequence[Section], folder: Path) -> str:
+def html_page(sections: Sequence[Section], *folders: Path) -> str:
     """The page as text.
 
     Parameters
     ----------
     sections : sequence of Section
-    folder : Path
-        Holds a folder with the pictures of each section.
+    *folders : Path
+        Each holds folders with the pictures of sections; the first that has a picture counts.
     """
     return render(
         "reproduce.html",
@@ -31,7 +31,7 @@ def html_page(sections: Sequence[Section], folder: Path) -> str:
         overview_title=OVERVIEW,
         overview=_shown(overview_table(sections)),
         contents=[
-            (item, _anchor(item), [_shown(table) for table in item.tables], _figures(item, folder))
+            (item, _anchor(item), [_shown(table) for table in item.tables], _figures(item, folders))
             for item in sections
         ],
     )
@@ -61,10 +61,15 @@ def _is_words(cells: Sequence[str]) -> bool:
     return 2 * sum(cell[0].isalpha() for cell in filled) > len(filled)
 
 
-def _figures(section: Section, folder: Path) -> list[tuple[str, str]]:
+def _figures(section: Section, folders: Sequence[Path]) -> list[tuple[str, str]]:
     """Pictures that are there, with their captions."""
-    found = [(folder / section.id / item.file, item.caption) for item in section.pictures]
-    return [(data_uri(path.read_bytes()), caption) for path, caption in found if path.is_file()]
+    shown = []
+    for item in section.pictures:
+        paths = [folder / section.id / item.file for folder in folders]
+        there = [path for path in paths if path.is_file()]
+        if there:
+            shown.append((data_uri(there[0].read_bytes()), item.caption))
+    return shown
 
 
 def _anchor(section: Section) -> str:

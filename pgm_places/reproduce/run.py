@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pgm_places._version import __version__
-from pgm_places.io.atomic import atomic_folder, write_text
+from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.output_set import claim, output_set
 from pgm_places.progress import Progress, Silent
 from pgm_places.reproduce.html_page import html_page
 from pgm_places.reproduce.markdown import markdown_page
@@ -14,7 +15,7 @@ from pgm_places.reproduce.section import Section
 from pgm_places.reproduce.sections import SECTIONS
 from pgm_places.reproduce.setting import Setting, data_folder
 
-__all__ = ["finished_section", "reproduce", "write_pages"]
+__all__ = ["finished_section", "reproduce"]
 
 RECORD = "section.json"
 KEPT = "kept"
@@ -26,6 +27,7 @@ def reproduce(
     out: Path,
     *,
     again: bool = False,
+    force: bool = False,
     progress: Progress | None = None,
     n_threads: int | None = None,
 ) -> Iterator[Section]:
@@ -41,21 +43,29 @@ def reproduce(
     again : bool
         Run finished sections again. Those that another version of the package or
         other buildings gave are always run again.
+    force : bool
+        Write into a folder that is not ours, and over what was changed there.
     progress, n_threads
         Of the experiments.
 
     Raises
     ------
     PgmPlacesError
-        From the experiment; what was finished before stays.
+        From the experiment, or because ``out`` is refused; what was finished before stays.
     """
     progress = progress or Silent()
+    claim(out, force=force)
     for key in ids:
         data = data_for(key)
         section = None if again else finished_section(out, key)
-        if section is None or section.version != __version__ or section.real != (data is not None):
-            section = _run(key, out, Setting(data, progress, n_threads, out / KEPT / key))
-        write_pages(out)
+        is_new = (
+            section is None or section.version != __version__ or section.real != (data is not None)
+        )
+        with output_set(out, f"section {key}" if is_new else "pages", force=force) as files:
+            if section is None or is_new:
+                setting = Setting(data, progress, n_threads, out / KEPT / key)
+                section = _run(key, files.stage / key, setting)
+            _write_pages(files.stage, out)
         yield section
 
 
@@ -67,7 +77,8 @@ def data_for(key: str) -> Path | None:
     return data
 
 
-def _run(key: str, out: Path, setting: Setting) -> Section:
+def _run(key: str, folder: Path, setting: Setting) -> Section:
+    """The section, after its experiment was run and written into the folder."""
     spec = SECTIONS[key]
     start = time.perf_counter()
     found = spec.run(setting)
@@ -84,16 +95,11 @@ def _run(key: str, out: Path, setting: Setting) -> Section:
         found.pictures,
         found.remarks,
     )
-    with atomic_folder(out / key, replaces=_is_section) as folder:
-        for name, content in found.files.items():
-            (folder / name).write_bytes(content)
-        record = json.dumps(section.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-        (folder / RECORD).write_text(record + "\n", encoding="utf-8")
+    for name, content in found.files.items():
+        write_bytes(folder / name, content)
+    record = json.dumps(section.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(folder / RECORD, record + "\n")
     return section
-
-
-def _is_section(folder: Path) -> bool:
-    return (folder / RECORD).is_file()
 
 
 def finished_section(out: Path, key: str) -> Section | None:
@@ -105,11 +111,9 @@ def finished_section(out: Path, key: str) -> Section | None:
         return None
 
 
-def write_pages(out: Path) -> list[Path]:
-    """Write the pages of all finished sections, in the order of the paper."""
-    found = [finished_section(out, key) for key in SECTIONS]
+def _write_pages(stage: Path, out: Path) -> None:
+    """Write the pages of all finished sections, in the paper's order; those on the stage count."""
+    found = [finished_section(stage, key) or finished_section(out, key) for key in SECTIONS]
     sections = [section for section in found if section is not None]
-    return [
-        write_text(out / "reproduce.md", markdown_page(sections)),
-        write_text(out / "reproduce.html", html_page(sections, out)),
-    ]
+    write_text(stage / "reproduce.md", markdown_page(sections))
+    write_text(stage / "reproduce.html", html_page(sections, stage, out))

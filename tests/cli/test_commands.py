@@ -11,6 +11,8 @@ import pytest
 from PIL import Image
 
 from pgm_places.datasets import building as building_module
+from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.report import file_names
 from tests.cli.conftest import Run
 
 
@@ -43,7 +45,7 @@ def test_compare_writes_results_and_report(building: Path, run: Run) -> None:
     assert {"numpy", "numba", "pgm-places"} <= set(results["versions"])
     html = (out / "report.html").read_text()
     assert html.lstrip().lower().startswith("<!doctype html>")
-    assert sorted(path.name for path in out.iterdir()) == ["report.html", "results.json"]
+    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *file_names.COMPARISON}
 
 
 def test_train_then_label(building: Path, run: Run) -> None:
@@ -60,8 +62,8 @@ def test_train_then_label(building: Path, run: Run) -> None:
     assert written.shape == source.shape
     summary = json.loads((out / "summary.json").read_text())
     assert summary["method"] == "relaxation"
-    names = {path.name for path in out.iterdir()}
-    assert {"labels.yaml", "overview.png", "probability_doorway.png"} <= names
+    labels = ("corridor", "room", "doorway")
+    assert {path.name for path in out.iterdir()} == {RECORD_FILE, *file_names.label_names(labels)}
 
     rows = (out / "check.csv").read_text().splitlines()
     regions = json.loads((out / "topology.json").read_text())["regions"]

@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 
 from pgm_places.cli.places import rules_of
+from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.report.file_names import PLACES
 from pgm_places.topology.rules import TopologyOptions
 from tests.cli.conftest import Run
 
@@ -25,7 +27,7 @@ def places(building: Path, run: Run) -> Path:
 
 def test_topology_writes_files_and_a_picture(places: Path) -> None:
     names = {path.name for path in places.iterdir()}
-    assert names == {"topology.json", "regions.png", "regions.geojson", "topology.png"}
+    assert names == {RECORD_FILE, *PLACES}
     found = json.loads((places / "topology.json").read_text())
     assert {region["label"] for region in found["regions"]} == {"corridor", "room", "doorway"}
     assert found["connections"]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.reproduce.section import Finding, Outcome
 from pgm_places.reproduce.setting import Setting
 from tests.cli.conftest import Run
@@ -32,4 +33,9 @@ def test_the_table_comes_with_a_warning_where_buildings_stand_in(
     [line] = [line for line in text.splitlines() if "single poses" in line]
     assert line.split()[-5:] == ["97.3", "98.1", "-", "90.0", "70.0"]
     assert f"wrote {out / 'reproduce.html'}" in text
-    assert sorted(path.name for path in out.iterdir()) == ["7.1", "reproduce.html", "reproduce.md"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        RECORD_FILE,
+        "7.1",
+        "reproduce.html",
+        "reproduce.md",
+    ]

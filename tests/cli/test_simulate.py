@@ -9,6 +9,7 @@ import pytest
 import pgm_places.datasets.building
 from pgm_places.datasets.building import generate_building
 from pgm_places.io.logs.trajectories import read_trajectory
+from pgm_places.io.output_set import RECORD_FILE
 from tests.cli.conftest import Run
 
 DRIVE = ("--length", 4, "--range", 8, "-q")
@@ -29,6 +30,7 @@ def test_a_log_holds_the_drive_and_the_truth_stands_beside_it(
         "one.log.gz",
         "one.truth.csv",
         "one.png",
+        RECORD_FILE,
     }
     log = read_trajectory(out).trajectory
     truth = read_trajectory(out.with_name("one.truth.csv")).trajectory
@@ -61,7 +63,8 @@ def test_the_demo_writes_its_building_too(
     code, text, _ = run("simulate", "--demo", "--out", tmp_path / "a.csv", *DRIVE)
     assert code == 0
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"a.csv", "a.png", "a_map.yaml", "a_map.png", "a_labels.png", "a_labels.yaml"}
+    maps = {"a_map.yaml", "a_map.png", "a_labels.png", "a_labels.yaml"}
+    assert names == {RECORD_FILE, "a.csv", "a.png", *maps}
     again = (*DRIVE, "--labels", tmp_path / "a_labels.png")
     code, same, _ = run("simulate", tmp_path / "a_map.yaml", "--out", tmp_path / "b.csv", *again)
     assert code == 0
@@ -78,7 +81,10 @@ def test_the_demo_writes_its_building_too(
         (["none.yaml", "--out", "a.log"], "none.yaml"),
         (["map.yaml", "--radius", "9", "--out", "a.log"], "fits nowhere on this map"),
         (["map.yaml", "--labels", "none.png", "--out", "a.log"], "none.png"),
-        (["map.yaml", "--out", "labels.png/a.log"], "labels.png is a file, not a folder"),
+        (
+            ["map.yaml", "--out", "labels.png/a.log"],
+            "labels.png: a file of that name is in the way",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(

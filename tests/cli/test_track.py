@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from pgm_places.io.logs.trajectories import read_trajectory, write_trajectory
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
+from pgm_places.report.file_names import TRACK
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
@@ -55,7 +57,7 @@ def test_a_log_becomes_a_table_pictures_and_a_report(folder: Path, run: Run) -> 
     assert code == 0
     assert "doorway" in text and "metres" in text
     names = {path.name for path in out.iterdir()}
-    assert names == {"beliefs.csv", "path.png", "beliefs.png", "report.html"}
+    assert names == {RECORD_FILE, *TRACK}
     assert len(rows_of(out / "beliefs.csv")) == 60
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import load_config
+from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.reproduce.run import RECORD, data_for, finished_section, reproduce
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Section, Table
 from pgm_places.reproduce.sections import SECTIONS, PaperSection, chosen_sections
@@ -86,6 +87,7 @@ def test_an_experiment_that_fails_leaves_the_finished_ones(
     with pytest.raises(KeyboardInterrupt):
         list(reproduce(["7.1", "7.3"], tmp_path))
     assert sorted(path.name for path in tmp_path.iterdir()) == [
+        RECORD_FILE,
         "7.1",
         "reproduce.html",
         "reproduce.md",

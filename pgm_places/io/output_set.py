@@ -1,0 +1,196 @@
+"""The files of one run as a set: written aside, swapped in at once, told from the user's own."""
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pgm_places.errors import OutputError
+from pgm_places.io.atomic import tidy, write_text
+from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish, swap_in
+from pgm_places.io.staging import as_output_errors, locked, make_folders, stage
+
+__all__ = ["RECORD_FILE", "OutputSet", "claim", "output_set"]
+
+RECORD_FILE = ".pgm-places.json"
+"""Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
+
+_FORMAT, _SCHEMA = "pgm-places output", 1
+_MAX_BYTES = 16 << 20
+
+
+@dataclass
+class OutputSet:
+    """A set of files on its way into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files will stand.
+    stage : Path
+        Where to write them meanwhile, by the same names.
+    written : list of Path
+        The files where they stand in the end, once they do.
+    """
+
+    folder: Path
+    stage: Path
+    written: list[Path]
+
+
+@contextlib.contextmanager
+def output_set(
+    folder: Path | str,
+    by: str,
+    *,
+    names: Iterable[str] = (),
+    force: bool = False,
+    shared: bool = False,
+) -> Iterator[OutputSet]:
+    """A set to write files to; all of them stand in the folder when the block ends well.
+
+    Until then, and after an error, Ctrl-C or a kill, the folder is as before. The new set takes the
+    place of the one that the same command wrote before: files that only that one had are removed.
+    Files of the user stay. A set without files changes nothing.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it is missing.
+    by : str
+        The command, so that it finds its earlier set.
+    names : iterable of str
+        Files known to be written; what stands in their way is refused before the work, not after.
+    force : bool
+        Overwrite files that are not, or no longer, as we wrote them, and write into a folder that
+        holds none of ours.
+    shared : bool
+        The folder may well be the user's own: only files in the way are refused.
+
+    Raises
+    ------
+    OutputError
+        Where the folder cannot be written, holds files but none of ours, or where a file in the way
+        is the user's own or was changed since we wrote it.
+    """
+    shown = Path(folder)
+    with as_output_errors(shown):
+        tidy(shown)
+        target = shown.resolve()
+        _check(shown, set(names), by, force=force, shared=shared)
+        inside = shared or (target.is_dir() and not can_be_exchanged(target))
+        parent = target if inside else target.parent
+        with make_folders(parent), stage(parent, target.name) as aside:
+            found = OutputSet(shown, aside / NEW, [])
+            found.stage.mkdir()
+            with _named(found.stage, shown):
+                yield found
+            written = file_names(found.stage)
+            if not written:
+                return
+            with locked(target):
+                finish(target)
+                _check(shown, written, by, force=force, shared=shared or inside)
+                old = _record(target) or {}
+                new = {name: entry for name, entry in old.items() if entry["by"] != by}
+                new |= {
+                    name: {"by": by, "sha256": _hash(found.stage / name)}
+                    for name in sorted(written)
+                }
+                (found.stage / RECORD_FILE).write_text(_record_text(new), encoding="utf-8")
+                swap_in(aside, target, old.keys() - new.keys(), in_place=inside)
+            found.written = [shown / name for name in sorted(written)]
+
+
+def claim(folder: Path | str, *, force: bool = False) -> Path:
+    """The folder, with an empty record at least, so that it counts as ours whatever happens.
+
+    For results that come one after the other, over hours, and for what a run keeps to go on with.
+
+    Raises
+    ------
+    OutputError
+        Where the folder cannot be written, or holds files but none of ours.
+    """
+    shown = Path(folder)
+    with as_output_errors(shown):
+        tidy(shown)
+        _check(shown, set(), "", force=force, shared=False)
+        if _record(shown) is None:
+            write_text(shown / RECORD_FILE, _record_text({}))
+    return shown
+
+
+def _record_text(files: Mapping[str, Mapping[str, str]]) -> str:
+    return json.dumps({"format": _FORMAT, "schema": _SCHEMA, "files": files}, indent=1) + "\n"
+
+
+@contextlib.contextmanager
+def _named(staged: Path, shown: Path) -> Iterator[None]:
+    """Errors about a file on the stage, as errors about the file that it was to become."""
+    try:
+        yield
+    except OutputError as error:
+        raise OutputError(str(error).replace(str(staged), str(shown))) from error
+
+
+def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool) -> None:
+    """Refuse what would be overwritten or removed without being ours."""
+    if not folder.is_dir():
+        return
+    record = _record(folder)
+    for name in sorted(names):
+        if (folder / name).is_dir():
+            raise OutputError(
+                f"cannot write the file {folder / name}: a folder of that name is in the way; "
+                "choose another path or remove it"
+            )
+    if force:
+        return
+    others = sorted(path.name for path in folder.iterdir())
+    if others and record is None and not shared:
+        raise OutputError(
+            f"cannot write into {folder}: it holds files that pgm-places did not write, such as "
+            f"{others[0]}; choose another folder, or pass --force to write there nevertheless"
+        )
+    record = record or {}
+    mine = {name for name, entry in record.items() if entry["by"] == by}
+    for name in sorted(names | mine):
+        path = folder / name
+        if not path.exists() and not path.is_symlink():
+            continue
+        if name not in record:
+            what = "it is there already, and pgm-places did not write it"
+        elif path.is_symlink() or _hash(path) != record[name]["sha256"]:
+            what = "it was changed since pgm-places wrote it"
+        else:
+            continue
+        raise OutputError(
+            f"cannot overwrite {path}: {what}; choose another folder, move the file away, or pass "
+            "--force to lose it"
+        )
+
+
+def _record(folder: Path) -> dict[str, dict[str, str]] | None:
+    """What the record of a folder says about each file; None where it is missing or damaged."""
+    path = folder / RECORD_FILE
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            return None
+        content = json.loads(path.read_text(encoding="utf-8"))
+        files = content["files"]
+        if content["format"] != _FORMAT or any(".." in name or name[:1] == "/" for name in files):
+            return None
+        return {
+            str(name): {"by": str(entry["by"]), "sha256": str(entry["sha256"])}
+            for name, entry in files.items()
+        }
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def _hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

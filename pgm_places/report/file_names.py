@@ -1,0 +1,16 @@
+"""The names of the files that each command writes, known before it has anything to write."""
+
+from collections.abc import Iterable
+
+__all__ = ["COMPARISON", "DEMO", "PLACES", "TRACK", "label_names"]
+
+COMPARISON = ("results.json", "report.html")
+DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
+PLACES = ("topology.json", "regions.png", "regions.geojson", "topology.png")
+TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
+
+
+def label_names(labels: Iterable[str]) -> tuple[str, ...]:
+    """The files of a labelled map with these labels, its places included."""
+    probabilities = [f"probability_{label}.png" for label in labels]
+    return ("labels.png", "labels.yaml", "overview.png", "summary.json", *probabilities, *PLACES)
