@@ -5,6 +5,7 @@ A script of its own, because it forks: ``python -m tests.faults.killed_sets FOLD
 
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 from tests.faults.sets import content, whole, write_set
@@ -27,12 +28,12 @@ def check_kills(folder: Path, mode: str) -> int:
         return target
 
     first = fresh("counted")
-    n_steps = count_steps(lambda: write_set(first, "new", shared=shared))
+    n_steps = count_steps(partial(write_set, first, "new", shared=shared))
     assert n_steps > 10
     ends = []
     for number in range(1, n_steps + 1):
         target = fresh(f"{number}")
-        assert killed_at(number, lambda target=target: write_set(target, "new", shared=shared))
+        assert killed_at(number, partial(write_set, target, "new", shared=shared))
         if mode == "absent":
             ends.append(whole(target) if target.exists() else "old")
             assert target.exists() or not content(target)

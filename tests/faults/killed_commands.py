@@ -1,0 +1,124 @@
+"""Kills commands at steps drawn by chance; asserts that each leaves one run's files.
+
+A script of its own, because it forks: ``python -m tests.faults.killed_commands FOLDER KILLS SEED``.
+Everything is compiled and imported before the first fork, so that a kill is cheap.
+"""
+
+import contextlib
+import io
+import json
+import random
+import sys
+from functools import partial
+from pathlib import Path
+
+from pgm_places.cli.main import main
+from pgm_places.datasets import generate_building
+from pgm_places.io.atomic import tidy
+from pgm_places.io.logs.trajectories import write_trajectory
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import save_map
+from pgm_places.persistence.model_folder import load_folder
+from tests.drives import drive
+from tests.faults.sets import check_record
+from tests.faults.steps import count_steps, killed_at, leftovers
+
+RUNS = ("old", "new")
+CONFIG = """\
+title = "the {name} run"
+resolution_m = 0.4
+
+[labels]
+names = ["corridor", "room", "doorway"]
+
+[classifier]
+n_rounds = 2
+order = "heuristic"
+
+[context]
+half_widths_m = []
+
+[[train]]
+map = "{name}.yaml"
+labels = "{name}_labels.png"
+
+[[test]]
+map = "{name}.yaml"
+labels = "{name}_labels.png"
+
+[[methods]]
+name = "independent"
+"""
+
+
+def make_inputs(folder: Path) -> None:
+    """Two maps, two configurations, two logs, and a model."""
+    for seed, name in enumerate(RUNS):
+        made = generate_building(size="small", seed=seed)
+        save_map(made.grid, folder / name)
+        save_labels(folder / f"{name}_labels.png", made.labels, made.label_names)
+        (folder / f"{name}.toml").write_text(CONFIG.format(name=name))
+        write_trajectory(folder / f"{name}.log", drive(seed)[:10])
+    run(folder, "train", "old", folder / "model")
+
+
+def run(folder: Path, command: str, name: str, out: Path) -> None:
+    """Run a command on the old or the new inputs."""
+    inputs = {
+        "label": [folder / f"{name}.yaml", "--model", folder / "model"],
+        "track": [folder / f"{name}.log", "--model", folder / "model"],
+        "train": [folder / f"{name}.toml"],
+        "compare": [folder / f"{name}.toml"],
+    }[command]
+    sys.argv = ["pgm-places", command, *map(str, inputs), "--out", str(out), "--quiet"]
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            main()
+    except SystemExit as ended:
+        if ended.code:
+            raise
+
+
+def run_that_wrote(out: Path, command: str) -> str:
+    """Which run the folder is of, after all its files were found to be of one."""
+    tidy(out)
+    if command == "train":
+        title = load_folder(out)[0]["record"]["config"][
+            "title"
+        ]  # checks the SHA-256 of the numbers
+        return str(title).split()[1]
+    check_record(out)
+    if command == "label":
+        return Path(json.loads((out / "summary.json").read_text())["map"]).stem
+    if command == "compare":
+        return str(json.loads((out / "results.json").read_text())["title"]).split()[1]
+    [name] = [name for name in RUNS if f"<title>{name}" in (out / "report.html").read_text()]
+    return name
+
+
+def check_kills(folder: Path, command: str, n_kills: int, seed: int) -> None:
+    """Kill a command at random steps while it replaces what an earlier run wrote."""
+    out = folder / command
+    run(folder, command, "old", out)
+    n_steps = count_steps(partial(run, folder, command, "new", out))
+    run(folder, command, "old", out)
+    chance = random.Random(f"{command} {seed}")
+    for number in sorted(chance.choices(range(1, n_steps + 1), k=n_kills)):
+        if run_that_wrote(out, command) == "new":
+            run(folder, command, "old", out)
+        killed = killed_at(number, partial(run, folder, command, "new", out))
+        found = run_that_wrote(out, command)
+        sys.stdout.write(
+            f"{command}: step {number} of {n_steps}, {'killed' if killed else 'ended'}, {found}\n"
+        )
+        sys.stdout.flush()
+    run(folder, command, "new", out)
+    assert run_that_wrote(out, command) == "new"
+    assert not leftovers(out)
+
+
+if __name__ == "__main__":
+    inputs, n_kills, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    make_inputs(inputs)
+    for command in ("label", "track", "train", "compare"):
+        check_kills(inputs, command, n_kills, seed)

@@ -1,0 +1,28 @@
+"""Commands that are killed while they replace what an earlier run wrote."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+KILLS = int(os.environ.get("PGM_PLACES_KILLS", "2"))
+SEED = int(os.environ.get("PGM_PLACES_SEED", "0"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs fork and signals")
+def test_a_killed_command_leaves_the_files_of_one_run(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tests.faults.killed_commands"]
+    done = subprocess.run(
+        [*command, str(tmp_path), str(KILLS), str(SEED)],
+        cwd=ROOT,
+        env={**os.environ, "PGM_PLACES_NUM_THREADS": "1"},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    print(done.stdout)  # noqa: T201  pytest -s shows where each was killed
+    assert done.stdout.count("killed") == 4 * KILLS
