@@ -1,6 +1,7 @@
 """Kills commands at steps drawn by chance; asserts that each leaves one run's files.
 
-A script of its own, because it forks: ``python -m tests.faults.killed_commands FOLDER KILLS SEED``.
+A script of its own, because it forks: ``python -m tests.faults.killed_commands FOLDER KILLS SEED
+COMMAND...``.
 Everything is compiled and imported before the first fork, so that a kill is cheap.
 """
 
@@ -64,13 +65,13 @@ def make_inputs(folder: Path) -> None:
 
 def run(folder: Path, command: str, name: str, out: Path) -> None:
     """Run a command on the old or the new inputs."""
-    inputs = {
+    options: dict[str, list[object]] = {
         "label": [folder / f"{name}.yaml", "--model", folder / "model"],
         "track": [folder / f"{name}.log", "--model", folder / "model"],
         "train": [folder / f"{name}.toml"],
         "compare": [folder / f"{name}.toml"],
-    }[command]
-    sys.argv = ["pgm-places", command, *map(str, inputs), "--out", str(out), "--quiet"]
+    }
+    sys.argv = ["pgm-places", command, *map(str, options[command]), "--out", str(out), "--quiet"]
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             main()
@@ -83,10 +84,8 @@ def run_that_wrote(out: Path, command: str) -> str:
     """Which run the folder is of, after all its files were found to be of one."""
     tidy(out)
     if command == "train":
-        title = load_folder(out)[0]["record"]["config"][
-            "title"
-        ]  # checks the SHA-256 of the numbers
-        return str(title).split()[1]
+        record = load_folder(out)[0]["record"]  # which checks the SHA-256 of the numbers
+        return str(record["config"]["title"]).split()[1]
     check_record(out)
     if command == "label":
         return Path(json.loads((out / "summary.json").read_text())["map"]).stem
@@ -108,9 +107,8 @@ def check_kills(folder: Path, command: str, n_kills: int, seed: int) -> None:
             run(folder, command, "old", out)
         killed = killed_at(number, partial(run, folder, command, "new", out))
         found = run_that_wrote(out, command)
-        sys.stdout.write(
-            f"{command}: step {number} of {n_steps}, {'killed' if killed else 'ended'}, {found}\n"
-        )
+        end = "killed" if killed else "ended"
+        sys.stdout.write(f"{command}: step {number} of {n_steps}, {end}, {found}\n")
         sys.stdout.flush()
     run(folder, command, "new", out)
     assert run_that_wrote(out, command) == "new"
@@ -118,7 +116,7 @@ def check_kills(folder: Path, command: str, n_kills: int, seed: int) -> None:
 
 
 if __name__ == "__main__":
-    inputs, n_kills, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    make_inputs(inputs)
-    for command in ("label", "track", "train", "compare"):
-        check_kills(inputs, command, n_kills, seed)
+    _, inputs, kills, drawn_by, *names = sys.argv
+    make_inputs(Path(inputs))
+    for name in names:
+        check_kills(Path(inputs), name, int(kills), int(drawn_by))
