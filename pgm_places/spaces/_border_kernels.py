@@ -1,4 +1,4 @@
-"""Passes over the borders of basins: how high the passes between them are, and where."""
+"""The borders of basins: how high the passes between them are, and where."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ def highest_passes(
     count: int,
     first: NDArray[np.int32],
 ) -> tuple[int, NDArray[np.int32]]:
-    """E and (E or more, 4): the basins that touch, the smaller first, and the height of the pass.
+    """E and (E or more, 4): pairs of adjacent basins, the smaller first, and the pass height.
 
-    The pass is the highest way from one to the other: over all sites where they touch, the larger
-    of the lower of two cells. Numbers from ``count`` on are lines that part basins; there the pass
-    is the cell of the line itself. ``first`` (count,), -1 on entry, and the last column are
-    scratch: lists of each basin's larger neighbours.
+    The pass is the highest point of the border: the maximum, over all sites where the basins touch,
+    of the lower of the two cells. Numbers from ``count`` on are lines between basins; there the
+    pass is the cell of the line itself. ``first`` (count,), -1 on entry, and the last column are
+    scratch: linked lists of each basin's larger neighbours.
     """
     width = -steps[0]
     passes = np.empty((1024, 4), np.int32)
@@ -57,7 +57,7 @@ def _noted(
     first: NDArray[np.int32],
     passes: NDArray[np.int32],
 ) -> tuple[int, NDArray[np.int32]]:
-    """Keep the higher pass of a pair; an array that is full is replaced by a longer one."""
+    """Keep the higher pass of a pair; a full array is replaced by a longer one."""
     low, high = (a, b) if a < b else (b, a)
     at = first[low]
     while at >= 0 and passes[at, 1] != high:
@@ -86,7 +86,7 @@ def _longer(rows: NDArray[np.int32]) -> NDArray[np.int32]:
 
 @inlined
 def _apart(segment_of: NDArray[np.int32], a: int, b: int) -> bool:
-    """Whether two basins lie in different segments at any scale."""
+    """Whether two basins are in different segments at some scale."""
     for scale in range(segment_of.shape[0]):  # noqa: SIM110 - numba compiles no generators
         if segment_of[scale, a] != segment_of[scale, b]:
             return True
@@ -103,11 +103,11 @@ def border_sites(
     cells: NDArray[np.int8],
     free: int,
 ) -> tuple[int, NDArray[np.int32]]:
-    """M and where segments touch: (M or more, 7).
+    """M and the sites where segments touch (M or more, 7).
 
-    Columns: row and column of the middle of the two cells in halves of a cell (of a cell of a
-    line twice its own), the two basins, whether the cells share a side, whether both are free on
-    the map, whose ``cells`` have no frame, and the height.
+    Columns: row and column of the midpoint of the two cells in half cells (for a cell of a line,
+    twice its own), the two basins, whether the cells share a side, whether both are free on the
+    map (``cells``, without a frame), and the height.
     """
     width = -steps[0]
     sites = np.empty((1024, 7), np.int32)

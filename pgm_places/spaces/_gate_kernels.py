@@ -12,9 +12,9 @@ __all__ = ["narrowest_chords", "width_profiles"]
 def _free_run(
     cells: NDArray[np.int8], free: int, r: float, c: float, dr: float, dc: float, longest: float
 ) -> float:
-    """Length in cells of the free ray from (r, c), whole numbers being centres, at most longest.
+    """Length in cells of the free ray from (r, c), at most ``longest``; integers are cell centres.
 
-    Exact: from side to side of the cells that the ray passes (Amanatides and Woo, 1987).
+    Exact: traverses the cells along the ray side by side (Amanatides and Woo, 1987).
     """
     height, width = cells.shape
     y, x = r + 0.5, c + 0.5
@@ -48,9 +48,9 @@ _BESIDE = 1e-6
 def _clear_run(
     cells: NDArray[np.int8], free: int, r: float, c: float, dr: float, dc: float, longest: float
 ) -> float:
-    """The shorter of the free rays just beside (r, c): between two cells, both count.
+    """The shorter of the free rays just to either side of (r, c).
 
-    So the length does not depend on which of the two the line is taken to belong to.
+    On the border of two cells, the length then does not depend on which cell the line is in.
     """
     y, x = _BESIDE * dc, -_BESIDE * dr
     r, c = r + _BESIDE * dr, c + _BESIDE * dc  # not in the cell behind
@@ -67,10 +67,10 @@ def narrowest_chords(
     longest: float,
     chord: NDArray[np.float64],
 ) -> None:
-    """Write row and column of the middle, direction and length of each point's shortest chord.
+    """Write the shortest chord through each point.
 
-    ``chord`` is (G, 4): middle, number of the direction, length in cells. Of equal ones the first
-    direction counts. ``longest`` bounds each half.
+    ``chord`` is (G, 4): row and column of the midpoint, index of the direction, length in cells.
+    Ties go to the first direction. ``longest`` bounds each half.
     """
     for g in range(len(points_rc)):
         r, c = points_rc[g]
@@ -97,10 +97,10 @@ def width_profiles(
     longest: float,
     profile: NDArray[np.float64],
 ) -> None:
-    """Write the width of the free space along chords that are moved across, 0 inside walls.
+    """Write the width of the free space along parallel chords, 0 inside walls.
 
-    Chords lie along the unit vectors ``along_rc`` (G, 2) and are moved by ``offsets`` (P,) cells
-    along (column, -row) of it; ``profile`` is (G, P), in cells.
+    Chords run along the unit vectors ``along_rc`` (G, 2) and are shifted by ``offsets`` (P,) cells
+    along their normals (column, -row); ``profile`` is (G, P), in cells.
     """
     for g in range(len(middle_rc)):
         dr, dc = along_rc[g]

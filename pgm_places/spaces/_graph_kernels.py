@@ -1,4 +1,4 @@
-"""Where a node lies in a graph: shortest paths through it, and connections without it."""
+"""The position of a node in a graph: shortest paths through it, connectivity without it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,11 @@ def add_paths_from(
     paths: NDArray[np.float64],
     passed: NDArray[np.float64],
 ) -> int:
-    """Add to ``share`` (N,) the shares of the shortest paths from a node that lead through others.
+    """Add to ``share`` (N,) the shares of shortest paths from ``source`` that pass through nodes.
 
     Brandes (2001). The neighbours of node i are ``neighbour[start[i]:start[i + 1]]``; ``distance``
-    is -1 on entry and on return, the others are scratch (N,). Returns the nodes reached, the
-    source included.
+    is -1 on entry and on return, the others are scratch (N,). Returns the number of nodes reached,
+    including the source.
     """
     order[0] = source
     distance[source] = 0
@@ -63,17 +63,17 @@ def largest_rests(
     rest: NDArray[np.float64],
     whole: NDArray[np.float64],
 ) -> None:
-    """Write the weight of each node's component, and of the largest part of it without the node.
+    """Write the weight of each node's component, and of its largest part without the node.
 
-    Depth-first search (Hopcroft and Tarjan, 1973): a child's subtree is cut off where nothing in it
-    leads above the node.
+    Depth-first search (Hopcroft and Tarjan, 1973): a child's subtree is cut off if no edge leads
+    from it to an ancestor of the node.
     """
     n = len(weight)
     seen = np.empty(n, np.int64)  # the order of discovery
     lowest, parent, edge = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     stack, found = np.empty(n, np.int64), np.empty(n, np.int64)
-    below, largest = np.empty(n), np.empty(n)  # of the subtree, and of those that are cut off
-    cut = np.empty(n)  # of the latter together
+    below, largest = np.empty(n), np.empty(n)  # of the subtree; of the subtrees cut off
+    cut = np.empty(n)  # total of the latter
     for i in range(n):
         seen[i] = parent[i] = -1
         edge[i] = start[i]

@@ -1,4 +1,4 @@
-"""The features of cells from the segment that each lies in, run by run."""
+"""The features of cells from the segments they are in, one run of cells at a time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,13 @@ from pgm_places.kernels.jit import fused, inlined, njit
 __all__ = ["CELL_COLUMNS", "FARTHEST_M", "write_features"]
 
 CELL_COLUMNS = 3
-"""What a cell adds to the columns of its segment: its depth, its way out, and the width of that."""
+"""What a cell adds to the columns of its segment: depth, way out, and the way out's width."""
 
 FARTHEST_M = 10.0
-"""No way out is longer."""
+"""Distances to the way out are capped here."""
 
 _RUN = 16
-"""Cells of a row that share a search: openings far behind the nearest one are left out for all."""
+"""Cells of a row that share a search: openings far behind the nearest are ruled out for all."""
 
 _ROUNDING = 1e-6
 
@@ -33,7 +33,7 @@ def _away(row: float, column: float, lines: NDArray[np.float64], e: int) -> floa
 
 @inlined  # compiled by itself, it would be compiled for the literal 0 too
 def _run_end(cells_rc: NDArray[np.int32], segment: NDArray[np.int32], first: int) -> int:
-    """Where the cells from ``first`` on leave its row, its segment, or the next few columns."""
+    """The end of the run from ``first``: cells of one row and segment, at most ``_RUN`` columns."""
     end = first + 1
     while (
         end < len(cells_rc)
@@ -56,10 +56,10 @@ def _lines_near(
     near: NDArray[np.int64],
     away: NDArray[np.float64],
 ) -> int:
-    """Write to ``near`` the lines that may be the nearest of a cell in a run; how many they are.
+    """Write the lines that may be nearest to some cell of a run to ``near``; return their number.
 
-    The run goes from column ``low`` to ``high``. From its middle no distance is off by more than
-    half its length.
+    The run goes from column ``low`` to ``high``. Measured from its middle, no distance is off by
+    more than half its length.
     """
     nearest = np.inf
     for e in range(first, end):
@@ -88,13 +88,13 @@ def write_features(
     target: NDArray[np.int64],
     found: NDArray[np.float32],
 ) -> None:
-    """Write some columns of some cells: ``found[n, target[k]]`` is column ``source[k]`` of cell n.
+    """Write columns of features: ``found[n, target[k]]`` is column ``source[k]`` of cell n.
 
     The columns are those of the segment in ``table`` (S, F), followed by the distance to the wall
     over the segment's radius, the distance in metres to the nearest opening of the segment, at most
-    10, and its half width; where two are as near the wider one counts. Openings are straight lines,
-    rows of middle, half of it, and half width; those of segment s are
-    ``lines[start[s]:start[s + 1]]``, and ``most`` bounds their number.
+    10, and that opening's half width; ties go to the wider opening. Openings are straight lines:
+    rows of midpoint, half vector and half width; those of segment s are
+    ``lines[start[s]:start[s + 1]]``, at most ``most`` of them.
     """
     n_own = table.shape[1]
     values = np.empty(n_own + CELL_COLUMNS, np.float32)

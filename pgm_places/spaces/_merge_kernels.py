@@ -1,4 +1,4 @@
-"""Merging of basins over wide passes (union-find over the passes, the widest first)."""
+"""Merging basins across wide passes (union-find over the passes, widest first)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ __all__ = ["merge_basins"]
 
 @njit
 def _root(parent: NDArray[np.int32], i: int) -> int:
-    """The smallest number of those merged with ``i``; halves the path on the way."""
+    """The smallest number in the set of ``i``, with path halving."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]
@@ -47,14 +47,14 @@ def merge_basins(
 ) -> None:
     """Write for each basin the smallest number among those it is merged with.
 
-    ``pairs`` (E, 2) are sorted by falling ``half_width``. ``radius`` and ``area`` (B,) of the
-    basins are overwritten. Passes of equal width are taken together: at such a width a segment is
-    small where its radius is under width / ratio (or ``least_radius``). Small ones that touch join
-    each other; then each joins the large one that it touches, of several the one of the largest
-    radius, then area, and none where these are equal too. The outcome depends on no order.
+    ``pairs`` (E, 2) are sorted by decreasing ``half_width``. ``radius`` and ``area`` (B,) of the
+    basins are overwritten. Passes of equal width are processed together: at that width a segment is
+    small if its radius is under width / ratio (or ``least_radius``). Adjacent small segments join
+    each other; each result then joins the adjacent large segment with the largest radius, then
+    area, or none if these are tied. The outcome does not depend on any order.
     """
     n_basins = len(parent)
-    chosen = np.empty(n_basins, np.int32)  # of a small one: the large one to join
+    chosen = np.empty(n_basins, np.int32)  # for small segments: the large one to join
     tied = np.empty(n_basins, np.bool_)
     for i in range(n_basins):
         parent[i], chosen[i], tied[i] = i, -1, False
@@ -82,7 +82,7 @@ def merge_basins(
                     chosen[a], tied[a] = b, False
                 elif radius[b] == radius[best] and area[b] == area[best]:
                     tied[a] = True
-        # The roots of small ones stay what they are until all have chosen.
+        # The roots of small segments stay unchanged until all have chosen.
         for e in range(begin, end):
             for side in range(2):
                 a = _root(parent, pairs[e, side])

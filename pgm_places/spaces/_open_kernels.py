@@ -1,4 +1,4 @@
-"""Passes over the raster that count pieces and turn small ones over."""
+"""Passes over the raster that count pieces and flip small ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ __all__ = ["clear_small", "piece_sizes", "sides_of_value"]
 
 @njit
 def sides_of_value(cells: NDArray[np.int8], free: int, side: NDArray[np.int8]) -> None:
-    """Write 0 where a cell is not free and -1 where it is: what to look for pieces in."""
+    """Write -1 for free cells and 0 for the others, the raster that pieces are searched in."""
     for r in range(cells.shape[0]):
         for c in range(cells.shape[1]):
             side[r, c] = -1 if cells[r, c] == free else 0
@@ -31,9 +31,9 @@ def piece_sizes(piece: NDArray[np.int32], count: int) -> NDArray[np.int64]:
 def clear_small(
     piece: NDArray[np.int32], size: NDArray[np.int64], least: float, side: NDArray[np.int8]
 ) -> None:
-    """Turn the sides over, small pieces excepted.
+    """Swap the two sides, except for small pieces.
 
-    Pieces are those of the cells where ``side`` is 0. Those of at least ``least`` cells become -1;
+    Pieces are made of the cells where ``side`` is 0. Those of at least ``least`` cells become -1;
     smaller ones join the rest, which becomes 0.
     """
     for r in range(piece.shape[0]):

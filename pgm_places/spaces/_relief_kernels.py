@@ -10,10 +10,10 @@ __all__ = ["smoothed_roots"]
 
 @njit
 def smoothed_roots(squared: NDArray[np.int32], unit: int, relief: NDArray[np.int32]) -> None:
-    """Write the sum of the roots of the 3 x 3 cells around each open cell, in whole 1/unit.
+    """Write the sum of square roots over the 3 x 3 cells around each open cell, in units of 1/unit.
 
-    ``relief`` (H + 2, W + 2) has a frame of one cell and is 0 there and wherever ``squared`` is.
-    Whole numbers add up to the same in every order, whichever way the map is turned.
+    ``relief`` (H + 2, W + 2) has a frame of one cell and is 0 there and wherever ``squared`` is 0.
+    Integer sums do not depend on the order of summation, so rotating the map changes nothing.
     """
     height, width = squared.shape
     roots = np.zeros((3, width + 2), np.int32)

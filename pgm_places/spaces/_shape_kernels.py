@@ -8,7 +8,7 @@ from pgm_places.kernels.jit import njit
 __all__ = ["COLUMNS", "sum_basins"]
 
 COLUMNS = 9
-"""Summed heights, furniture, sides to walls, sides to the unknown, sums of r, c, rr, rc, cc."""
+"""Summed heights, furniture, sides at walls, sides at unknown cells, sums of r, c, rr, rc, cc."""
 
 
 @njit
@@ -23,10 +23,10 @@ def sum_basins(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> None:
-    """Add up every basin's cells in ``total`` (N, COLUMNS), and its extents in cells.
+    """Sum over the cells of every basin into ``total`` (N, COLUMNS) and find its extents in cells.
 
-    ``basin`` and ``relief`` have a frame. ``low`` and ``high`` (N, D) are the least and largest
-    projection of its cells on the ``directions`` (D, 2); what lies off the map is a wall.
+    ``basin`` and ``relief`` have a frame. ``low`` and ``high`` (N, D) are the minimum and maximum
+    projections of its cells onto the ``directions`` (D, 2); everything off the map is a wall.
     """
     height, width = cells.shape
     for r in range(height):

@@ -1,8 +1,8 @@
-"""Basins of a relief: every cell belongs to the summit that its steepest way up leads to.
+"""Basins of a relief: every cell belongs to the summit that steepest ascent leads to.
 
 All rasters are flat with a frame of one cell around the map, so that the neighbours of a cell are
-fixed steps away. Every rule looks at values only, never at the order of cells, so that a map turned
-by a right angle or mirrored falls into the same basins.
+at fixed offsets. Every rule depends on values only, never on the order of cells, so that rotating
+the map by a right angle or mirroring it leaves its basins the same.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from pgm_places.kernels.jit import inlined, njit
 __all__ = ["PARTED", "climb", "cross_plateaus", "number_lines", "number_summits", "steepest_ways"]
 
 PARTED = 2**31 - 1
-"""The basin of a cell whose steepest ways up lead to summits that nothing tells apart."""
+"""The basin of a cell whose steepest ascents lead to indistinguishable summits."""
 
 N_SIDES = 4  # the first four neighbours share a side, the others a corner
 SIDE_WEIGHT, CORNER_WEIGHT = 181, 128  # a slope is a rise over 1 or over the root of 2
@@ -23,9 +23,9 @@ SIDE_WEIGHT, CORNER_WEIGHT = 181, 128  # a slope is a rise over 1 or over the ro
 def steepest_ways(
     relief: NDArray[np.int32], steps: NDArray[np.int64], ways: NDArray[np.uint8]
 ) -> None:
-    """Write the set of steepest ways up from each cell, a bit a neighbour; none on flat ground.
+    """Write the steepest ascents from each cell, one bit per neighbour; none on flat ground.
 
-    Where a way over a side is as steep as one over a corner, the sides' ways are taken.
+    Sides win ties against corners.
     """
     width = -steps[0]
     for i in range(width, relief.size - width):
@@ -57,10 +57,10 @@ def cross_plateaus(
     basin: NDArray[np.int32],
     queue: NDArray[np.int32],
 ) -> None:
-    """Give the cells of plateaus that lead higher their ways to the nearest cells that do.
+    """Point the cells of plateaus that have an ascent towards their nearest cells that ascend.
 
-    Waves run inward from those. ``basin`` is -1 on entry and on return less than -1 where a wave
-    came by; ``queue`` is scratch for one entry a cell.
+    Waves run inward from those. ``basin`` is -1 on entry, and less than -1 on return wherever a
+    wave has passed; ``queue`` is scratch with one entry per cell.
     """
     width = -steps[0]
     end = 0
@@ -100,7 +100,7 @@ def _ways_back(
     i: int,
     wave: int,
 ) -> int:
-    """The neighbours on the same plateau that the wave before this one reached, sides first."""
+    """The neighbours on the same plateau that the previous wave reached, sides first."""
     found = 0
     for k in range(8):
         if k == N_SIDES and found:
@@ -119,10 +119,10 @@ def number_summits(
     basin: NDArray[np.int32],
     stack: NDArray[np.int32],
 ) -> tuple[int, NDArray[np.int64]]:
-    """B and (B or more,) rank of each summit: the higher and then the larger plateau.
+    """B and (B or more,) the rank of each summit: by height, then by the size of the plateau.
 
-    Summits are the plateaus that lead nowhere higher, numbered in the order of their first cell;
-    their basins are written.
+    Summits are plateaus without an ascent, numbered in the order of their first cells; their basins
+    are written.
     """
     width = -steps[0]
     rank = np.empty(1024, np.int64)
@@ -162,9 +162,9 @@ def climb(
     basin: NDArray[np.int32],
     stack: NDArray[np.int32],
 ) -> int:
-    """Write the basin of every cell; returns how many are ``PARTED``.
+    """Write the basin of every cell; returns the number of ``PARTED`` cells.
 
-    Where the ways lead to several basins, the one with the highest rank takes the cell.
+    If ascents lead to several basins, the cell goes to the one with the highest rank.
     """
     width = -steps[0]
     n_parted = 0
@@ -207,10 +207,10 @@ def climb(
 def number_lines(
     basin: NDArray[np.int32], steps: NDArray[np.int64], count: int, stack: NDArray[np.int32]
 ) -> tuple[int, int, NDArray[np.int64]]:
-    """Number the lines that ``PARTED`` cells form from ``count`` on.
+    """Number the lines that ``PARTED`` cells form, from ``count`` on.
 
-    Returns how many there are, and how many pairs (line, basin beside it), with repetitions, are
-    the first of the flat list that follows.
+    Returns the number of lines, the number of pairs (line, adjacent basin), with repetitions, and
+    a flat list that begins with these pairs.
     """
     width = -steps[0]
     beside = np.empty(2048, np.int64)
@@ -248,7 +248,7 @@ def number_lines(
 def areas_and_volumes(
     basin: NDArray[np.int32], relief: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(B,) cells and summed heights of the basins numbered below ``count``."""
+    """(B,) the number of cells and the summed heights of the basins below ``count``."""
     area, volume = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for i in range(basin.size):
         if 0 <= basin[i] < count:
@@ -259,7 +259,7 @@ def areas_and_volumes(
 
 @njit
 def renumber(basin: NDArray[np.int32], number: NDArray[np.int32]) -> None:
-    """Replace every number of a raster, -1 excepted."""
+    """Replace every number of a raster except -1."""
     for i in range(basin.size):
         if basin[i] >= 0:
             basin[i] = number[basin[i]]

@@ -11,20 +11,20 @@ from pgm_places.spaces.basins import Basins
 __all__ = ["N_RECTANGLES", "BasinSums", "sum_up"]
 
 N_RECTANGLES = 15
-"""Rectangles are tried every 6 degrees over a quarter turn."""
+"""Rectangles are tried at steps of 6 degrees over a quarter turn."""
 
 
 @dataclass(frozen=True, eq=False)
 class BasinSums:
-    """Of each basin and line (N = B + n_lines), in cells.
+    """Sums and extents of each basin and line (N = B + n_lines), in cells.
 
     Parameters
     ----------
     total : (N, 9) int64
-        Summed heights, cells that are not free on the map, sides to walls, sides to the unknown,
+        Summed heights, cells not free on the map, sides at walls, sides at unknown cells,
         and the sums of r, c, rr, rc, cc over the cells (r, c).
     low, high : (N, 30) float64
-        Least and largest projection of the cells on 30 directions over half a turn; directions k
+        Minimum and maximum projections of the cells onto 30 directions over half a turn; k
         and k + 15 are at right angles.
     """
 

@@ -16,7 +16,7 @@ class Basins:
     ----------
     raster : (H + 2, W + 2) int32
         Basin of each cell, with a frame of one cell; -1 where it is not open. Numbers from
-        ``count`` on are lines: cells half-way between basins that nothing tells apart.
+        ``count`` on are lines: cells halfway between indistinguishable basins.
     count : int
         B, the number of basins.
     area : (B + n_lines,) int64
@@ -24,9 +24,9 @@ class Basins:
     summit : (B + n_lines,) int32
         The largest height in each basin, 0 for lines.
     beside : (P, 2) int64
-        Each line with each basin that it touches, sorted.
+        Each line with each adjacent basin, sorted.
     n_lines : int
-        How many lines there are.
+        Number of lines.
     """
 
     raster: NDArray[np.int32]
@@ -37,7 +37,7 @@ class Basins:
     n_lines: int
 
     def segment_of_line(self, segment_of: NDArray[np.int32]) -> NDArray[np.int32]:
-        """(n_lines,) the segment that all basins beside a line lie in, -1 where they differ."""
+        """(n_lines,) the segment shared by all basins beside a line, -1 if they differ."""
         low = np.full(self.n_lines, np.iinfo(np.int32).max, np.int32)
         high = np.full(self.n_lines, -1, np.int32)
         line, segment = self.beside[:, 0] - self.count, segment_of[self.beside[:, 1]]
@@ -49,7 +49,7 @@ class Basins:
 def neighbour_steps(padded_width: int) -> NDArray[np.int64]:
     """(8,) steps to the neighbours of a cell in a flat raster, sides first, then corners.
 
-    Those with odd numbers lead to cells of higher numbers.
+    Steps with odd indices lead to later cells.
     """
     w = padded_width
     return np.array([-w, w, -1, 1, -w - 1, w + 1, -w + 1, w - 1], np.int64)
@@ -58,18 +58,18 @@ def neighbour_steps(padded_width: int) -> NDArray[np.int64]:
 def find_basins(relief: NDArray[np.int32]) -> Basins:
     """The basins of a relief (H + 2, W + 2) with a frame of 0.
 
-    Every cell goes to the summit that its steepest ways up lead to; across a plateau to the
-    nearest cells that lead higher. Where several summits are reached alike, the cell goes to the
-    highest, then to that of the largest plateau, and then to the basin of the larger area and
-    volume. Cells for which all of these are equal lie on a line between the basins and belong to
-    none, because any choice would depend on how the map is turned.
+    Every cell goes to the summit reached by steepest ascent, crossing plateaus to the nearest cells
+    that ascend. If it reaches several summits, the cell goes to the highest, then to the one with
+    the largest plateau, then to the basin with the larger area and volume. Cells for which all of
+    these are tied form lines between the basins and belong to none, because any choice would depend
+    on the orientation of the map.
     """
     from pgm_places.spaces import _watershed_kernels as kernels
 
     flat, steps = relief.reshape(-1), neighbour_steps(relief.shape[1])
     ways = np.zeros(flat.size, np.uint8)
     basin = np.full(flat.size, -1, np.int32)
-    scratch = np.empty(flat.size, np.int32)  # its pages are touched only as far as it is used
+    scratch = np.empty(flat.size, np.int32)  # pages are only touched as far as it is used
     kernels.steepest_ways(flat, steps, ways)
     kernels.cross_plateaus(flat, steps, ways, basin, scratch)
     count, room = kernels.number_summits(flat, steps, ways, basin, scratch)
@@ -95,7 +95,7 @@ def _settled(
     area: NDArray[np.int64],
     volume: NDArray[np.int64],
 ) -> tuple[NDArray[np.int32], int, NDArray[np.int64]]:
-    """New numbers of basins and lines: lines beside one largest basin become part of it."""
+    """New numbers of basins and lines: lines beside a single largest basin become part of it."""
     line, basin = beside.T
     order = np.lexsort((volume[basin], area[basin], rank[basin], line))
     line, basin = line[order], basin[order]

@@ -1,4 +1,4 @@
-"""Features of cells from the segments they lie in, looked up a chunk of cells at a time."""
+"""Features of cells from the segments they are in, looked up one chunk of cells at a time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_
 __all__ = ["CellFeatures", "space_feature_names"]
 
 _CELLS_PER_TASK = 8192
-"""Cells that one thread looks up at a time: what is read of them stays in a near cache."""
+"""Cells that one thread looks up at a time, few enough for its data to stay in cache."""
 
 
 def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tuple[str, ...]:
-    """The names of the columns for some scales, and for places where there are any.
+    """The names of the columns for the given scales and, optionally, for places.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tup
 
 @dataclass(frozen=True, eq=False)
 class CellFeatures:
-    """The features of any cell of a map, made when they are asked for.
+    """The features of any cell of a map, computed on demand.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class CellFeatures:
 
     @classmethod
     def of(cls, segmentation: Segmentation, places: Places | None = None) -> Self:
-        """The features from all scales of a segmentation, and from its places if they are given."""
+        """The features from all scales of a segmentation and, if given, from its places."""
         tables = tuple(segment_features(scale) for scale in segmentation.scales)
         names = space_feature_names(segmentation.ratios, places=places is not None)
         if places is None:
@@ -85,23 +85,22 @@ class CellFeatures:
     ) -> NDArray[np.float32]:
         """(n, F) features of cells: those of ``columns``, by default all of ``names``.
 
-        Of cells that lie in no segment the columns of that scale are 0, the distance to the
-        nearest opening excepted, which is 10 m as wherever there is none. Openings are taken as
-        straight lines.
+        For cells outside all segments of a scale, the columns of that scale are 0, except for the
+        distance to the nearest opening, which is 10 m. Openings are treated as straight lines.
 
         Parameters
         ----------
         cells_rc : (n, 2) int
-            Row and column. Neighbours in a row that follow each other are looked up fastest.
+            Row and column. Consecutive cells of a row are fastest.
         columns : (F,) int, optional
             Indices into ``names``.
         n_threads : int, optional
-            All cores by default; the bits are the same for any number.
+            All cores by default; the results are bit-identical for any number.
 
         Raises
         ------
         InputError
-            If a cell lies outside the map, or there is no such column.
+            If a cell lies outside the map or a column does not exist.
         """
         chosen = range(len(self.names)) if columns is None else columns
         found = np.empty((len(np.asarray(cells_rc)), len(np.asarray(chosen))), np.float32)
@@ -117,7 +116,7 @@ class CellFeatures:
         *,
         n_threads: int | None = None,
     ) -> None:
-        """Write what :meth:`lookup` gives to ``found[:, first:first + F]``, C-contiguous."""
+        """Write the result of :meth:`lookup` to ``found[:, first:first + F]``, C-contiguous."""
         cells, size = np.asarray(cells_rc), len(self.names)
         chosen = integer_array("columns", columns, ("F",), low=0, high=size)
         cells = self.divisions[0].watershed.checked(cells_rc)
@@ -125,7 +124,7 @@ class CellFeatures:
 
         def take(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
-            places = cells[some].copy()  # never read-only: one type, one kernel to compile
+            places = cells[some].copy()  # never read-only, so that one kernel is compiled
             basin, clearance = self.divisions[0].watershed.read(places)
             found[some, first + np.flatnonzero(chosen == 0)] = clearance[:, None]
             for lookup, source, target in groups:
@@ -136,7 +135,7 @@ class CellFeatures:
 
     @cached_property
     def _lookups(self) -> list[tuple[SegmentLookup, slice]]:
-        """Each division's lookup, and where its columns are among all."""
+        """Each division's lookup and the position of its columns among all columns."""
         found, first = [], 1
         for division, table in zip(self.divisions, self.tables, strict=True):
             lookup = SegmentLookup.of(division, table)
@@ -146,6 +145,6 @@ class CellFeatures:
 
 
 def _within(columns: NDArray[np.int64], part: slice) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of the columns that lie in a part: their numbers within it, and their places."""
+    """The columns that belong to a part: their indices within it, and their positions."""
     places = np.flatnonzero((columns >= part.start) & (columns < part.stop))
     return columns[places] - part.start, places

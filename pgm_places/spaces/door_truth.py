@@ -1,4 +1,4 @@
-"""Which gates, or painted doorways, are doors of a labelled map: door by door."""
+"""Matching gates, or painted doorways, with the doors of a labelled map."""
 
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass
@@ -14,21 +14,21 @@ from pgm_places.spaces.gates import Gates
 
 __all__ = ["DoorMatch", "DoorScores", "match_doors", "match_painted"]
 
-_LEAST_OVERLAP = 0.3  # the narrowest place beside a door leaf that stands open lies aslant
+_LEAST_OVERLAP = 0.3  # the narrowest chord beside an open door leaf is oblique
 _LEAST_DOOR_M2 = 0.1
 _MARGIN_M = 0.1
 
 
 @dataclass(frozen=True)
 class DoorScores:
-    """How well accepted gates, or painted doorways, are the doors of a map.
+    """How well accepted gates, or painted doorways, match the doors of a map.
 
     Parameters
     ----------
     doors, found : int
-        Doors of the truth, and how many of them an accepted gate matches.
+        Number of true doors, and how many of them are matched by an accepted gate.
     accepted, right : int
-        Accepted gates whose truth is known, and how many of them match a door.
+        Number of accepted gates with known truth, and how many of them match a door.
     """
 
     doors: int
@@ -50,17 +50,17 @@ class DoorScores:
 
     @property
     def invented(self) -> int:
-        """Accepted gates that are no doors."""
+        """Accepted gates that are not doors."""
         return self.accepted - self.right
 
     @property
     def recall(self) -> float:
-        """Share of the doors that were found; 1 where there is none."""
+        """Recall: share of the doors that were found; 1 if there are none."""
         return self.found / self.doors if self.doors else 1.0
 
     @property
     def precision(self) -> float:
-        """Share of the accepted gates that are doors; 1 where there is none."""
+        """Precision: share of the accepted gates that are doors; 1 if there are none."""
         return self.right / self.accepted if self.accepted else 1.0
 
 
@@ -71,7 +71,7 @@ class DoorMatch:
     Parameters
     ----------
     door : (G,) int64
-        Door that each gate matches, -1 for none.
+        Door matched by each gate, -1 for none.
     known : (G,) bool
         Whether at least half of the gate's free cells are labelled.
     door_m2 : (D,) float64
@@ -88,9 +88,9 @@ class DoorMatch:
         return self.door >= 0
 
     def scores(self, accepted: ArrayLike) -> DoorScores:
-        """The scores of the gates that are accepted (G,) bool.
+        """The scores of the accepted gates (G,) bool.
 
-        Doors under 0.1 m2 need not be found: slips of the pen.
+        Doors under 0.1 m2 need not be found: they are drawing errors.
         """
         taken = np.asarray(accepted)
         if taken.shape != self.door.shape or taken.dtype != np.bool_:
@@ -111,10 +111,10 @@ class DoorMatch:
 
 
 def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
-    """The door that each gate matches.
+    """The door matched by each gate.
 
-    A door is a piece of free cells labelled ``doorway`` that are connected by sides or corners. A
-    gate matches where the cells in its rectangle, 0.1 m larger at every end, and those of the door
+    A door is a set of free cells labelled ``doorway``, connected by sides or corners. It is matched
+    by a gate if the cells of its rectangle, extended by 0.1 m at every end, and those of the door
     overlap by at least three tenths of the smaller of the two.
 
     Parameters
@@ -133,7 +133,7 @@ def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
 def match_painted(
     painted: ArrayLike, grid: OccupancyGrid, labels: ArrayLike, doorway: int
 ) -> DoorMatch:
-    """The door that each painted doorway matches, as a gate would: for methods without gates.
+    """The door matched by each painted doorway, by the rule for gates: for methods without gates.
 
     A painted doorway is a piece of cells that a method labelled ``doorway``, of at least 0.1 m2:
     as smaller doors need not be found, smaller pieces are not counted.
@@ -168,7 +168,7 @@ def match_painted(
 def _door_pieces(
     raster: NDArray[np.int16], grid: OccupancyGrid, doorway: int
 ) -> tuple[NDArray[np.int32], int]:
-    """(H, W) number of the piece of doorway cells that each cell lies in, -1 for none."""
+    """(H, W) number of the connected set of doorway cells that each cell is in, -1 for none."""
     from pgm_places.maps._component_kernels import label_components
 
     is_door = np.where((raster == doorway) & grid.free, np.int8(0), np.int8(-1))
@@ -184,7 +184,7 @@ def _match(
     labels: ArrayLike,
     doorway: int,
 ) -> DoorMatch:
-    """The door that each candidate, given by its cells (n, 2), overlaps most."""
+    """The door that each candidate overlaps most; candidates are given by their cells (n, 2)."""
     raster = label_raster("labels", labels, grid.shape)
     piece, count = _door_pieces(raster, grid, doorway)
     size = np.bincount(piece[piece >= 0], minlength=count)

@@ -1,4 +1,4 @@
-"""Doorways of a map: its accepted gates, and the places that they part."""
+"""Doorways of a map: its accepted gates, and the places on either side."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -23,13 +23,13 @@ class Doorways:
     Parameters
     ----------
     grid : OccupancyGrid
-        The map whose spaces they were found in.
+        The map they were found in.
     gates : tuple of Gate
-        The doorways, as rectangles of the map frame.
+        The doorways, as rectangles in the map frame.
     probability : (G,) float64
-        Of each being a doorway.
+        Probability that each is a doorway.
     place : (H, W) int32
-        Number of the place that each cell lies in, -1 for none.
+        Number of the place that each cell is in, -1 for none.
     """
 
     grid: OccupancyGrid
@@ -53,13 +53,13 @@ class Doorways:
 
     @classmethod
     def of(cls, places: Places, probability: NDArray[np.float64]) -> Self:
-        """The accepted gates of some places.
+        """The accepted gates between places.
 
         Parameters
         ----------
         places : Places
         probability : (G,) float64
-            Of each candidate, accepted or not.
+            Probability of each candidate, accepted or not.
 
         Examples
         --------
@@ -83,12 +83,12 @@ class Doorways:
         )
 
     def place_on(self, grid: OccupancyGrid) -> NDArray[np.int32]:
-        """(H, W) the place at the centre of each cell of the same map in other cells, -1 for none.
+        """(H, W) the place at each cell centre of the same map at another resolution, -1 for none.
 
         Raises
         ------
         InputError
-            The map has another frame.
+            The map is in another frame.
         """
         if grid.shape == self.grid.shape and grid.resolution_m == self.grid.resolution_m:
             return self.place.copy()
@@ -98,7 +98,7 @@ class Doorways:
                 f"{self.grid.yaw_rad:g}, but the map has {grid.origin_xy_m} and {grid.yaw_rad:g}"
             )
         factor = simplest_factor(self.grid.resolution_m / grid.resolution_m)
-        # Cells that stick out are those of the last block: the nearest row and column stands in.
+        # Only cells of the last blocks stick out: they take the nearest row and column.
         rows, columns = (
             np.minimum(holders(np.arange(n), factor), last - 1)
             for n, last in zip(grid.shape, self.grid.shape, strict=True)

@@ -73,7 +73,7 @@ def _shape_columns(gates: Gates, radius: NDArray[np.float64]) -> dict[str, NDArr
 
 
 def _others(gates: Gates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(G,) distance to the nearest other candidate, and how many are near."""
+    """(G,) distance to the nearest other candidate, and the number of others nearby."""
     from scipy.spatial import cKDTree
 
     if len(gates) < 2:
@@ -90,7 +90,7 @@ def _same_pair(gates: Gates) -> NDArray[np.float64]:
 
 
 def _parted(gates: Gates, scale: int) -> NDArray[np.float64]:
-    """(G,) 1 where a scale parts the basins beside the gate; 1 too where there is no such scale."""
+    """(G,) 1 if a scale separates the basins beside the gate, or if there is no such scale."""
     scales = gates.segmentation.scales
     if scale >= len(scales):
         return np.ones(len(gates))

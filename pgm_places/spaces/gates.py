@@ -20,34 +20,34 @@ __all__ = [
 ]
 
 MOST_HALF_WIDTH_M = 1.6
-"""Openings with more room than this are no gates."""
+"""Openings with more clearance than this are not gates."""
 
 LEAST_WIDTH_M = 0.2
-"""Gaps that are narrower are none: nobody passes between a wall and the leg of a table."""
+"""Narrower gaps are not gates: nobody passes between a wall and a table leg."""
 
 N_DIRECTIONS = 24
 """Chords are tried every 7.5 degrees."""
 
 OFFSETS_M = np.arange(-15, 16) / 10
-"""Where widths are taken: up to 1.5 m before and behind a gate."""
+"""Where widths are measured: up to 1.5 m before and behind a gate."""
 
 _LONGEST_M = 3.0
-"""Chords end here on each side."""
+"""Length limit of a chord on each side."""
 
 _WIDER, _WIDER_M = 1.25, 0.1
-"""A gate is as deep as the passage is at most so much wider than at its narrowest."""
+"""A gate extends as far as the passage is at most this much wider than at its narrowest."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A rectangle in which one passes from a segment to another.
+    """A rectangle through which one passes from one segment to another.
 
     Parameters
     ----------
     centre_m : (float, float)
         Its centre in the map frame.
     heading_rad : float
-        The direction of passing through, in the map frame, in (-pi/2, pi/2].
+        The direction of passage in the map frame, in (-pi/2, pi/2].
     width_m : float
         Across the heading, from wall to wall.
     depth_m : float
@@ -75,9 +75,9 @@ class Gate:
     def contains(
         self, points_m: ArrayLike, *, wider_m: float = 0.0, deeper_m: float = 0.0
     ) -> NDArray[np.bool_]:
-        """(n,) which points (n, 2) of the map frame lie in it.
+        """(n,) which points (n, 2) of the map frame are inside.
 
-        ``wider_m`` and ``deeper_m`` are added at either end of its width and depth.
+        ``wider_m`` and ``deeper_m`` extend the width and the depth at either end.
         """
         offset = np.asarray(points_m, np.float64).reshape(-1, 2) - self.centre_m
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
@@ -88,7 +88,7 @@ class Gate:
     def cells(
         self, grid: OccupancyGrid, *, wider_m: float = 0.0, deeper_m: float = 0.0
     ) -> NDArray[np.int64]:
-        """(n, 2) row and column of the free cells whose centres lie in it, in row-major order."""
+        """(n, 2) row and column of the free cells with their centres inside, in row-major order."""
         reach = np.hypot(self.width_m / 2 + wider_m, self.depth_m / 2 + deeper_m)
         low, high = grid.cells_at_m([self.centre_m])[0] + np.array([[-1], [1]]) * (
             int(reach / grid.resolution_m) + 1
@@ -104,19 +104,19 @@ class Gate:
 
 @dataclass(frozen=True, eq=False)
 class Gates:
-    """The candidates of a map, sorted by the segments that they part.
+    """The candidate gates of a map, sorted by the segments on either side.
 
     Parameters
     ----------
     segmentation : Segmentation
-        The map's, whose finest scale they belong to.
+        The segmentation of the map; gates belong to its finest scale.
     openings : Openings
-        The gap of each (G of them), cut where an obstacle that segments ignore stands in it.
+        The G gaps, split at obstacles that segmentation ignores.
     centre_m : (G, 2) float64
     heading_rad, width_m, depth_m : (G,) float64
         See :class:`Gate`.
     profile_m : (G, 31) float64
-        Width of the free space 1.5 m before to 1.5 m behind, every 0.1 m; the wider side last.
+        Width of the free space from 1.5 m before to 1.5 m behind, every 0.1 m; wider side last.
     """
 
     segmentation: Segmentation
@@ -140,16 +140,16 @@ class Gates:
 
     @property
     def segments(self) -> NDArray[np.int32]:
-        """(G, 2) the two segments of the finest scale that each parts."""
+        """(G, 2) the two segments of the finest scale on either side of each."""
         return self.openings.segments
 
 
 def gate_candidates(segmentation: Segmentation) -> Gates:
     """The openings of the finest scale that are narrow enough to be doorways.
 
-    Those with a half width under 1.6 m at the saddle. Through the middle of each the shortest of 24
-    chords of free cells is taken, up to 3 m to either side, and at least 0.2 m long; the gate is as
-    deep as the passage is at most 1.25 times as wide plus 0.1 m.
+    These have a half width under 1.6 m at the saddle. The width of a gate is the shortest of 24
+    chords of free cells through its middle, up to 3 m to either side, and at least 0.2 m; its depth
+    is the extent over which the passage is at most 1.25 times as wide plus 0.1 m.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def gate_candidates(segmentation: Segmentation) -> Gates:
     offsets = OFFSETS_M / grid.resolution_m
     width_profiles(grid.cells, FREE, chord[:, :2].copy(), along, offsets, longest, profile)
     before, behind = _depths(profile * grid.resolution_m, chord[:, 3] * grid.resolution_m)
-    # Moving across goes along (column, -row) of the chord's direction.
+    # The normal of a chord with direction (row, column) is (column, -row).
     across = np.stack([along[:, 1], -along[:, 0]], axis=1)
     shift = (behind - before) / 2 / grid.resolution_m
     heading = np.arctan2(across[:, 0], across[:, 1]) + grid.yaw_rad
@@ -206,9 +206,9 @@ def _directions() -> NDArray[np.float64]:
 
 
 def _on_free_cells(grid: OccupancyGrid, points_rc: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The points, those that touch a cell that is not free moved to the nearest free centre.
+    """The points, moved to the nearest free cell centre if they touch a cell that is not free.
 
-    Of several as near the mean is taken, whichever way the map is turned.
+    Ties are resolved by the mean, which does not depend on the orientation of the map.
     """
     moved = points_rc.copy()
     for g, point in enumerate(points_rc):
@@ -225,7 +225,7 @@ def _on_free_cells(grid: OccupancyGrid, points_rc: NDArray[np.float64]) -> NDArr
 def _free_between(
     grid: OccupancyGrid, low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """(n, 2) the free cells from one row and column to another, both included."""
+    """(n, 2) the free cells between two corners, inclusive."""
     first = np.maximum(low, 0).astype(np.int64)
     last = np.minimum(high + 1, grid.shape).astype(np.int64)
     part = grid.cells[first[0] : last[0], first[1] : last[1]]
@@ -235,7 +235,7 @@ def _free_between(
 def _depths(
     profile_m: NDArray[np.float64], width_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(G,) and (G,) how far the passage stays narrow before and behind, at least half a step."""
+    """(G,) and (G,) the extents of the narrow passage before and behind, at least half a step."""
     middle = profile_m.shape[1] // 2
     narrow = profile_m <= (width_m * _WIDER + _WIDER_M)[:, None]
     before = np.logical_and.accumulate(narrow[:, middle - 1 :: -1], axis=1).sum(axis=1)

@@ -11,14 +11,14 @@ FURNITURE_M2 = 0.35
 """Smaller obstacles, whether occupied or unknown, are filled: table legs, chairs, specks."""
 
 SMALLEST_SPACE_M2 = 1.0
-"""Smaller pieces of free space are dropped: what a beam saw through a gap."""
+"""Smaller pieces of free space are dropped: glimpses through gaps."""
 
 
 def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """(H, W) which cells are open: free space with small obstacles filled, small pieces dropped.
 
-    Obstacles are connected by sides and corners, free space by sides. A dropped piece stays
-    dropped, its obstacles with it.
+    Obstacles are connected by sides and corners, free space by sides. Obstacles within a dropped
+    piece are dropped with it.
 
     Examples
     --------
@@ -33,10 +33,10 @@ def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     side = np.empty(grid.shape, np.int8)
     sides_of_value(grid.cells, FREE, side)
     piece = np.empty(grid.shape, np.int32)
-    scratch = np.empty(piece.size, np.int32)  # its pages are touched only as far as it is used
+    scratch = np.empty(piece.size, np.int32)  # pages are only touched as far as it is used
     cell_m2 = grid.resolution_m**2
     for eight, least_m2 in ((True, FURNITURE_M2), (False, SMALLEST_SPACE_M2)):
         count = label_components(side, eight, scratch, piece)
-        # after the first turn, open space is 0 and what is left of the obstacles -1
+        # after the first pass, open space is 0 and the remaining obstacles are -1
         clear_small(piece, piece_sizes(piece, count), least_m2 / cell_m2, side)
     return side != 0

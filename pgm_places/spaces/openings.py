@@ -21,16 +21,16 @@ class Borders:
     Parameters
     ----------
     halves_rc : (M, 2) int32
-        Row and column half-way between the two cells, in halves of a cell: twice those of a cell
-        that lies between the basins.
+        Row and column halfway between the two cells, in half cells; for a cell between the basins,
+        twice its own.
     basins : (M, 2) int32
         The two basins, the smaller number first.
     relief : (M,) int32
-        The lower one of the two cells' heights.
+        The lower of the two cells' heights.
     is_side : (M,) bool
-        Whether the cells share a side; else a corner.
+        Whether the cells share a side rather than a corner.
     is_free : (M,) bool
-        Whether both cells are free on the map, neither one an obstacle that was filled.
+        Whether both cells are free on the map, that is, neither is a filled obstacle.
     """
 
     halves_rc: NDArray[np.int32]
@@ -40,7 +40,7 @@ class Borders:
     is_free: NDArray[np.bool_]
 
     def free_ones(self) -> Self:
-        """The sites without those at obstacles that were filled."""
+        """The sites that are not at filled obstacles."""
         return type(self)(*(getattr(self, field.name)[self.is_free] for field in fields(self)))
 
 
@@ -56,11 +56,11 @@ class Openings:
         Half the width of the free space at the saddle: the largest distance to a wall along the
         border.
     saddle_rc : (O, 2) float64
-        Row and column of the saddle, whole numbers being centres of cells.
+        Row and column of the saddle; integers are cell centres.
     centre_rc : (O, 2) float64
         Middle of the border.
     direction_rc : (O, 2) float64
-        Unit vector along the border; (0, 0) where it has none.
+        Unit vector along the border; (0, 0) if it has no direction.
     length_m : (O,) float64
         Extent along the border, at least one cell.
     sides : (O,) int64
@@ -82,23 +82,23 @@ class Openings:
         return len(self.segments)
 
     def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Self:
-        """Some of the openings, by mask or number."""
+        """A selection of the openings, by mask or index."""
         return type(self)(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m: float) -> Openings:
-    """The openings between the segments that basins are merged to.
+    """The openings between segments.
 
     Parameters
     ----------
     borders : Borders
-        Of a division at least as fine.
+        Those of a division at least as fine.
     segment_of : (B,) int32
         Segment of each basin.
     resolution_m : float
 
-    Sites of one pair of segments belong to one opening where they are at most a cell apart, so
-    that a pillar or a wall between two doors parts two openings.
+    Sites of one pair of segments belong to the same opening if they are at most a cell apart, so
+    that a pillar or a wall between two doors separates two openings.
     """
     both = np.sort(segment_of[borders.basins], axis=1)
     kept = np.flatnonzero((both[:, 0] != both[:, 1]) & (both[:, 0] >= 0))
@@ -127,7 +127,7 @@ def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m:
 
 
 def _pieces(both: NDArray[np.int32], halves_rc: NDArray[np.int32]) -> NDArray[np.int64]:
-    """(M,) number of the connected piece of border that each site lies on, sorted by pair."""
+    """(M,) number of the connected piece of border that each site belongs to, sorted by pair."""
     from scipy import sparse
 
     if not len(both):
@@ -167,7 +167,7 @@ def _directions(
         np.bincount(group, product, count)
         for product in (offset[:, 0] ** 2, offset[:, 0] * offset[:, 1], offset[:, 1] ** 2)
     )
-    # The larger eigenvalue's eigenvector of [[rr, rc], [rc, cc]] lies at half of this angle.
+    # The principal eigenvector of [[rr, rc], [rc, cc]] is at half this angle.
     angle = 0.5 * np.arctan2(2 * rc, cc - rr)
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)
     direction[np.hypot(2 * rc, cc - rr) <= 1e-9 * (rr + cc)] = 0.0

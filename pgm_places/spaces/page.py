@@ -1,6 +1,6 @@
 """The manual's tables of features of spaces: ``python -m pgm_places.spaces.page docs/spaces.md``.
 
-It rewrites the parts of the page between marks that name a table.
+Rewrites the parts of the page between the marks of a table.
 """
 
 import sys
@@ -40,7 +40,7 @@ def updated_page(text: str) -> str:
         before, found, rest = text.partition(start)
         _, end, after = rest.partition(END)
         if not found or not end:
-            raise InputError(f"the page must hold the marks {start!r} and {END!r}")
+            raise InputError(f"the page must contain the marks {start!r} and {END!r}")
         text = f"{before}{start}\n\n{_table(specs)}\n\n{END}{after}"
     return text
 
@@ -53,9 +53,9 @@ def _table(specs: tuple[SpaceSpec, ...]) -> str:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Rewrite the tables of the page that is named."""
+    """Rewrite the tables of the given page."""
     if len(arguments) != 1:
-        raise InputError("name one page: python -m pgm_places.spaces.page docs/spaces.md")
+        raise InputError("give one page: python -m pgm_places.spaces.page docs/spaces.md")
     page = Path(arguments[0])
     page.write_text(updated_page(page.read_text(encoding="utf-8")), encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Places: the areas between accepted gates, the rooms and corridors that a person would draw."""
+"""Places: the areas between accepted gates, like the rooms and corridors a person would draw."""
 
 from dataclasses import dataclass
 
@@ -17,12 +17,12 @@ __all__ = ["Places", "place_features", "places_between"]
 
 
 _SLIVER_M2 = 2.0
-"""Smaller segments behind a gap that nobody passes are corners of a place, not places."""
+"""Smaller segments behind an impassable gap are corners of a place, not places."""
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The segments of the finest scale, joined wherever no accepted gate parts them.
+    """The segments of the finest scale, joined wherever no accepted gate separates them.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class Places:
     accepted : (G,) bool
         Which of them count as doorways.
     segments : Segments
-        The places, as a division of the open space: areas, openings, raster, graph.
+        The places as a division of the open space, with areas, openings, raster and graph.
     gate_places : (G, 2) int32
-        The two places beside each gate, which may be the same one.
+        The two places on either side of each gate, possibly the same.
     """
 
     gates: Gates
@@ -47,28 +47,28 @@ class Places:
 
     @property
     def graph(self) -> LabelGraph:
-        """The places as nodes, those that touch joined."""
+        """The places as nodes; adjacent places are joined."""
         return self.segments.graph
 
     @property
     def parting(self) -> NDArray[np.bool_]:
-        """(G,) which accepted gates have a different place on either side."""
+        """(G,) which accepted gates have different places on their two sides."""
         return np.asarray(self.accepted & (self.gate_places[:, 0] != self.gate_places[:, 1]))
 
 
 def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5) -> Places:
-    """The places of a map between the gates that are accepted.
+    """The places of a map between accepted gates.
 
-    Two segments of the finest scale are one place where an opening between them is too wide for a
-    gate, or where there are candidates between them and none is accepted. Gaps under 0.2 m, which
-    are no candidates, join nothing, be it cracks in a wall or a row of chairs; but segments under
-    2 m2 that have no other way out join the neighbour behind their widest gap.
+    Two segments of the finest scale belong to one place if an opening between them is too wide for
+    a gate, or if there are candidates between them and none is accepted. Gaps under 0.2 m, such as
+    cracks in a wall or between chairs in a row, are not candidates and join nothing; but segments
+    under 2 m2 without another way out join the neighbour behind their widest gap.
 
     Parameters
     ----------
     gates : Gates
     accepted : (G,) bool or float
-        Which gates are doorways, or the probability of each.
+        Which gates are doorways, or the probability that each is.
     threshold : float
         Probabilities above it are accepted.
 
@@ -116,7 +116,7 @@ def _accepted(accepted: ArrayLike, n_gates: int, threshold: float) -> NDArray[np
     values = np.asarray(accepted)
     if values.shape != (n_gates,) or not (values.dtype.kind in "bf" or not values.size):
         raise InputError(
-            "accepted must hold a boolean or a probability per gate "
+            "accepted must contain one boolean or probability per gate "
             f"({n_gates}), got {values.dtype} of shape {values.shape}"
         )
     if values.dtype == np.bool_:
@@ -147,7 +147,7 @@ def _joined(finest: Segments, gates: Gates, taken: NDArray[np.bool_]) -> NDArray
 
 
 def _ways_out_of_slivers(finest: Segments, passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(O,) the widest gaps of small segments that have no passable opening."""
+    """(O,) the widest gaps of small segments without a passable opening."""
     openings = finest.openings
     has_way_out = np.zeros(finest.count, np.bool_)
     has_way_out[openings.segments[passable]] = True

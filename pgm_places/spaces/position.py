@@ -1,4 +1,4 @@
-"""The position of a segment in the building: on the paths between others, and what it connects."""
+"""The position of a segment in the building: betweenness, and what it connects."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +8,14 @@ from pgm_places.graph.label_graph import LabelGraph
 __all__ = ["area_cut_off", "betweenness"]
 
 _MOST_SOURCES = 1000
-"""Paths from so many nodes of one component are enough; the time is theirs times the edges."""
+"""Number of sources per component; the time is their number times that of the edges."""
 
 
 def betweenness(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) share of the shortest paths between other nodes of its component that lead through each.
+    """(N,) share of the shortest paths between other nodes of a component through each node.
 
-    Every edge is one step long (Freeman, 1977; algorithm: Brandes, 2001). Components of more than
-    1000 nodes take paths from the 1000 of the largest area only.
+    Every edge has length 1 (Freeman, 1977; algorithm: Brandes, 2001). In components of more than
+    1000 nodes, only paths from the 1000 nodes with the largest areas count.
 
     Examples
     --------
@@ -44,9 +44,9 @@ def betweenness(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.f
 
 
 def area_cut_off(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) share of the rest of its component that each node cuts off from the largest part.
+    """(N,) share of its component that each node cuts off from the largest remaining part.
 
-    0 where the rest remains connected without it.
+    0 if the rest remains connected without it.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def area_cut_off(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.
 def _adjacency(
     graph: LabelGraph,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """Where each node's neighbours start, the neighbours, and the component of each node."""
+    """The start of each node's neighbours, the neighbours, and the component of each node."""
     from scipy import sparse
 
     i, j = graph.edges.T

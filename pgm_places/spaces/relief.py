@@ -8,19 +8,19 @@ __all__ = ["UNIT", "clearance_m", "half_width_m", "relief_of"]
 _ROOT_UNIT = 1024
 
 UNIT = 9 * _ROOT_UNIT
-"""One cell, in the whole numbers that a relief is kept in."""
+"""The height that corresponds to one cell; reliefs are integers."""
 
 _OFFSET = UNIT / 4
-"""What smoothing takes from the distance on the middle line of a passage, up to a twelfth of a
-cell: whether the passage is an odd or an even number of cells wide makes no difference."""
+"""How much smoothing lowers the distance on the middle line of a passage, to within a twelfth of a
+cell, whether the passage is an odd or an even number of cells wide."""
 
 
 def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
     """(H + 2, W + 2) smoothed distance to the nearest cell that is not open, with a frame of 0.
 
-    The mean over 3 x 3 cells of the Euclidean distance between the centres of cells (Meijster,
-    Roerdink and Hesselink, 2000), in whole numbers of which ``UNIT`` make a cell; 0 exactly where a
-    cell is not open. What lies outside the map is not open.
+    The mean over 3 x 3 cells of the Euclidean distance between cell centres (Meijster, Roerdink and
+    Hesselink, 2000), in units of 1 / ``UNIT`` cells; 0 exactly where a cell is not open. Cells
+    outside the map are not open.
 
     Examples
     --------
@@ -40,17 +40,17 @@ def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 def half_width_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
-    """Half the width of the free space in metres, of cells with such heights on its middle line.
+    """Half the width of the free space in metres at cells on its middle line, from their heights.
 
-    ``(relief / UNIT + 1/4) resolution_m``: smoothing takes a quarter of a cell, up to a twelfth,
-    from the distance on the middle line of a passage, whether that is an odd or an even number of
-    cells wide. For cells beside the middle line see ``clearance_m``.
+    ``(relief / UNIT + 1/4) resolution_m``: smoothing lowers the distance on the middle line of a
+    passage by a quarter of a cell, to within a twelfth, whether the passage is an odd or an even
+    number of cells wide. For cells beside the middle line see ``clearance_m``.
     """
     return np.asarray((np.asarray(relief, np.float64) + _OFFSET) * (resolution_m / UNIT))
 
 
 def clearance_m(relief: ArrayLike, resolution_m: float) -> NDArray[np.float64]:
-    """Distance in metres from the centres of cells of such heights to the edge of the nearest wall.
+    """Distance in metres from cell centres to the edge of the nearest wall, from their heights.
 
     ``(relief / UNIT - 1/2) resolution_m``, at least 0; up to 3/4 of a cell less on the middle line
     of a passage, which smoothing lowers.

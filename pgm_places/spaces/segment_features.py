@@ -104,7 +104,7 @@ def _position_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np
 def _share_no_larger(area: NDArray[np.float64]) -> NDArray[np.float64]:
     ordered = np.sort(area)
     below = np.concatenate([[0.0], np.cumsum(ordered)])
-    # Sizes that differ by rounding only are equal.
+    # Sizes that differ only by rounding count as equal.
     return np.asarray(below[np.searchsorted(ordered, area * (1 + 1e-9), "right")] / below[-1])
 
 
@@ -123,7 +123,7 @@ def _largest_around(
 
 
 def _of_largest_neighbour(segments: Segments, picked: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(S, P) the columns of each segment's largest neighbour; of equal ones the larger values."""
+    """(S, P) the columns of each segment's largest neighbour; ties go to the larger values."""
     i, j = np.concatenate([segments.graph.edges, segments.graph.edges[:, ::-1]]).T
     order = np.lexsort((*picked[j].T[::-1], i))  # the area is the first column: compared first
     found = np.zeros_like(picked)

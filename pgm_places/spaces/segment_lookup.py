@@ -13,24 +13,24 @@ __all__ = ["SegmentLookup"]
 
 @dataclass(frozen=True, eq=False)
 class SegmentLookup:
-    """What the features of a cell are put together from, by the segment that it lies in.
+    """The parts that a cell's features are assembled from, by segment.
 
-    Cells that lie in none have one of their own, S, whose features are 0 and which has no opening.
+    Cells outside all segments use an extra segment S with features 0 and no openings.
 
     Parameters
     ----------
     segment_of : (B + n_lines + 1,) int32
-        Segment of each basin and line, and at last of cells that are not open.
+        Segment of each basin and line; the last entry is for cells that are not open.
     table : (S + 1, F) float32
         The segments' own features.
     radius_m : (S + 1,) float64
     start : (S + 2,) int64
-        Where the openings of each segment start.
+        Start of the openings of each segment.
     lines : (2 O, 5) float64
-        Openings as straight lines, those of a segment together: row and column of the middle, half
+        Openings as straight lines, grouped by segment: row and column of the midpoint and half
         the line as a vector, in cells, and the half width in metres.
     most : int
-        The largest number of openings that a segment has.
+        Largest number of openings of any segment.
     resolution_m : float
     """
 
@@ -44,7 +44,7 @@ class SegmentLookup:
 
     @classmethod
     def of(cls, division: Segments, table: NDArray[np.float64]) -> Self:
-        """That of a scale, or of places, with the features (S, F) of its segments."""
+        """The lookup of a scale, or of places, with the features (S, F) of its segments."""
         openings, resolution_m = division.openings, division.watershed.grid.resolution_m
         ends, count = openings.segments.reshape(-1), division.count
         order = np.argsort(ends, kind="stable")
@@ -64,7 +64,7 @@ class SegmentLookup:
 
     @property
     def n_columns(self) -> int:
-        """F + 3: those of the segment, and the three that a cell adds."""
+        """F + 3: the columns of the segment, and the three that a cell adds."""
         from pgm_places.spaces._lookup_kernels import CELL_COLUMNS
 
         return self.table.shape[1] + CELL_COLUMNS

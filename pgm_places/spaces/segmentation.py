@@ -1,4 +1,4 @@
-"""Segments: the open space of a map cut at its narrow passages, at several scales."""
+"""Segments: the open space of a map divided at narrow passages, at several scales."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,16 +22,16 @@ from pgm_places.spaces.relief import clearance_m, half_width_m, relief_of
 __all__ = ["RATIOS", "Segmentation", "Segments", "Watershed"]
 
 RATIOS = (0.9, 0.75, 0.6)
-"""Neighbours are one segment where the pass between them is wider than this share of the smaller
+"""Neighbours are one segment if the pass between them is wider than this share of the smaller
 one's radius: the larger the share, the finer the segments."""
 
 _LEAST_RADIUS_M = 0.15
-"""Basins that are narrower join a neighbour whatever the pass: gaps between specks."""
+"""Narrower basins, such as gaps between specks, join a neighbour whatever the pass."""
 
 
 @dataclass(frozen=True, eq=False)
 class Watershed:
-    """What all divisions of a map's open space are made of.
+    """The common basis of all divisions of a map's open space.
 
     Parameters
     ----------
@@ -50,11 +50,11 @@ class Watershed:
 
     @cached_property
     def sums(self) -> BasinSums:
-        """What the shapes of segments are put together from."""
+        """The sums from which the shapes of segments are computed."""
         return sum_up(self.grid, self.basins, self.relief)
 
     def at(self, cells_rc: ArrayLike) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """(n,) basin, -1 for none, and (n,) distance to the nearest wall in metres of some cells.
+        """(n,) basin, -1 for none, and (n,) distance to the nearest wall in metres at cells.
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ class Watershed:
         return self.read(self.checked(cells_rc))
 
     def checked(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
-        """Cells (n, 2) as C-contiguous integers; refused where they are none of the map's."""
+        """Cells (n, 2) as C-contiguous integers; cells outside the map are refused."""
         cells, shape = np.asarray(cells_rc), self.grid.shape
         if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iu":
             raise InputError(
@@ -85,14 +85,14 @@ class Watershed:
         return np.ascontiguousarray(cells, np.int32)
 
     def read(self, cells_rc: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """What :meth:`at` gives, of cells that were checked."""
+        """The result of :meth:`at` for cells already checked."""
         r, c = cells_rc[:, 0] + 1, cells_rc[:, 1] + 1
         return self.basins.raster[r, c], clearance_m(self.relief[r, c], self.grid.resolution_m)
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """One division of open space: each basin in a segment, and the openings between segments.
+    """One division of open space: the segment of each basin, and the openings between segments.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class Segments:
 
     @cached_property
     def graph(self) -> LabelGraph:
-        """The segments as nodes, those that share an opening joined."""
+        """The segments as nodes; those that share an opening are joined."""
         return LabelGraph.from_edges(self.count, np.unique(self.openings.segments, axis=0))
 
     def at(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
@@ -156,7 +156,7 @@ class Segments:
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """The segments of a map at several scales, all made of the same basins.
+    """The segments of a map at several scales, all composed of the same basins.
 
     Parameters
     ----------
@@ -199,8 +199,8 @@ class Segmentation:
         Raises
         ------
         InputError
-            If a ratio is not in (0, 1], there is none, or they do not fall; or if the map has more
-            than 2^31 cells.
+            If there is no ratio, a ratio is not in (0, 1], or they do not decrease; or if the map
+            has 2^31 cells or more.
         """
         _require_ratios(ratios)
         _require_numbers(grid.shape)
@@ -214,7 +214,7 @@ class Segmentation:
 
 
 def divided(watershed: Watershed, segment_of: NDArray[np.int32]) -> Segments:
-    """The division that puts basins (B,) into segments, at least as coarse as the borders kept."""
+    """The division with the given segment of each basin (B,), no finer than the borders kept."""
     lines = watershed.basins.segment_of_line(segment_of)
     openings = find_openings(watershed.borders, segment_of, watershed.grid.resolution_m)
     return Segments(watershed, sealed(np.concatenate([segment_of, lines])), openings)
@@ -223,11 +223,11 @@ def divided(watershed: Watershed, segment_of: NDArray[np.int32]) -> Segments:
 def _require_ratios(ratios: tuple[float, ...]) -> None:
     falling = all(a > b for a, b in pairwise(ratios))
     if not ratios or not falling or not all(0 < ratio <= 1 for ratio in ratios):
-        raise InputError(f"ratios must be falling numbers in (0, 1], at least one, got {ratios}")
+        raise InputError(f"ratios must be one or more decreasing numbers in (0, 1], got {ratios}")
 
 
 def _require_numbers(shape: tuple[int, int]) -> None:
-    """Cells are numbered in 32 bits, a frame of one cell included."""
+    """Cells are numbered with 32 bits, including a frame of one cell."""
     if (shape[0] + 2) * (shape[1] + 2) > np.iinfo(np.int32).max:
         raise InputError(
             f"segments need a map of less than 2^31 cells, got {shape[0]} x {shape[1]}; "
@@ -265,7 +265,7 @@ def _borders(
     divisions: NDArray[np.int32],
     grid: OccupancyGrid,
 ) -> Borders:
-    """Where basins touch that lie in different segments of any division."""
+    """The sites where basins of different segments of any division touch."""
     from pgm_places.spaces._border_kernels import border_sites
 
     n_sites, room = border_sites(

@@ -21,16 +21,16 @@ class Shapes:
     clearance : (S,) float64
         Mean distance of its cells to the nearest wall.
     roundness : (S,) float64
-        Root of the smaller over the larger second central moment of its cells: 1 for a disc or
-        a square, near 0 for a line.
+        Square root of the ratio of the second central moments of its cells, smaller over larger:
+        1 for a disc or a square, near 0 for a line.
     short, long : (S,) float64
         Sides of the smallest rectangle around it, over 15 orientations.
     outline : (S,) float64
-        Length of its outline along sides of cells, openings included.
+        Length of its outline along sides of cells, including openings.
     unknown : (S,) float64
         Length of its outline at unknown cells.
     furniture : (S,) float64
-        Share of its cells that are not free on the map: obstacles that were filled.
+        Share of its cells that are not free on the map, that is, filled obstacles.
     """
 
     clearance: NDArray[np.float64]
@@ -72,7 +72,7 @@ def shapes_of(segments: Segments) -> Shapes:
 def _rectangles(
     sums: BasinSums, inside: NDArray[np.bool_], home: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(S,) shorter and (S,) longer side, in cells, of the rectangle of the smallest area."""
+    """(S,) shorter and (S,) longer side, in cells, of the rectangle with the smallest area."""
     low = np.full((count, sums.low.shape[1]), np.inf)
     high = np.full((count, sums.high.shape[1]), -np.inf)
     np.minimum.at(low, home, sums.low[inside])
@@ -84,9 +84,9 @@ def _rectangles(
 
 
 def _roundness(cells: NDArray[np.int64], moments: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Root of the ratio of the principal second moments; each cell is a square, not a point."""
+    """Square root of the ratio of the principal second moments; cells are squares, not points."""
     r, c, rr, rc, cc = moments.T
-    # Whole numbers shifted by the rounded mean stay exact and small.
+    # Integers shifted by the rounded mean stay exact and small.
     mid_r, mid_c = np.round(r / cells).astype(np.int64), np.round(c / cells).astype(np.int64)
     off_r, off_c = (r - cells * mid_r) / cells, (c - cells * mid_c) / cells
     var_r = (rr - 2 * mid_r * r + cells * mid_r**2) / cells - off_r**2 + 1 / 12

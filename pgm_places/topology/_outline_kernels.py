@@ -1,4 +1,4 @@
-"""Outlines of pieces along the sides of their cells, and vertices that they can do without."""
+"""Outlines of pieces along the sides of their cells, and which of their vertices to drop."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,12 @@ def trace_rings(
     ring_start: NDArray[np.int32],
     ring_piece: NDArray[np.int32],
 ) -> int:
-    """Number of rings; writes their vertices (row, column of cell corners) one after the other.
+    """The number of rings; writes their vertices (row, column of cell corners) consecutively.
 
-    A piece lies to the left of its rings: outlines run counter-clockwise (x right, y up), holes
-    clockwise. Where a piece touches itself at a corner, the ring stays at the same cell. Vertices
-    are the turns and the fixed points, where three pieces or two pairs meet. ``visited`` (H, W) is
-    False on entry: whether the lower side of a cell has been passed.
+    A piece is to the left of its rings: outlines run counter-clockwise (x right, y up), holes
+    clockwise. Where a piece touches itself at a corner, the ring follows the same cell. Vertices
+    are turns and fixed points, where three pieces or two pairs meet. ``visited`` (H, W), False on
+    entry, marks the cells whose lower side has been passed.
     """
     height, width = piece.shape
     n_rings = 0
@@ -97,17 +97,17 @@ def simplify_arcs(
     state: NDArray[np.uint8],
     order: NDArray[np.int32],
 ) -> None:
-    """Remove vertices from ``state`` (H + 1, W + 1), which holds ``VERTEX`` at all of them.
+    """Remove vertices from ``state`` (H + 1, W + 1), which is ``VERTEX`` at all of them.
 
-    Between two fixed points a border is one arc, which two pieces share; it is simplified once. A
-    vertex goes only if the triangle that it leaves holds no other vertex, so borders never come to
-    cross; and every vertex that has gone lies within ``tolerance`` (cells) of what replaced it.
-    ``order`` is scratch, as long as the longest ring and two more.
+    Between two fixed points, a border is one arc shared by two pieces and is simplified once. A
+    vertex is removed only if the triangle with its neighbours contains no other vertex, so borders
+    never cross, and if every removed vertex stays within ``tolerance`` (cells) of the new line.
+    ``order`` is scratch, two longer than the longest ring.
     """
     for ring in range(len(ring_start) - 1):
         first, stop = ring_start[ring], ring_start[ring + 1]
         length = stop - first
-        # Start at a fixed vertex, else at the first one of all, the same for both pieces.
+        # Start at a fixed vertex, or else at the very first one, which is the same for both pieces.
         begin = first
         for i in range(first, stop):
             if is_fixed[i]:
@@ -140,7 +140,7 @@ def _simplify_arc(
     tolerance: float,
     state: NDArray[np.uint8],
 ) -> None:
-    """Simplify one arc; it keeps the vertex farthest from its chord, so that it never vanishes."""
+    """Simplify one arc, keeping the vertex farthest from its chord so that it never vanishes."""
     for k in range(1, n - 1):
         state[points[order[k], 0], points[order[k], 1]] |= DONE
     begin, end = order[0], order[n - 1]
@@ -162,7 +162,7 @@ def _simplify_arc(
 
 @inlined
 def _farthest(points: NDArray[np.int32], order: NDArray[np.int32], first: int, last: int) -> int:
-    """The vertex farthest from the chord, from the first vertex where the arc is closed."""
+    """The vertex farthest from the chord, or from the first vertex if the arc is closed."""
     ay, ax = np.int64(points[order[first], 0]), np.int64(points[order[first], 1])
     uy, ux = points[order[last], 0] - ay, points[order[last], 1] - ax
     best, most = first + 1, np.int64(-1)
@@ -186,7 +186,7 @@ def _thin_out(
     tolerance: float,
     state: NDArray[np.uint8],
 ) -> None:
-    """Walk along an arc and drop vertices as long as the chord stays close to all it skips."""
+    """Walk along an arc and drop vertices while the chord stays close to all it skips."""
     anchor, before = first, first + 1
     for k in range(first + 2, last + 1):
         close = _is_close(points, order, anchor, k, tolerance)
@@ -201,7 +201,7 @@ def _thin_out(
 def _is_close(
     points: NDArray[np.int32], order: NDArray[np.int32], first: int, last: int, tolerance: float
 ) -> bool:
-    """Whether the vertices between lie within the tolerance of the segment from first to last."""
+    """Whether all vertices between are within the tolerance of the segment from first to last."""
     ay, ax = points[order[first], 0], points[order[first], 1]
     ux, uy = float(points[order[last], 1] - ax), float(points[order[last], 0] - ay)
     square = ux * ux + uy * uy
@@ -218,7 +218,7 @@ def _is_close(
 
 @njit
 def _is_empty(points: NDArray[np.int32], a: int, b: int, c: int, state: NDArray[np.uint8]) -> bool:
-    """Whether the triangle holds no vertex but its own corners, its sides included."""
+    """Whether the triangle, including its sides, contains no vertex but its own corners."""
     ay, ax = np.int64(points[a, 0]), np.int64(points[a, 1])
     by, bx = np.int64(points[b, 0]), np.int64(points[b, 1])
     cy, cx = np.int64(points[c, 0]), np.int64(points[c, 1])

@@ -12,7 +12,7 @@ __all__ = ["find_saddles", "mark_narrow", "shortest_chords"]
 def _reach(
     blocked: NDArray[np.bool_], row: float, column: float, dr: float, dc: float, longest: float
 ) -> float:
-    """How far one can go from a cell's centre until a blocked cell, in quarters of a cell."""
+    """The free distance from a cell's centre to a blocked cell, in quarters of a cell."""
     length = 0.0
     while length <= longest:
         length += 0.25
@@ -33,12 +33,12 @@ def shortest_chords(
     length: NDArray[np.float64],
     chord: NDArray[np.float64],
 ) -> None:
-    """Write the shortest chord through one of the cells for each direction.
+    """Write the shortest chord through any of the cells for each direction.
 
-    A chord runs from a cell's centre both ways along a direction (D, 2), a row and a column step
-    of length 1, until it meets a blocked cell or the raster's edge. ``length`` (D,) is infinite
-    where all chords are longer than ``longest``; ``chord`` (D, 4) receives row and column of the
-    ends, of equal chords those of the first.
+    A chord extends from a cell's centre both ways along a direction (D, 2), a row and a column step
+    of length 1, to a blocked cell or the raster's edge. ``length`` (D,) is infinite if all chords
+    are longer than ``longest``; ``chord`` (D, 4) receives row and column of the ends. Ties go to
+    the first chord.
     """
     for d in range(len(directions)):
         length[d] = np.inf
@@ -77,7 +77,7 @@ def mark_narrow(
 
 @inlined
 def _root(parent: NDArray[np.int32], node: int) -> int:
-    """The node that stands for a group; the path there is halved."""
+    """The root of a group, with path halving."""
     while parent[node] != node:
         parent[node] = parent[parent[node]]
         node = parent[node]
@@ -94,13 +94,13 @@ def find_saddles(
     parent: NDArray[np.int32],
     saddles: NDArray[np.int64],
 ) -> int:
-    """How many saddles there are; the flat indices of their cells go to ``saddles``.
+    """The number of saddles; writes the flat indices of their cells to ``saddles``.
 
-    Cells are taken by falling clearance, as when water falls in a landscape of the clearances. A
-    saddle is the cell where two islands of one piece meet, if its clearance is at most ``widest``,
-    and the clearance of the lower island's peak is ``least_ratio`` times its own. ``order`` holds
-    flat indices; ``parent`` (H W,) is -1 on entry. Those beyond the room in ``saddles`` are
-    counted only.
+    Cells are visited by decreasing clearance, like falling water in a landscape of clearances. A
+    saddle is the cell where two islands of one piece meet, if its clearance is at most ``widest``
+    and the clearance of the lower island's peak is at least ``least_ratio`` times its own.
+    ``order`` contains flat indices; ``parent`` (H W,) is -1 on entry. Saddles that do not fit into
+    ``saddles`` are only counted.
     """
     height, width = piece.shape
     flat_piece, flat_clearance = piece.ravel(), clearance.ravel()
@@ -119,7 +119,7 @@ def find_saddles(
                 a, b = _root(parent, cell), _root(parent, other)
                 if a == b:
                     continue
-                # The root of a group is its first cell, which is its peak.
+                # The root of a group is its first cell and hence its peak.
                 if flat_clearance[a] < flat_clearance[b]:
                     a, b = b, a
                 level = flat_clearance[cell]

@@ -17,8 +17,8 @@ def anchor_cells(
 ) -> None:
     """Write the row and column of each piece's anchor; ``anchor`` (R, 2) is -1 on entry.
 
-    It is the cell deepest in its piece; of equal ones the one farthest from any wall, then the
-    first.
+    The anchor is the cell deepest within its piece; ties go to the cell farthest from any wall,
+    then to the first.
     """
     height, width = piece.shape
     for r in range(height):

@@ -10,7 +10,7 @@ __all__ = ["sees"]
 
 @njit
 def sees(inside: NDArray[np.bool_], y0: float, x0: float, y1: float, x1: float) -> bool:
-    """Whether a straight line stays inside; positions in cells, whole numbers being centres."""
+    """Whether a straight line stays inside; positions in cells, integers being cell centres."""
     n_steps = int(4 * max(abs(y1 - y0), abs(x1 - x0))) + 1
     for step in range(n_steps + 1):
         t = step / n_steps

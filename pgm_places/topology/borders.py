@@ -1,4 +1,4 @@
-"""Borders between pieces: the length of the border of every touching pair."""
+"""Borders between pieces: the border length of every adjacent pair."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,9 +21,9 @@ class Contacts:
     pairs : (C, 2) int32
         Piece numbers, the smaller first, sorted.
     sides : (C,) int64
-        Cell sides along the border of each pair; 0 where they touch at corners only.
+        Number of cell sides along the border of each pair; 0 if they touch only at corners.
     corners : (C,) int64
-        Cell corners at which they touch diagonally.
+        Number of cell corners at which they touch diagonally.
     """
 
     pairs: NDArray[np.int32]
@@ -42,7 +42,7 @@ class Contacts:
 
 
 def contacts(piece: NDArray[np.int32], count: int) -> Contacts:
-    """The borders between the pieces of a raster (H, W), -1 where there is none."""
+    """The borders between the pieces of a raster (H, W), -1 for cells without a piece."""
     side_keys = [
         _keys(piece[:, :-1], piece[:, 1:], count),
         _keys(piece[:-1], piece[1:], count),

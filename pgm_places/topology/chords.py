@@ -12,7 +12,7 @@ N_DIRECTIONS = 36
 
 @dataclass(frozen=True)
 class Chord:
-    """A straight line from wall to wall; positions in cells, whole numbers being centres.
+    """A straight line from wall to wall; positions in cells, integers being cell centres.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Chord:
 
     @property
     def middle(self) -> NDArray[np.float64]:
-        """(2,) row and column half-way."""
+        """(2,) row and column of the midpoint."""
         return np.add(self.start_rc, self.end_rc) / 2
 
     def band(self, reach: float, shape: tuple[int, int]) -> tuple[slice, slice, NDArray[np.bool_]]:
@@ -48,21 +48,21 @@ class Chord:
 
 
 def shortest_chords(blocked: ArrayLike, cells_rc: ArrayLike, longest: float) -> list[Chord]:
-    """The shortest chord of free space in each direction through one of some cells.
+    """The shortest chord of free space in each direction through any of the given cells.
 
     Parameters
     ----------
     blocked : (H, W) bool
-        Where chords end; so they do at the raster's edge.
+        Where chords end; they also end at the raster's edge.
     cells_rc : (n, 2) int
         Row and column of free cells.
     longest : float
-        Longer chords, in cells, are not looked for.
+        Longest chord to look for, in cells.
 
     Returns
     -------
     list of Chord
-        At most one for each of 36 directions, to a quarter of a cell, the shortest first.
+        At most one for each of 36 directions, to a quarter of a cell, shortest first.
 
     Examples
     --------
@@ -103,5 +103,5 @@ def has_short_chord(
 def _directions() -> NDArray[np.float64]:
     """(36, 2) row and column steps of length 1 over half a turn."""
     angles = np.arange(N_DIRECTIONS) * np.pi / N_DIRECTIONS
-    # Straight up must be exactly that, whatever the library's cosine of 90 degrees.
+    # Make straight up exact, whatever the library's cosine of 90 degrees.
     return np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 12)

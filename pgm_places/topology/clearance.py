@@ -11,7 +11,7 @@ __all__ = ["squared_clearance", "squared_depth"]
 def squared_clearance(blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
     """(H, W) squared distance, in cells, from each cell's centre to the nearest blocked one's.
 
-    What lies outside the raster is blocked; blocked cells have 0.
+    Everything outside the raster is blocked; blocked cells have distance 0.
 
     Examples
     --------
@@ -27,12 +27,12 @@ def squared_clearance(blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 def squared_depth(piece: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(H, W) squared distance, in cells, to the nearest cell at the edge of the own piece."""
+    """(H, W) squared distance, in cells, to the nearest cell at the edge of the same piece."""
     return squared_clearance(_edges(piece))
 
 
 def _edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(H, W) which cells a side separates from another piece, from none, or from the outside."""
+    """(H, W) which cells share a side with another piece, no piece, or the outside."""
     edge = np.ones(piece.shape, np.bool_)
     for r in range(1, len(piece) - 1):  # a row at a time needs no other raster
         row, inside = piece[r, 1:-1], edge[r, 1:-1]

@@ -13,13 +13,13 @@ __all__ = ["Components", "connected_components"]
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """The pieces that equal labels form on a raster.
+    """The connected pieces of equal labels on a raster.
 
     Parameters
     ----------
     piece : (H, W) int32
-        Number of the piece that each cell lies in, -1 where there is no label. Pieces are numbered
-        in the order of their first cell, row by row from the bottom.
+        Number of the piece that each cell is in, -1 for cells without a label. Pieces are numbered
+        in the order of their first cells, row by row from the bottom.
     label : (R,) int32
         Label of each piece.
     size : (R,) int64
@@ -67,7 +67,7 @@ def connected_components(
         else np.ascontiguousarray(raster, np.int16)
     )
     piece = np.empty(raster.shape, np.int32)
-    scratch = np.empty(raster.size, np.int32)  # its pages are touched only as far as it is used
+    scratch = np.empty(raster.size, np.int32)  # pages are only touched as far as it is used
     count = label_components(values, connectivity == 8, scratch, piece)
     label, size = np.zeros(count, np.int32), np.zeros(count, np.int64)
     for rows in bands_of_rows(raster.shape):

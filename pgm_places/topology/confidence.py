@@ -29,11 +29,11 @@ def mean_probabilities(
     beliefs : (N, K) float
         Probabilities of the labels at the nodes of ``layout``.
     layout : GridLayout
-        The cells behind ``beliefs``: of the map, or of the map coarsened.
+        The cells of ``beliefs``: those of the map or of a coarser version of it.
     n_labels : int
         K.
     grid : OccupancyGrid
-        The map that the pieces lie on.
+        The map of the pieces.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The paper's heuristic corrections of regions (section 6.2), each of them recorded."""
+"""The paper's heuristic corrections of regions (section 6.2), each one recorded."""
 
 import heapq
 from collections.abc import Iterator, Sequence
@@ -23,11 +23,11 @@ LabelType = TypeVar("LabelType", np.int16, np.int32)
 class Correction:
     """One region that took the label of a neighbour.
 
-    ``cell_rc`` is a cell of the region, ``reason`` is ``"too small"`` or ``"joins nothing"``, or
-    ``"touches nothing"`` where it lost its label: ``became`` is then empty. Corrections that are
-    not the paper's, of parts of regions, have the reasons ``"too wide"``, ``"leak"`` and
-    ``"narrow passage"``; those of painted doorways that no gate touches ``"no gate"``, where
-    ``became`` is empty too: the nearest labels fill them.
+    ``cell_rc`` is a cell of the region. ``reason`` is ``"too small"``, ``"joins nothing"``, or
+    ``"touches nothing"`` if it lost its label; ``became`` is then empty. Corrections beyond the
+    paper's, of parts of regions, have the reasons ``"too wide"``, ``"leak"`` and
+    ``"narrow passage"``. Painted doorways that no gate touches have the reason ``"no gate"`` and an
+    empty ``became``: they are filled with the nearest labels.
     """
 
     cell_rc: tuple[int, int]
@@ -45,33 +45,33 @@ def correct_regions(
     *,
     fixed_doorways: bool = False,
 ) -> tuple[NDArray[LabelType], list[Correction]]:
-    """The corrected label raster and what was corrected.
+    """The corrected label raster and the corrections.
 
-    The smallest wrong region goes first and takes the label of the neighbour that it shares its
-    longest border with, the first in reading order from the bottom where two are as long; it
-    becomes one region with all its neighbours of that label. This is repeated until no region is
-    wrong. A wrong region that touches no other keeps its label: there is nothing to take.
+    The smallest wrong region is corrected first: it takes the label of the neighbour with which it
+    shares the longest border (ties go to the first in reading order from the bottom) and merges
+    with all its neighbours of that label. This is repeated until no region is wrong. A wrong region
+    without neighbours keeps its label.
 
     Parameters
     ----------
     labels : (H, W) int16 or int32
         Label per cell, -1 for none.
     label_names : sequence of str
-        Labels of the same name stay apart, as those of different places do.
+        Labels with the same name stay separate, like those of different places.
     resolution_m : float
         Side of a cell.
     rules : CorrectionRules, optional
     fixed_doorways : bool
-        Regions become part of a doorway only where they touch nothing else.
+        Regions become part of a doorway only if they touch nothing else.
 
-    Every correction merges regions, so there is an end.
+    Every correction merges regions, so the procedure ends.
     """
     rules = rules or CorrectionRules()
     raster = np.asarray(labels)
     pieces = connected_components(raster)
     merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways)
     log = [merging.entry(raster.shape[1], *step) for step in merging.run()]
-    # The last entry is that of the cells without a piece: index -1.
+    # The last entry is for cells without a piece: index -1.
     table = np.append(merging.final_labels(), np.int32(-1)).astype(raster.dtype)
     return table[pieces.piece], log
 
@@ -84,10 +84,10 @@ def drop_islands(
     *,
     fixed_doorways: bool = False,
 ) -> tuple[NDArray[LabelType], list[Correction]]:
-    """The raster without wrong regions that touch no other, and what was dropped.
+    """The raster without wrong regions that have no neighbours, and what was dropped.
 
     Such specks, free cells inside furniture or behind windows, have no neighbour whose label they
-    could take; no robot gets there.
+    could take, and no robot can reach them.
     """
     merging = _Merging(
         connected_components(np.asarray(labels)),
@@ -136,24 +136,24 @@ class _Merging:
         self.label: list[int] = pieces.label.tolist()
         self.size: list[int] = pieces.size.tolist()
         self.parent = list(range(pieces.count))
-        self.first = list(range(pieces.count))  # of the pieces that have become one, the first
+        self.first = list(range(pieces.count))  # the first of the pieces merged into each
         self.first_cell = _first_cells(pieces)
         self.borders: list[dict[int, int]] = [{} for _ in range(pieces.count)]
         found = contacts(pieces.piece, pieces.count)
-        # Lengths in whole thousandths of a side, a corner being one: sums stay exact.
+        # Lengths in thousandths of a side, a corner counting as one, so that sums are exact.
         lengths = 1000 * found.sides + found.corners
         for (i, j), length in zip(found.pairs.tolist(), lengths.tolist(), strict=True):
             self.borders[i][j] = self.borders[j][i] = length
 
     def run(self) -> Iterator[tuple[int, int, int, int, str]]:
-        """Correct until nothing is wrong; region, cells, old label, new label and reason."""
+        """Correct until nothing is wrong; yields region, cells, old and new label, and reason."""
         queue = [(self.size[r], self.first[r], r) for r in range(len(self.label)) if self.reason(r)]
         heapq.heapify(queue)
         while queue:
             size, _, region = heapq.heappop(queue)
             reason = self.reason(region)
             if self.parent[region] != region or self.size[region] != size or not reason:
-                continue  # it has been merged since it was queued
+                continue  # merged since it was queued
             around = self.borders[region]
             best = min(around, key=lambda other: self.rank(region, other))
             was, became = self.label[region], self.label[best]
@@ -163,20 +163,20 @@ class _Merging:
                     heapq.heappush(queue, (self.size[changed], self.first[changed], changed))
 
     def reason(self, region: int) -> str:
-        """Why a region is wrong; empty where it is not, or has nothing to become."""
+        """Why a region is wrong; empty if it is not or has no label to take."""
         return self.is_wrong(region) if self.borders[region] else ""
 
     def rank(self, region: int, other: int) -> tuple[bool, int, int]:
-        """The neighbour whose label a region takes comes first."""
+        """Sort key: the neighbour whose label a region takes comes first."""
         last = self.fixed_doorways and self.is_doorway(other)
         return last, -self.borders[region][other], self.first[other]
 
     def is_doorway(self, region: int) -> bool:
-        """Whether a region is one that leads from place to place."""
+        """Whether a region connects places."""
         return self.names[self.label[region]] == self.rules.doorway_label
 
     def is_wrong(self, region: int) -> str:
-        """Why a region is wrong, whether or not anything can be done about it."""
+        """Why a region is wrong, whether or not it can be corrected."""
         rules = self.rules
         is_doorway = self.is_doorway(region)
         limit = rules.min_doorway_area_m2 if is_doorway else rules.min_area_m2
@@ -186,9 +186,9 @@ class _Merging:
         return "joins nothing" if idle else ""
 
     def relabel(self, region: int, label: int) -> list[int]:
-        """Give a region a label and merge it with its neighbours of it; who may now be wrong."""
+        """Relabel a region and merge it with its neighbours of that label; who may now be wrong."""
         group = {region, *(o for o in self.borders[region] if self.label[o] == label)}
-        # The member with most borders absorbs the others, so that a large one is never copied.
+        # The member with the most borders absorbs the others, so that it is never copied.
         root = max(group, key=lambda member: (len(self.borders[member]), -member))
         self.label[root] = label
         around = self.borders[root]
@@ -231,7 +231,7 @@ def _first_cells(pieces: Components) -> NDArray[np.int64]:
     highest = np.int32(-1)
     for rows in bands_of_rows(pieces.piece.shape):
         flat = pieces.piece[rows].ravel()
-        # A new largest number so far marks a first cell: pieces are numbered in that order.
+        # A new maximum marks a first cell, because pieces are numbered in that order.
         record = np.maximum.accumulate(flat)
         new = np.flatnonzero(np.diff(record, prepend=highest) > 0)
         new = new[record[new] > highest]

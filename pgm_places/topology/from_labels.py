@@ -47,37 +47,36 @@ def topological_map(
 ) -> TopologicalMap:
     """The regions of a labelled map, corrected as in the paper, and their connections.
 
-    Regions are the 8-connected components of free cells with equal labels (paper section 6.2);
-    two are connected where cells of theirs touch, by a side or a corner.
+    Regions are the 8-connected components of free cells with equal labels (paper section 6.2); two
+    regions are connected if their cells share a side or a corner.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The map.
     labels : (H, W) int
-        Label per cell, -1 for none; labels of cells that are not free are not looked at.
+        Label per cell, -1 for none; labels of cells that are not free are ignored.
     label_names : sequence of str
     rules : CorrectionRules, optional
         When a region is an error; the paper's thresholds by default.
     correct : bool
-        Whether errors are corrected at all, and those that touch nothing dropped.
+        Whether errors are corrected, and isolated ones dropped.
     beliefs : (N, K) float, optional
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
-        The cells behind ``beliefs``: of ``grid``, or of the same map coarsened.
+        The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
     known : KnownPlaces, optional
-        An earlier topological map's ``known_places``: places that are found again keep their ids
-        and names.
+        An earlier topological map's ``known_places``: recognised places keep their ids and names.
     own_names : mapping of int to str, optional
         Names that the user has given to ids.
     tolerance : float
-        How far an outline may be from the corners of its cells, in cells.
+        Largest distance of an outline from the corners of its cells, in cells.
     min_width_m : float
-        Passages narrower than this, such as holes of a cell in a wall, connect nothing.
+        Passages narrower than this, such as one-cell holes in a wall, connect nothing.
     doorways : Doorways, optional
         The gates of the map that are doorways, such as those of
-        :func:`~pgm_places.labelers.label_map.label_map`. Where there are any, doorways are these
-        gates and nothing else, and every place ends at them, whatever the labels there: see
+        :func:`~pgm_places.labelers.label_map.label_map`. If there are any, they are the only
+        doorways, and every place ends at them, whatever the labels there: see
         :func:`~pgm_places.topology.gate_pieces.pieces_between`.
 
     Raises
@@ -138,8 +137,8 @@ def topological_map(
                 float(passages.sides[k]) * grid.resolution_m,
             )
         )
-    table = np.array([*ids, 0], np.int32)  # the last entry is that of cells without a piece
-    for rows in bands_of_rows(raster.shape):  # in place: a huge map's numbers are not held twice
+    table = np.array([*ids, 0], np.int32)  # the last entry is for cells without a piece
+    for rows in bands_of_rows(raster.shape):  # in place, to save the memory of a copy
         pieces.piece[rows] = table[pieces.piece[rows]]
     return TopologicalMap(
         grid,
@@ -188,9 +187,9 @@ def _corrected(
     clearance: NDArray[np.int32],
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int16], list[Correction]]:
-    """The corrected labels and every correction, in the order in which they were made."""
+    """The corrected labels and all corrections in the order they were made."""
     log: list[Correction] = []
-    if rules.close_leaks_m:  # before a doorway is dropped that joins nothing because it leaks
+    if rules.close_leaks_m:  # first: a doorway that leaks would be dropped for joining nothing
         raster, found = close_leaks(raster, names, resolution_m, rules)
         log += found
     raster, found = correct_regions(raster, names, resolution_m, rules)

@@ -1,4 +1,4 @@
-"""Pieces of a labelled map between its gates: doorways are gates, places are parted by them."""
+"""Pieces of a labelled map between its gates: doorways are gates, and gates separate places."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ class GatePieces:
     ----------
     pieces : Components
     gate : (R,) int64
-        Number of the gate that each piece is, -1 for pieces of places.
+        Number of each piece's gate, -1 for pieces of places.
     corrections : tuple of Correction
         What was relabelled.
     """
@@ -49,12 +49,12 @@ def pieces_between(
     *,
     correct: bool = True,
 ) -> GatePieces:
-    """The pieces that labels and gates make of a map.
+    """The pieces of a map according to its labels and gates.
 
-    The labelled cells in the rectangle of a gate are its doorway, whatever their labels; where
-    rectangles overlap, that of the more probable gate. All others are grouped by place and label:
-    cells of one label in two places are two pieces. Cells that are painted as doorways but lie in
-    no gate take the nearest other label of their place.
+    The labelled cells in the rectangle of a gate form its doorway, whatever their labels; where
+    rectangles overlap, the more probable gate wins. All others are grouped by place and label:
+    cells of one label in two places are two pieces. Cells labelled as doorways but outside all
+    gates take the nearest other label of their place.
 
     Parameters
     ----------
@@ -64,13 +64,13 @@ def pieces_between(
     label_names : sequence of str
         The label of doorways among them.
     doorways : Doorways
-        Of the map, or of the same map in other cells.
+        Those of the map, possibly at another resolution.
     rules : CorrectionRules
         Pieces of places below ``min_area_m2`` take the label and place of the neighbour with the
-        longest border, gates only where nothing else touches them. Nothing else is corrected: a
+        longest border, of a gate only if they touch nothing else. Nothing else is corrected: a
         doorway is where its gate is.
     correct : bool
-        Whether they do.
+        Whether to apply these corrections.
     """
     doorway = label_names.index(rules.doorway_label)
     gate = _painted_gates(labels, grid, doorways)
@@ -81,7 +81,7 @@ def pieces_between(
     key, names = _keys(plain, gate, place, n_places, label_names, len(doorways), doorway)
     del gate, place, painted, plain  # a huge map's rasters
     if correct:
-        # Gates stay whatever their size; places become one only with their own kind.
+        # Gates stay whatever their size; places merge only with places.
         bare = replace(rules, min_doorway_area_m2=0.0)
         for step in (correct_regions, drop_islands):
             key, found = step(key, names, grid.resolution_m, bare, fixed_doorways=True)
@@ -92,14 +92,14 @@ def pieces_between(
 def _painted_gates(
     labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways
 ) -> NDArray[np.int32]:
-    """(H, W) number of the gate that each labelled cell lies in, -1 for none.
+    """(H, W) number of the gate that each labelled cell is in, -1 for none.
 
-    Rectangles reach a cell into the walls, and are thick enough that no step from a cell to its
-    diagonal neighbour leads past them.
+    Rectangles extend one cell into the walls and are thick enough that no diagonal step between
+    cells passes them.
     """
     found = np.full(grid.shape, -1, np.int32)
     side = grid.resolution_m
-    edge = 1e-6 * side  # centres on the edge of a rectangle lie in it, whichever way it is turned
+    edge = 1e-6 * side  # cell centres on the edge of a rectangle are inside, whatever its heading
     for g in np.argsort(doorways.probability, kind="stable").tolist():
         gate = doorways.gates[g]
         thicker = max(0.75 * side - gate.depth_m / 2, 0.0)
@@ -116,16 +116,17 @@ def _numbered_places(
     grid: OccupancyGrid,
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int32], int]:
-    """(H, W) place of each labelled cell outside gates, -1 elsewhere, and how many there are.
+    """(H, W) place of each labelled cell outside gates, -1 elsewhere, and the number of places.
 
     The numbers are written into ``place``.
 
-    What rectangles part belongs together, but for places of at least ``min_area_m2`` that a leak
-    beside a gate joins: the border of places runs at the narrowest point, not along rectangles.
+    Pieces separated only by rectangles belong together, except for places of at least
+    ``min_area_m2`` that are joined by a leak beside a gate: the border between places is at the
+    narrowest point, not along rectangles.
     """
     _grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
     parted = connected_components(np.where((labels >= 0) & (gate < 0), np.int16(0), np.int16(-1)))
-    n = int(place.max(initial=-1)) + 2  # the first stands for cells in no place
+    n = int(place.max(initial=-1)) + 2  # the first is for cells in no place
     kinds, cells = _counted(parted.piece, place, n)
     piece = kinds // n
     order = np.lexsort((kinds, -cells, piece))
@@ -147,9 +148,9 @@ def _numbered_places(
 def _counted(
     piece: NDArray[np.int32], place: NDArray[np.int32], n: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The pairs of piece and place that occur, ``piece n + place + 1``, and the cells of each."""
+    """The existing pairs of piece and place, ``piece n + place + 1``, and their cell counts."""
     found, counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for rows in bands_of_rows(piece.shape):  # a huge map's pairs are never held all at once
+    for rows in bands_of_rows(piece.shape):  # bounds the memory for huge maps
         inside = piece[rows] >= 0
         both = piece[rows][inside] * np.int64(n) + place[rows][inside] + 1
         kinds, cells = np.unique(both, return_counts=True)
@@ -198,7 +199,7 @@ def _relabelled(
     found[painted | (gate >= 0)] = -1
     counts = np.bincount(found[found >= 0], minlength=n_labels)
     _grow(found, painted, place)
-    left = painted & (found < 0)  # places that are nothing but doorway
+    left = painted & (found < 0)  # places that are all doorway
     others = [k for k in range(n_labels) if k != doorway]
     found[left] = max(others, key=lambda k: counts[k], default=doorway)
     return found
@@ -209,9 +210,9 @@ def _grow(
     open_cells: NDArray[np.bool_],
     group: NDArray[np.int32] | NDArray[np.int8],
 ) -> None:
-    """Give open cells, ring by ring, the smallest value of their neighbours of the same group.
+    """Assign open cells, ring by ring, the smallest value of their neighbours in the same group.
 
-    Values below 0 are none; cells that no value reaches keep theirs.
+    Values below 0 are empty; cells that no value reaches are unchanged.
     """
     todo = np.argwhere(open_cells)
     height, width = values.shape
@@ -239,7 +240,7 @@ def _keys(
     n_gates: int,
     doorway: int,
 ) -> tuple[NDArray[np.int32], list[str]]:
-    """One number for place and label of each cell, gates last, and the label's name of each."""
+    """One number for each cell's place and label, gates last, and the name of each number."""
     k = len(label_names)
     key = np.full(labels.shape, -1, np.int32)
     for rows in bands_of_rows(labels.shape):

@@ -15,26 +15,26 @@ from pgm_places.topology.components import Components
 __all__ = ["KnownPlaces", "identify", "name_places"]
 
 SAME_PLACE = 0.25
-"""Least share of common area, of the area of both together, at which a place keeps its id."""
+"""Smallest intersection over union of areas at which a place keeps its id."""
 
 ROW_M = 3.0
-"""Places whose anchors differ by less than this in height count as one row when numbering."""
+"""Places whose anchors differ by less than this in y count as one row when numbering."""
 
 
 @dataclass(frozen=True, eq=False)
 class KnownPlaces:
-    """Places of an earlier run, by which the same ones are recognised.
+    """Places of an earlier run, used to recognise the same places again.
 
     Parameters
     ----------
     grid : OccupancyGrid
         The earlier map; only its frame is used.
     region : (H, W) int32
-        Id of the place at each of its cells, 0 where there is none.
+        Id of the place at each cell, 0 for none.
     labels, names : mappings of int to str
         Class and name of each id.
     next_id : int
-        The first id that has never been given away.
+        The first id that has never been used.
     """
 
     grid: OccupancyGrid
@@ -50,7 +50,7 @@ def identify(
     label_names: Sequence[str],
     known: KnownPlaces | None = None,
 ) -> tuple[list[int], int]:
-    """An id per piece, and the first id that is free after that.
+    """An id per piece, and the next unused id.
 
     A piece takes the id of the known place of the same class with which it shares most of their
     common area, if that is at least a quarter; each id goes to one piece. The others are numbered
@@ -76,7 +76,7 @@ def identify(
 def _overlaps(
     pieces: Components, grid: OccupancyGrid, label_names: Sequence[str], known: KnownPlaces
 ) -> list[tuple[float, int, int]]:
-    """Pieces and places that may be the same, the most alike first: (-share, piece, place)."""
+    """Pieces and places that may be the same, best match first: (-share, piece, place)."""
     cells = np.argwhere(known.region > 0)
     place = known.region[cells[:, 0], cells[:, 1]].astype(np.int64)
     there = grid.cells_at_m(known.grid.cell_centres_m(cells))
@@ -101,7 +101,7 @@ def _overlaps(
 
 
 def _reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
-    """Pieces in rows of places from the top, each from the left, by their mean cells."""
+    """Pieces by row from the top, each row from the left, by their mean cells."""
     sums = np.zeros((2, pieces.count))
     for part in bands_of_rows(pieces.piece.shape):
         band = pieces.piece[part]
@@ -121,7 +121,7 @@ def name_places(
     known: Mapping[int, str] | None = None,
     own: Mapping[int, str] | None = None,
 ) -> list[str]:
-    """A name per place: the user's, else the known one, else the class and a number.
+    """A name per place: the user's name, else the known one, else the class and a number.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Outlines of regions: valid polygons with holes, whose shared borders have no gap or overlap."""
+"""Outlines of regions: valid polygons with holes, without gaps or overlaps at shared borders."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class Outline:
     Parameters
     ----------
     polygons : tuple of tuples of (n, 2) int32
-        One polygon per part that is connected by sides of cells. Its rings are closed (the last
-        point is the first): the outline counter-clockwise, then holes clockwise. Points are (row,
-        column) of corners of cells; corner (0, 0) is the lower left one of cell (0, 0).
+        One polygon per part connected by sides of cells. Its rings are closed (the last point is
+        the first): the outline counter-clockwise, then the holes clockwise. Points are cell corners
+        (row, column); corner (0, 0) is the lower left corner of cell (0, 0).
     """
 
     polygons: tuple[tuple[Ring, ...], ...]
@@ -38,12 +38,12 @@ class Outline:
 
 
 def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) -> list[Outline]:
-    """The outline of every piece of a raster, its staircases straightened.
+    """The outline of every piece of a raster, with staircases straightened.
 
-    Every corner that is left out lies within ``tolerance`` of the polygon. Polygons stay valid
-    whatever the tolerance: rings neither cross nor overlap, and two pieces that share a border
-    share the same points. Where a piece touches itself at a corner only, it is two polygons, or a
-    hole that touches the outline in that point.
+    Every omitted corner is within ``tolerance`` of the polygon. Polygons are valid for any
+    tolerance: rings neither cross nor overlap, and two pieces with a common border share its
+    points. Where a piece touches itself only at a corner, there are two polygons, or a hole that
+    touches the outline at that point.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def outlines(piece: NDArray[np.int32], count: int, *, tolerance: float = 1.5) ->
 
 
 def _count_sides(piece: NDArray[np.int32]) -> int:
-    """Number of sides between a piece and something else, seen from the piece."""
+    """Number of sides between each piece and anything else."""
     height, width = piece.shape
     count = 0
     below = np.full(width, -1, np.int32)
@@ -111,7 +111,7 @@ def _count_sides(piece: NDArray[np.int32]) -> int:
 
 
 def _simple_loops(ring: Ring, stride: int) -> Iterator[NDArray[np.intp]]:
-    """Indices of the loops that a ring makes, cut where it comes back to a point."""
+    """Indices of the loops of a ring, split where it returns to a point."""
     keys = ring[:, 0].astype(np.int64) * stride + ring[:, 1]
     if len(np.unique(keys)) == len(keys):
         yield np.arange(len(keys))
@@ -131,7 +131,7 @@ def _simple_loops(ring: Ring, stride: int) -> Iterator[NDArray[np.intp]]:
 
 
 def _polygons(loops: list[tuple[Ring, Ring]]) -> Iterator[tuple[Ring, ...]]:
-    """Outlines with the holes that lie in them."""
+    """Outlines with the holes inside them."""
     shells = [loop for loop in loops if _area(loop[0]) > 0]
     holes: list[list[Ring]] = [[] for _ in shells]
     for exact, simplified in loops:
@@ -147,7 +147,7 @@ def _polygons(loops: list[tuple[Ring, Ring]]) -> Iterator[tuple[Ring, ...]]:
 
 
 def _area(ring: Ring) -> int:
-    """Twice the signed area: positive where the ring runs counter-clockwise."""
+    """Twice the signed area: positive if the ring runs counter-clockwise."""
     y, x = ring.T.astype(np.int64)
     return int((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
@@ -160,7 +160,7 @@ def _cell_beside(ring: Ring) -> tuple[float, float]:
 
 
 def _holds(ring: Ring, point: tuple[float, float]) -> bool:
-    """Whether a point lies inside, by the even-odd rule; edges lie along rows and columns."""
+    """Whether a point is inside, by the even-odd rule; edges follow rows and columns."""
     y0, x0 = ring.T
     y1, x1 = np.roll(y0, -1), np.roll(x0, -1)
     crossed = (x0 == x1) & (x0 > point[1]) & ((y0 > point[0]) != (y1 > point[0]))

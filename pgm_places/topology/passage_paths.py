@@ -1,4 +1,4 @@
-"""Paths from a place's anchor to its passages: as few straight lines as stay inside."""
+"""Paths from a place's anchor to its passages: as few straight lines inside it as possible."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,10 +12,10 @@ from pgm_places.topology.topological_map import Connection, TopologicalMap
 __all__ = ["PassagePath", "passage_paths"]
 
 WALL_COST = 4.0
-"""Extra cost of a cell beside a wall, in cells of open space; it falls with the distance."""
+"""Extra cost of a cell beside a wall, in cells of open space; decreases with the distance."""
 
 ROOM_M = 0.35
-"""Corners are cut no closer to a wall than this, or than the narrowest point of the path."""
+"""Shortcuts stay this far from walls, or as far as the narrowest point of the path."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class PassagePath:
     Parameters
     ----------
     region : int
-        The region that the path leads through.
+        The region of the path.
     points_m : tuple of (float, float)
-        Its corners, from the anchor to the passage's middle; at least two.
+        Its corners, at least two, from the anchor to the middle of the passage.
     width_m : float
         Width of the passage.
     """
@@ -40,9 +40,9 @@ class PassagePath:
 def passage_paths(topology: TopologicalMap) -> list[PassagePath]:
     """Two paths per connection, one from each side, in the order of the connections.
 
-    A path is the cheapest one over the cells of its region, where cells near walls cost more,
-    shortened to straight lines that stay on cells of the two regions. Where cells of the region
-    touch by corners only, the path may cross them.
+    A path is the cheapest one over the cells of its region, with a higher cost near walls,
+    shortened to straight lines that stay on cells of the two regions. It may cross corners at which
+    cells of the region touch.
     """
     clearance = squared_clearance(topology.region == 0)
     found: dict[tuple[int, int], PassagePath] = {}
@@ -97,14 +97,14 @@ class _Walker:
             near = np.flatnonzero(other >= 0)
             starts.append(near)
             ends.append(other[near])
-        # csgraph of older SciPy takes indices of 32 bits only.
+        # csgraph of older SciPy versions only accepts 32-bit indices.
         i, j = (np.concatenate(parts).astype(np.int32) for parts in (starts, ends))
         step = np.hypot(*(self.cells[i] - self.cells[j]).T)
         size = len(self.cells)
         return sparse.csr_array((step * (cost[i] + cost[j]) / 2, (i, j)), shape=(size, size))
 
     def nearest(self, point_m: tuple[float, float]) -> int:
-        """The region's cell whose centre is nearest to a point."""
+        """The region's cell with its centre nearest to a point."""
         position = _in_cells(self.topology, point_m) - self.corner
         return int(((self.cells - position) ** 2).sum(axis=1).argmin())
 
@@ -139,7 +139,7 @@ class _Walker:
         while at < last:
             reach = at + 1
             step = 1
-            # Doubling and then halving steps: sight is mostly lost once.
+            # Double, then halve the step: the line of sight is usually lost only once.
             while step and reach < last:
                 ahead = min(last, reach + step)
                 if sees(inside, *passed[at].tolist(), *passed[ahead].tolist()):
@@ -152,7 +152,7 @@ class _Walker:
 
 
 def _in_cells(topology: TopologicalMap, point_m: tuple[float, float]) -> NDArray[np.float64]:
-    """Row and column of a point, whole numbers being centres of cells."""
+    """Row and column of a point; integers are cell centres."""
     grid = topology.grid
     cos, sin = np.cos(grid.yaw_rad), np.sin(grid.yaw_rad)
     x, y = np.subtract(point_m, grid.origin_xy_m) / grid.resolution_m

@@ -1,4 +1,4 @@
-"""Passages: where one region leads to another, and how wide the passage is."""
+"""Passages: where one region leads to another, and how wide the way through is."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,18 @@ __all__ = ["Passages", "find_passages"]
 
 @dataclass(frozen=True, eq=False)
 class Passages:
-    """The passage between each pair of pieces that touch.
+    """The passage between each pair of adjacent pieces.
 
     Parameters
     ----------
     pairs : (C, 2) int32
         Piece numbers, the smaller first, sorted.
     sides : (C,) int64
-        Cell sides along their border; 0 where they touch at corners only.
+        Number of cell sides along their border; 0 if they touch only at corners.
     middle_rc : (C, 2) float64
-        The point of the border with most room around it: row and column, whole numbers being
-        centres of cells.
+        The point of the border with the most clearance: row and column; integers are cell centres.
     width : (C,) float64
-        Diameter in cells of a disc that passes there: the distance to the nearest wall, doubled.
+        Diameter in cells of the largest disc that fits there: twice the distance to the wall.
     """
 
     pairs: NDArray[np.int32]
@@ -34,12 +33,12 @@ class Passages:
 
 
 def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.int32]) -> Passages:
-    """The passage between every two pieces that touch.
+    """The passage between every pair of adjacent pieces.
 
     Parameters
     ----------
     piece : (H, W) int32
-        -1 where there is none.
+        Number of each cell's piece, -1 for none.
     count : int
     clearance : (H, W) int32
         Squared distance in cells to the nearest cell that is not free.
@@ -65,7 +64,7 @@ def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.in
         columns.append(where[1] + corner + dc / 2)
     key, room = np.concatenate(keys), np.concatenate(rooms)
     place = np.stack([np.concatenate(rows), np.concatenate(columns)], axis=1)
-    # Most room first; where two are equal, the one nearest to the middle of the border.
+    # The most clearance first; ties go to the point nearest to the middle of the border.
     off = _from_the_middle(key, place)
     order = np.lexsort((off, -room, key))
     _, best = np.unique(key[order], return_index=True)
@@ -87,7 +86,7 @@ def _shifted(
 
 
 def _from_the_middle(key: NDArray[np.int64], place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Squared distance of each place from the mean of the places with its key."""
+    """Squared distance of each position from the mean position of its key."""
     _, group, counts = np.unique(key, return_inverse=True, return_counts=True)
     mean = np.stack([np.bincount(group, axis, len(counts)) / counts for axis in place.T], axis=1)
     return np.asarray(((place - mean[group]) ** 2).sum(axis=1))

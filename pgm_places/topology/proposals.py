@@ -1,4 +1,4 @@
-"""Proposed splits, left to a person to decide: rooms joined by a missed doorway (paper, Fig. 9)."""
+"""Proposed splits for a person to decide on: rooms joined by a missed doorway (paper, Fig. 9)."""
 
 from dataclasses import dataclass
 
@@ -39,7 +39,7 @@ class ProposedSplit:
 
     @property
     def middle_m(self) -> tuple[float, float]:
-        """The middle of the line."""
+        """The midpoint of the line."""
         (x0, y0), (x1, y1) = self.start_m, self.end_m
         return ((x0 + x1) / 2, (y0 + y1) / 2)
 
@@ -47,7 +47,7 @@ class ProposedSplit:
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0
 ) -> list[ProposedSplit]:
-    """Constrictions of places other than doorways between two wide parts, the widest part first.
+    """Constrictions of places, except doorways, between two wide parts, widest part first.
 
     ``split_rooms_m`` of ``CorrectionRules`` would put a doorway there.
 
@@ -55,10 +55,10 @@ def propose_splits(
     ----------
     topology : TopologicalMap
     narrower_than_m : float
-        Widest constriction that is listed, from wall to wall; openings between offices measure
-        up to 1.5 m.
+        Widest constriction to list, from wall to wall; openings between offices are up to 1.5 m
+        wide.
     min_part_m2 : float
-        The least area of either part.
+        Minimum area of either part.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Corrections beyond the paper's: doorways too wide, leaking doorways, rooms to be split."""
+"""Corrections beyond the paper's: too wide or leaking doorways, and rooms to be split."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from pgm_places.topology.corrections import Correction, CorrectionRules
 __all__ = ["Split", "close_leaks", "find_splits", "split_rooms", "trim_doorways"]
 
 DOORWAY_DEPTH_M = 0.3
-"""A doorway that is drawn across a passage is so deep: within the range of hand-made labels."""
+"""Depth of a doorway drawn across a passage, within the range of hand-made labels."""
 
 LEAST_RATIO = 1.2
-"""A narrow passage has parts on both sides that are wider by this factor."""
+"""The parts on both sides of a narrow passage are wider by at least this factor."""
 
 NEAR_M = 0.2
-"""Chords through cells so far from a saddle are tried as well."""
+"""Chords through cells up to this far from a saddle are tried as well."""
 
 MOST_SADDLES = 100_000
 EIGHT = np.ones((3, 3), bool)
@@ -30,12 +30,12 @@ EIGHT = np.ones((3, 3), bool)
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Where a region could be split in two by a doorway.
+    """A place where a doorway could split a region in two.
 
     Parameters
     ----------
     chord : Chord
-        From wall to wall across the narrowest place.
+        From wall to wall across the narrowest point.
     cells : (n, 2) int64
         Row and column of the cells that would be the doorway.
     label : int
@@ -57,12 +57,11 @@ def trim_doorways(
     resolution_m: float,
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int16], list[Correction]]:
-    """The labels without doorway cells where a disc of ``widest_doorway_m`` fits, and what changed.
+    """The labels without doorway cells where a disc of ``widest_doorway_m`` fits, and the changes.
 
-    Such cells lie in a room or a corridor: they are those that a morphological opening of free
-    space keeps and that no line from wall to wall passes that is as short as that. Each piece of
-    them takes the label of the region other than a doorway with which it shares its longest
-    border, and stays where there is none.
+    These cells are in a room or a corridor: a morphological opening of free space keeps them, and
+    no line from wall to wall through them is that short. Each connected piece takes the label of
+    the non-doorway region with which it shares the longest border; without one, it is unchanged.
 
     Parameters
     ----------
@@ -78,7 +77,7 @@ def trim_doorways(
     centres = 2 * np.sqrt(clearance) - 1 > widest
     wide = (labels == doorway) & (squared_clearance(centres) <= (widest / 2) ** 2)
     cells = np.argwhere(wide)
-    # A disc in a room bulges into the opening of a thin wall, where the passage is still narrow.
+    # A disc in a room bulges into an opening in a thin wall, where the passage is still narrow.
     narrow = cells[has_short_chord(labels < 0, cells, widest)]
     wide[narrow[:, 0], narrow[:, 1]] = False
     marked = labels.copy()
@@ -108,11 +107,11 @@ def close_leaks(
     resolution_m: float,
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int16], list[Correction]]:
-    """The labels with doorways completed that leave a gap beside them, and what changed.
+    """The labels with doorways extended to close the gaps beside them, and the changes.
 
-    A chord from wall to wall through a cell of the doorway becomes a doorway where it is at most
-    ``close_leaks_m`` long and parts the region that leaks past the doorway into two
-    parts of at least ``min_part_m2``.
+    A chord from wall to wall through a cell of a doorway becomes part of it if the chord is at most
+    ``close_leaks_m`` long and divides the region that leaks past the doorway into two parts of at
+    least ``min_part_m2``.
     """
     doorway = _doorway(label_names, rules)
     doors = connected_components(np.where(labels == doorway, labels, np.int16(-1)))
@@ -134,12 +133,12 @@ def find_splits(
     resolution_m: float,
     rules: CorrectionRules,
 ) -> list[Split]:
-    """Where regions other than doorways are narrow between two wide parts, the widest part first.
+    """Where regions other than doorways are narrow between two wide parts, widest part first.
 
     A candidate is a saddle of the clearance, at most ``split_rooms_m`` wide, between two peaks at
-    least 1.2 times as wide; it counts where a chord near it, from wall to wall and no longer
-    than that, parts the region into two of at least ``min_part_m2`` each. Each split is found as if
-    those before it had been made.
+    least 1.2 times as wide. It counts if a nearby chord from wall to wall, no longer than that,
+    divides the region into two parts of at least ``min_part_m2`` each. Each split is found as if
+    the previous ones had been made.
     """
     return _splits(labels, clearance, label_names, resolution_m, rules)[0]
 
@@ -182,7 +181,7 @@ def split_rooms(
     resolution_m: float,
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int16], list[Correction]]:
-    """The labels with a doorway across every passage that ``find_splits`` finds, and what changed.
+    """The labels with a doorway across every passage that ``find_splits`` finds, and the changes.
 
     The paper's Fig. 9 has two rooms joined because the doorway between them was not recognised.
     """
@@ -195,7 +194,7 @@ def split_rooms(
 def _doorway(label_names: Sequence[str], rules: CorrectionRules) -> int:
     if rules.doorway_label not in label_names:
         raise InputError(
-            f"doorways cannot be corrected without the label {rules.doorway_label!r}, got "
+            f"correcting doorways needs the label {rules.doorway_label!r}, got "
             f"{', '.join(label_names)}; set doorway_label to yours"
         )
     return list(label_names).index(rules.doorway_label)
@@ -204,7 +203,7 @@ def _doorway(label_names: Sequence[str], rules: CorrectionRules) -> int:
 def _around(
     cell: tuple[int, int], piece: NDArray[np.int32], resolution_m: float
 ) -> NDArray[np.int64]:
-    """(n, 2) the cells of a cell's piece at most ``NEAR_M`` away in rows and columns."""
+    """(n, 2) the cells of a cell's piece within ``NEAR_M`` in rows and columns."""
     reach = round(NEAR_M / resolution_m)
     row, column = cell
     low = max(0, row - reach), max(0, column - reach)
@@ -213,7 +212,7 @@ def _around(
 
 
 class _Parting:
-    """Labels that doorways are drawn into, as long as each splits a region in two."""
+    """Labels that doorways are drawn into if they split a region in two."""
 
     def __init__(
         self, labels: NDArray[np.int16], doorway: int, resolution_m: float, min_part_m2: float
@@ -226,7 +225,7 @@ class _Parting:
         self.windows = find_objects(self.pieces.piece + 1)
 
     def split(self, chords: Sequence[Chord]) -> Split | None:
-        """Draw a doorway along the first chord that splits a region; None where none does."""
+        """Draw a doorway along the first chord that splits a region; None if none does."""
         for chord in chords:
             split = self._along(chord)
             if split is not None:
@@ -247,12 +246,12 @@ class _Parting:
         return Split(chord, cells, int(self.pieces.label[number]), (areas[0], areas[1]))
 
     def _areas_m2(self, number: int, cells: NDArray[np.int64]) -> list[float]:
-        """Areas of the parts that touch the cells once these are taken away, the largest first."""
+        """Areas of the parts adjacent to the cells once these are removed, largest first."""
         from scipy.ndimage import label as components
 
         rows, columns = self.windows[number]
         left = self.pieces.piece[rows, columns] == number
-        left &= self.labels[rows, columns] != self.doorway  # what was drawn before
+        left &= self.labels[rows, columns] != self.doorway  # drawn earlier
         taken = np.zeros_like(left)
         local = cells - np.array([rows.start, columns.start])
         local = local[((local >= 0) & (local < left.shape)).all(axis=1)]
@@ -264,10 +263,10 @@ class _Parting:
         return areas
 
     def _gap(self, chord: Chord) -> NDArray[np.int64]:
-        """(n, 2) the labelled cells near a chord that are connected with its middle."""
+        """(n, 2) the labelled cells near a chord that are connected to its middle."""
         from scipy.ndimage import label as components
 
-        # Within 0.75 cells on both sides no step, not even a diagonal one, gets across.
+        # With 0.75 cells on both sides, no step between cells, even a diagonal one, crosses it.
         reach = max(0.75, DOORWAY_DEPTH_M / self.resolution_m / 2)
         rows, columns, near = chord.band(reach, self.labels.shape)
         near &= self.labels[rows, columns] >= 0

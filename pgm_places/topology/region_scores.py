@@ -1,4 +1,4 @@
-"""How well regions and their connections match those of the ground truth."""
+"""How well regions and their connections match the ground truth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from pgm_places.topology.topological_map import TopologicalMap
 __all__ = ["ClassScore", "RegionScores", "fill_labels", "score_regions"]
 
 MOST = 0.5
-"""A region is found by one that holds more than this share of it, or lies in it by more."""
+"""A region is found by one that covers more than this share of it, or is covered by more."""
 
 SOME_DOORWAY = 0.1
-"""Share of a true doorway that a doorway must hold to have found it: its ends are arbitrary."""
+"""Share of a true doorway that a found one must cover: the ends of doorways are arbitrary."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +29,18 @@ class ClassScore:
     n_true, n_found : int
         Regions of the ground truth, and of the map that is scored.
     hit : int
-        True regions found on their own: a found region of the class holds most of them, most of
-        its labelled cells lie in them, and it holds most of no other true region. A doorway is
-        hit where a found doorway holds at least a tenth of it.
+        True regions matched one to one: a found region of the class covers most of the true one,
+        most of its labelled cells are inside it, and it covers most of no other true region. A
+        doorway is hit if a found doorway covers at least a tenth of it.
     missed : int
-        True regions of which no found region of the class holds most (for doorways, a tenth).
+        True regions that no found region of the class covers for the most part (for doorways, to a
+        tenth).
     merged : int
-        True regions that share their found region with another true one (under-segmentation).
+        True regions that share a found region with another true region (under-segmentation).
     split : int
-        True regions with a second found region that lies in them (over-segmentation).
+        True regions with a second found region inside (over-segmentation).
     invented : int
-        Found regions that lie mostly outside the true regions of their class.
+        Found regions mostly outside the true regions of their class.
     """
 
     n_true: int
@@ -52,12 +53,12 @@ class ClassScore:
 
     @property
     def recall(self) -> float:
-        """Share of the true regions that were hit; NaN where there is none."""
+        """Share of the true regions that were hit; NaN if there are none."""
         return self.hit / self.n_true if self.n_true else float("nan")
 
     @property
     def precision(self) -> float:
-        """Share of the found regions that were not invented; NaN where there is none."""
+        """Share of the found regions that were not invented; NaN if there are none."""
         return 1 - self.invented / self.n_found if self.n_found else float("nan")
 
 
@@ -69,12 +70,12 @@ class RegionScores:
     ----------
     classes : dict of str to ClassScore
     purity : float
-        Share of the labelled cells that lie in the true region which is the largest part of their
-        found region.
+        Share of the labelled cells that belong to the true region that makes up the largest part of
+        their found region.
     connections_true, connections_found : int
-        Pairs of places that a doorway or a common border joins, doorways not counted as places.
+        Pairs of places joined by a doorway or a common border; doorways are not places here.
     connections_hit, connections_missed, connections_invented : int
-        Found pairs are those of the true places that the found ones mostly lie in.
+        Each found place stands for the true place that it is mostly inside.
     """
 
     classes: dict[str, ClassScore]
@@ -96,10 +97,10 @@ def score_regions(
     Parameters
     ----------
     topology, truth : TopologicalMap
-        Both on one grid; ``fill_labels`` closes the gaps that hand-made labels leave.
+        Both on the same grid; ``fill_labels`` closes the gaps in hand-made labels.
     window : (H, W) bool, optional
-        The part of the map that counts: true regions that lie mostly inside, and found regions
-        with at least one cell in them or mostly inside.
+        The part of the map to score: true regions mostly inside it, and found regions that overlap
+        these or are mostly inside it.
 
     Raises
     ------
@@ -146,7 +147,7 @@ def score_regions(
 
 
 class _Overlaps:
-    """Common cells of found (rows) and true (columns) regions, by id; 0 stands for none."""
+    """Common cells of found (rows) and true (columns) regions, by id; 0 means none."""
 
     def __init__(self, found: TopologicalMap, truth: TopologicalMap) -> None:
         n_found = max((r.id for r in found.regions), default=0) + 1
@@ -154,12 +155,12 @@ class _Overlaps:
         keys = found.region.astype(np.int64) * n_true + truth.region
         counts = np.bincount(keys.ravel(), minlength=n_found * n_true)
         self.cells = counts.reshape(n_found, n_true)
-        self.labelled = self.cells[:, 1:].sum(axis=1)  # of a found region, with a true one
+        self.labelled = self.cells[:, 1:].sum(axis=1)  # of each found region
         self.true_size = self.cells.sum(axis=0)
         self.size = self.cells.sum(axis=1)
 
     def home(self, found: int) -> int:
-        """The true region that a found one mostly lies in, 0 where it is unlabelled."""
+        """The true region that a found one is mostly inside, 0 if it is unlabelled."""
         row = self.cells[found, 1:]
         return int(row.argmax()) + 1 if row.size and row.max() > 0 else 0
 
@@ -195,7 +196,7 @@ def _class_score(
 
 
 def _inside(topology: TopologicalMap, window: ArrayLike | None) -> set[int]:
-    """Ids of the regions that lie mostly inside a window."""
+    """Ids of the regions mostly inside a window."""
     if window is None:
         return {region.id for region in topology.regions}
     mask = np.asarray(window, np.bool_)
@@ -210,9 +211,9 @@ def _inside(topology: TopologicalMap, window: ArrayLike | None) -> set[int]:
 def fill_labels(
     grid: OccupancyGrid, labels: ArrayLike, label_names: Sequence[str], *, reach_m: float = 0.3
 ) -> NDArray[np.int16]:
-    """Labels with the gaps closed that hand-made ones leave between regions.
+    """Labels with the gaps between hand-labelled regions closed.
 
-    A free cell without a label takes that of the nearest labelled cell, if that is at most
+    A free cell without a label takes the label of the nearest labelled cell, if that is at most
     ``reach_m`` away.
     """
     from scipy.ndimage import distance_transform_edt

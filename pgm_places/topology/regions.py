@@ -27,27 +27,27 @@ class Region:
     Parameters
     ----------
     id : int
-        At least 1; the same from run to run as far as the region can be recognised.
+        At least 1; stable from run to run as long as the region can be recognised.
     name : str
-        What to call it, unique on its map.
+        Its name, unique on the map.
     label : str
         Its class.
     area_m2 : float
         Area of its cells.
     perimeter_m : float
-        Length of its simplified outline, holes included.
+        Length of its simplified outline, including holes.
     confidence : float or None
-        Mean probability of its label over its cells, where probabilities are known.
+        Mean probability of its label over its cells, if probabilities are known.
     box_m : (float, float, float, float)
         Smallest x, smallest y, largest x, largest y of its outline in the map frame.
     anchor_m : (float, float)
         Centre of the largest circle inside it: a point of the region, never in a wall.
     clearance_m : float
-        How much room there is around the anchor: the distance to the nearest cell that is not free.
+        Clearance of the anchor: the distance to the nearest cell that is not free.
     polygons : tuple of polygons
-        Its outline in the map frame, one polygon per part that is connected by sides of cells.
+        Its outline in the map frame, one polygon per part connected by sides of cells.
     gate : Gate or None
-        The rectangle of a doorway that is a gate; its confidence is the gate's probability.
+        For a doorway that is a gate, its rectangle; the confidence is the gate's probability.
     probabilities : tuple of float or None
         Mean probability of each of the map's labels over its cells, where they are known.
     """
@@ -84,7 +84,7 @@ def describe_regions(
     ----------
     pieces : Components
     grid : OccupancyGrid
-        The map that the pieces lie on; only its frame is used.
+        The map of the pieces; only its frame is used.
     label_names : sequence of str
     clearance : (H, W) int32
         Squared distance in cells to the nearest cell that is not free.
@@ -95,7 +95,7 @@ def describe_regions(
     gates : sequence of (Gate, float) or None, optional
         The gate that each piece is, with its probability; None for other pieces.
     tolerance : float
-        How far an outline may be from the cells' corners, in cells.
+        Largest distance of an outline from the cells' corners, in cells.
     """
     if pieces.piece.shape != grid.shape:
         raise InputError(f"pieces must have the map's shape {grid.shape}, got {pieces.piece.shape}")
@@ -141,6 +141,6 @@ def _anchors(pieces: Components, clearance: NDArray[np.int32]) -> NDArray[np.int
 
 
 def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float64]:
-    # Corner (row, column) of the raster is half a cell below and left of that cell's centre.
+    # Corner (row, column) of the raster is half a cell below and left of the cell's centre.
     points: NDArray[np.float64] = frozen(grid.cell_centres_m(ring - 0.5))
     return points

@@ -32,7 +32,7 @@ class CorrectionRules:
     split_rooms_m : float
         Split places at constrictions narrower than this (m); 0 splits none. Not in the paper.
     min_part_m2 : float
-        Minimum area of both parts that closing a leak or splitting leaves (m²).
+        Minimum area of both parts that remain after closing a leak or splitting a place (m²).
     """
 
     min_area_m2: AtLeastZero = 1.0

@@ -22,18 +22,18 @@ __all__ = ["Connection", "TopologicalMap"]
 
 @dataclass(frozen=True)
 class Connection:
-    """Two regions that touch.
+    """Two adjacent regions.
 
     Parameters
     ----------
     first, second : int
         Ids of the regions, the smaller first.
     point_m : (float, float)
-        The point of their border with most room around it.
+        The point of their border with the most clearance.
     width_m : float
-        Diameter of a disc that passes there.
+        Diameter of the largest disc that fits there.
     border_m : float
-        Length of their border along sides of cells; 0 where they touch at corners only.
+        Length of their border along sides of cells; 0 if they touch only at corners.
     """
 
     first: int
@@ -50,16 +50,16 @@ class TopologicalMap:
     Parameters
     ----------
     grid : OccupancyGrid
-        The map that the places lie on.
+        The map of the places.
     region : (H, W) int32
-        Id of the region at each cell, 0 where there is none.
+        Id of the region at each cell, 0 for none.
     regions : tuple of Region
         By increasing id.
     connections : tuple of Connection
         Sorted by ids.
     label_names : tuple of str
     doorway_label : str
-        The class whose regions lead from one place to another.
+        The class of regions that lead from one place to another.
     corrections : tuple of Correction
         What was relabelled before regions were formed.
     next_id : int
@@ -90,7 +90,7 @@ class TopologicalMap:
 
     @cached_property
     def labels(self) -> NDArray[np.int16]:
-        """(H, W) label of each cell's region, -1 where there is none."""
+        """(H, W) label of each cell's region, -1 for none."""
         highest = max((region.id for region in self.regions), default=0)
         table = np.full(highest + 1, -1, np.int16)
         for region in self.regions:
@@ -114,12 +114,12 @@ class TopologicalMap:
         return {number: sorted(others) for number, others in found.items()}
 
     def place(self, key: int | str) -> Region:
-        """The region of an id or a name.
+        """The region with an id or a name.
 
         Raises
         ------
         InputError
-            There is no such region; the message offers the nearest name.
+            There is no such region; the message suggests the nearest name.
         """
         found = self._by_id.get(key) if isinstance(key, int) else self._by_name.get(key)
         if found is None:
@@ -128,7 +128,7 @@ class TopologicalMap:
         return found
 
     def region_at(self, x_m: float, y_m: float) -> Region | None:
-        """The region at a position of the map frame, or None where there is none."""
+        """The region at a position in the map frame, or None."""
         [(row, column)] = self.grid.cells_at_m([[x_m, y_m]]).tolist()
         height, width = self.grid.shape
         if not (0 <= row < height and 0 <= column < width):
@@ -136,7 +136,7 @@ class TopologicalMap:
         return self._by_id.get(int(self.region[row, column]))
 
     def neighbours(self, key: int | str) -> list[Region]:
-        """The regions that touch a region, by id."""
+        """The neighbours of a region, by id."""
         return [self._by_id[other] for other in self._neighbour_ids[self.place(key).id]]
 
     @cached_property
@@ -146,7 +146,7 @@ class TopologicalMap:
         return find_objects(self.region)
 
     def window(self, key: int | str) -> tuple[slice, slice]:
-        """The rows and columns that a region spans."""
+        """The rows and columns spanned by a region."""
         rows, columns = self._windows[self.place(key).id - 1]
         return rows, columns
 
@@ -158,12 +158,12 @@ class TopologicalMap:
         return np.argwhere(inside) + np.array([rows.start, columns.start])
 
     def path(self, start: int | str, end: int | str) -> list[Region]:
-        """The regions to pass from one to another, both included, along the shortest path.
+        """The regions along the shortest path from one to another, both included.
 
         Raises
         ------
         InputError
-            One of them is unknown, or no path leads from one to the other.
+            One of them is unknown, or there is no path between them.
         """
         import networkx as nx
 
@@ -176,7 +176,7 @@ class TopologicalMap:
 
     @cached_property
     def graph(self) -> "nx.Graph[int]":
-        """Regions as nodes, connections as edges, with plain numbers and texts as attributes.
+        """Regions as nodes and connections as edges, with plain numbers and strings as attributes.
 
         Nodes have ``name``, ``label``, ``area_m2``, ``x_m``, ``y_m`` (the anchor), ``clearance_m``
         and ``confidence`` where it is known; edges ``x_m``, ``y_m``, ``width_m``, ``border_m`` and
@@ -212,12 +212,12 @@ class TopologicalMap:
 
     @cached_property
     def place_graph(self) -> "nx.MultiGraph[int]":
-        """Rooms, corridors and the like as nodes; doorways and open passages as edges.
+        """Rooms, corridors and other places as nodes; doorways and open passages as edges.
 
-        Each doorway joins every two of the places that it touches by an edge with its id as
-        ``doorway``, its anchor as ``x_m``, ``y_m``, and as ``width_m`` the narrower of its two
-        passages; ``doorway`` is 0 where two places touch without one. Doorways that touch each
-        other count as one, with the smallest id.
+        Each doorway joins every pair of places that it touches by an edge with its id as
+        ``doorway``, its anchor as ``x_m`` and ``y_m``, and the narrower of its two passages as
+        ``width_m``; ``doorway`` is 0 if two places touch without a doorway. Adjacent doorways count
+        as one, with the smallest id.
         """
         import networkx as nx
 
@@ -247,7 +247,7 @@ class TopologicalMap:
 
     @property
     def known_places(self) -> KnownPlaces:
-        """What the next run needs to recognise these places."""
+        """The data from which the next run recognises these places."""
         return KnownPlaces(
             self.grid,
             self.region,

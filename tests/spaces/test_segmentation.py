@@ -203,7 +203,7 @@ def test_cells_are_looked_up() -> None:
 
 @pytest.mark.parametrize("ratios", [(), (0.5, 0.9), (1.2,), (0.5, 0.0)])
 def test_ratios_must_fall(ratios: tuple[float, ...]) -> None:
-    with pytest.raises(InputError, match="falling numbers"):
+    with pytest.raises(InputError, match="decreasing numbers"):
         Segmentation.of(grid_of(two_rooms()), ratios)
 
 
