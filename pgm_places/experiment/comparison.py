@@ -28,11 +28,15 @@ __all__ = [
     "door_scores",
     "history_of",
     "learning_of",
+    "passage_scores",
     "score_intervals",
 ]
 
 BLOCK_M = 2.0
 """Side of the squares that confidence intervals draw: cells nearer than that err together."""
+
+PASSAGE_M = 0.3
+"""A doorway that is labelled this much before or after it was passed through has been found."""
 
 STRETCH_M = 5.0
 """Length of the stretches of drives that they draw: steps nearer than that err together."""
@@ -232,6 +236,36 @@ def door_scores(
         match = match_painted(painted, item.grid, truth, doorway)
         accepted = np.ones(len(match.door), np.bool_)
     return match.scores(accepted)
+
+
+def passage_scores(item: TestDrive, labeling: Labeling, doorway: int) -> DoorScores:
+    """How many doorways that a drive passes through a method found, missed and invented.
+
+    A passage is a run of steps in a doorway, and counts once, however many steps it takes. It is
+    found if some step within ``PASSAGE_M`` of it along the path is labelled doorway. A run of steps
+    labelled doorway that has no passage so near is invented, unless nothing is known there.
+    """
+    truth, found = item.node_truth, labeling.labels
+    way = np.concatenate([[0.0], np.cumsum(item.trajectory.step_lengths_m)])[: len(truth)]
+    passages, claims = _runs(truth == doorway), _runs(found == doorway)
+
+    def meets(one: slice, others: Sequence[slice]) -> bool:
+        low, high = way[one.start] - PASSAGE_M, way[one.stop - 1] + PASSAGE_M
+        return any(way[other.stop - 1] >= low and way[other.start] <= high for other in others)
+
+    known = [claim for claim in claims if (truth[claim] >= 0).any()]
+    return DoorScores(
+        doors=len(passages),
+        found=sum(meets(passage, claims) for passage in passages),
+        accepted=len(known),
+        right=sum(meets(claim, passages) for claim in known),
+    )
+
+
+def _runs(inside: NDArray[np.bool_]) -> list[slice]:
+    """The runs of consecutive steps where the mask is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    return [slice(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}

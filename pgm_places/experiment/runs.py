@@ -15,11 +15,13 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import (
     Comparison,
     MethodResult,
+    TestDrive,
     TestItem,
     TestMap,
     door_scores,
     history_of,
     learning_of,
+    passage_scores,
     score_intervals,
 )
 from pgm_places.experiment.config_changes import changed_config
@@ -118,18 +120,29 @@ def _compare_drives(experiment: Experiment) -> Comparison:
     found = label_drives(experiment, labelers, drives)
     names = tuple(experiment.config.labels.names)
     methods = {name: PlaceMethod(item.method_, "laser") for name, item in labelers.items()}
-    results = [
-        method_result(
-            name,
-            methods[name],
-            names,
-            found.items,
-            found.labelings[name],
-            {"learn": labelers[name].learn_seconds_, "infer": found.seconds[name]},
+    results = []
+    for name, labeler in labelers.items():
+        seconds = {"learn": labeler.learn_seconds_, "infer": found.seconds[name]}
+        result = method_result(
+            name, methods[name], names, found.items, found.labelings[name], seconds
         )
-        for name in labelers
-    ]
+        doors = _passages(experiment, found.items, found.labelings[name])
+        results.append(replace(result, doors=doors))
     return _comparison(experiment, found.items, results, methods)
+
+
+def _passages(
+    experiment: Experiment, items: Sequence[TestItem], labelings: Sequence[Labeling]
+) -> tuple[DoorScores, ...]:
+    """The doorways passed through on each drive, where nothing but steps was labelled."""
+    names, doorway = experiment.config.labels.names, experiment.config.topology.doorway_label
+    drives = [item for item in items if isinstance(item, TestDrive)]
+    if doorway not in names or len(drives) < len(items):
+        return ()
+    return tuple(
+        passage_scores(item, found, names.index(doorway))
+        for item, found in zip(drives, labelings, strict=True)
+    )
 
 
 def _comparison(

@@ -10,16 +10,18 @@ import pytest
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError, LogError
-from pgm_places.experiment.comparison import Comparison, TestDrive
+from pgm_places.experiment.comparison import Comparison, TestDrive, passage_scores
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
 from pgm_places.experiment.step_runs import train_steps
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
 from pgm_places.sensing.simulated_robot import SimulatedRobot
@@ -163,6 +165,28 @@ def test_methods_for_chains_are_refused_where_cells_take_part_before_anything_is
         methods = [{"name": "potts", "unary": "laser"}, {"name": "independent"}]
         with pytest.raises(ConfigError, match=wanted):
             train_steps(Experiment(config(nodes=nodes, methods=methods), Path()))
+
+
+def labelled_drive(truth: list[int]) -> TestDrive:
+    """A straight drive of 0.1 m a step."""
+    poses = np.column_stack([0.1 * np.arange(len(truth)), np.zeros((len(truth), 2))])
+    path = Trajectory(
+        np.arange(len(truth), dtype=float), poses, labels=np.array(truth), label_names=NAMES
+    )
+    return TestDrive("drive", path, OccupancyGrid(np.zeros((1, 1), np.int8), 0.1))
+
+
+def test_doorways_passed_through_are_counted_once_each() -> None:
+    truth = [0] * 10 + [2] * 5 + [1] * 10 + [2] * 5 + [0] * 10 + [-1] * 10
+    early = [0] * 5 + [2] * 2 + [0] * 3 + [2] + [0] * 29 + [2] * 10  # 0.4 m early; at it; unknown
+    found = passage_scores(labelled_drive(truth), Labeling(np.array(early), Status.EXACT), 2)
+    assert (found.found, found.missed, found.invented) == (1, 1, 1)
+    exact = Labeling(np.maximum(truth, 0), Status.EXACT)
+    found = passage_scores(labelled_drive(truth), exact, 2)
+    assert (found.found, found.missed, found.invented) == (2, 0, 0)
+    late = [0] * 17 + [2] + [0] * 32  # 0.3 m after the last step in the doorway
+    found = passage_scores(labelled_drive(truth), Labeling(np.array(late), Status.EXACT), 2)
+    assert (found.found, found.missed, found.invented) == (1, 1, 0)
 
 
 # ---------------------------------------------------------------------- logs
