@@ -1,4 +1,4 @@
-"""The weight of a chain's observations: fitted so that training sequences are labelled best."""
+"""How much a chain's observations and its rare labels count: fitted on training sequences."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,37 +8,47 @@ from numpy.typing import NDArray
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["WEIGHTS", "best_weight"]
+__all__ = ["BALANCES", "WEIGHTS", "best_weights"]
 
 WEIGHTS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""That are tried."""
+"""Weights of the evidence that are tried."""
+
+BALANCES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Exponents of the labels' shares that are tried."""
 
 
-def best_weight(
-    labels_at: Callable[[float, LabelingProblem], NDArray[np.integer]],
+def best_weights(
+    labels_at: Callable[[float, float, LabelingProblem], NDArray[np.integer]],
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
-) -> float:
-    """The weight with the best labels, the largest of equals.
+    *,
+    weights: Sequence[float] = WEIGHTS,
+    balances: Sequence[float] = BALANCES,
+) -> tuple[float, float]:
+    """The weight of the evidence and the exponent of the shares with the best labels.
 
     Best is the mean of accuracy and balanced accuracy over the known steps: accuracy alone would
-    give up what is rare and short, such as doorways, for long runs of what is frequent.
+    give up what is rare and short, such as doorways, for long runs of what is frequent. Of equals,
+    the largest weight and the least exponent.
 
     Parameters
     ----------
-    labels_at : function of a weight and a problem
-        The labels (N,) that the model infers with this weight, in the mode that it will be used in.
+    labels_at : function of a weight, an exponent and a problem
+        The labels (N,) that the model infers with these, in the mode that it will be used in.
     problems, labelings
         Chains with the unaries of a classifier that has not seen them, and the true label index
         (N,) of each step, -1 where it is unknown.
+    weights, balances : sequence of float
+        What is tried.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
-    best, highest = 1.0, -1.0
-    for weight in sorted(WEIGHTS, reverse=True):
-        found = np.concatenate([labels_at(weight, problem) for problem in problems])
-        confusion = confusion_matrix(truth[known], found[known])
-        quality = float(accuracy(confusion) + balanced_accuracy(confusion))
-        if quality > highest + 1e-9:
-            best, highest = weight, quality
+    best, highest = (1.0, 0.0), -1.0
+    for weight in sorted(weights, reverse=True):
+        for balance in sorted(balances):
+            found = np.concatenate([labels_at(weight, balance, item) for item in problems])
+            confusion = confusion_matrix(truth[known], found[known])
+            quality = float(accuracy(confusion) + balanced_accuracy(confusion))
+            if quality > highest + 1e-9:
+                best, highest = (weight, balance), quality
     return best

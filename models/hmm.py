@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
@@ -19,7 +19,7 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.models.chain_statistics import count_table, normalised
-from pgm_places.models.evidence_weight import best_weight
+from pgm_places.models.evidence_weight import BALANCES, WEIGHTS, best_weights
 from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import (
     ChainBeliefs,
@@ -71,6 +71,13 @@ class HiddenMarkovModel:
         err together; below 1 they count as fewer. ``"fitted"`` takes for each mode the weight with
         which it labels the sequences given to :meth:`fit` best, which wants unaries of a classifier
         that has not seen them; 1 where there are no labelled sequences.
+    balance : float or "fitted"
+        How much more rare labels count when a step is given one: the label with the largest belief
+        over ``share**balance``, with its share in training. 0 takes the most probable one; 1 asks
+        how much more probable a label is than it is at large, so that doorways, passed in a moment,
+        are named as well. Beliefs stay as they are. ``"fitted"`` is chosen as ``evidence_weight``
+        is, together with it; 0 where there are no labelled sequences. Viterbi's sequence is one
+        answer as a whole, and is not affected.
     stay_below_m : float
         A robot that moved less than this between two steps is taken to be at the same place; needs
         positions. 0 never does.
@@ -95,6 +102,7 @@ class HiddenMarkovModel:
     smoothing: AtLeastZero = 1.0
     stay_below_m: AtLeastZero = 0.0
     evidence_weight: Annotated[float, Gt(0), Le(1)] | Literal["fitted"] = 1.0
+    balance: Annotated[float, Ge(0), Le(1)] | Literal["fitted"] = 0.0
     transition: NDArray[np.float64] | None = learned()
     """(K, K) probability of each label (column) after each (row), where the robot moved."""
     confusion: NDArray[np.float64] | None = learned()
@@ -107,6 +115,8 @@ class HiddenMarkovModel:
     """(K, K) like ``transition``, where the robot stayed; None for the same label again."""
     fitted_weights: NDArray[np.float64] | None = learned()
     """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
+    fitted_balances: NDArray[np.float64] | None = learned()
+    """(3,) the exponent of the labels' shares for each mode, where it is fitted."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -159,20 +169,45 @@ class HiddenMarkovModel:
     def with_weight_for(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> Self:
-        """A new one with the evidence's weight fitted to labelled sequences, if it is to be.
+        """A new one with ``evidence_weight`` and ``balance`` fitted to labelled sequences.
 
-        For each mode by itself: see :func:`pgm_places.models.evidence_weight.best_weight`.
-        Arguments as of :meth:`fit`.
+        As far as they are to be, and for each mode by itself: see
+        :func:`pgm_places.models.evidence_weight.best_weights`. Arguments as of :meth:`fit`.
         """
-        if self.evidence_weight != "fitted":
+        weight, balance = self.evidence_weight, self.balance
+        if weight != "fitted" and balance != "fitted":
             return self
-        weights = [
-            best_weight(partial(self._labels_at, mode), problems, labelings) for mode in MODES
+        found = [
+            best_weights(
+                partial(self._labels_at, mode),
+                problems,
+                labelings,
+                weights=WEIGHTS if weight == "fitted" else (weight,),
+                balances=(0.0,) if mode == "viterbi" else _tried(balance),
+            )
+            for mode in MODES
         ]
-        return replace(self, fitted_weights=np.array(weights))
+        weights, balances = np.array(found).T
+        return replace(
+            self,
+            fitted_weights=weights if weight == "fitted" else None,
+            fitted_balances=balances if balance == "fitted" else None,
+        )
 
-    def _labels_at(self, mode: Mode, weight: float, problem: LabelingProblem) -> NDArray[np.int64]:
-        return replace(self, mode=mode, evidence_weight=weight).infer(problem).labels
+    def _labels_at(
+        self, mode: Mode, weight: float, balance: float, problem: LabelingProblem
+    ) -> NDArray[np.int64]:
+        other = replace(self, mode=mode, evidence_weight=weight, balance=balance)
+        return other.infer(problem).labels
+
+    def choose(self, beliefs: ArrayLike) -> NDArray[np.int64]:
+        """(T,) the label that each row of beliefs (T, K) is given: see ``balance``."""
+        rows = np.asarray(beliefs, np.float64)
+        balance = self._fitted(self.balance, self.fitted_balances, 0.0)
+        if balance == 0 or self.prior is None:
+            return rows.argmax(axis=1)
+        share = np.where(self.prior > 0, self.prior, 1.0)
+        return (rows / share**balance).argmax(axis=1)
 
     def with_counts(
         self,
@@ -271,7 +306,7 @@ class HiddenMarkovModel:
             potentials = _potentials(*chain, actions, found.impossible)
             total: float | None = score(problem.graph, potentials, labels)
         else:
-            labels, beliefs, status = found.beliefs.argmax(axis=1), found.beliefs, Status.CONVERGED
+            labels, beliefs, status = self.choose(found.beliefs), found.beliefs, Status.CONVERGED
             total = None
             info["log_evidence"] = -np.inf if len(impossible) else found.log_evidence
         if len(impossible):
@@ -341,7 +376,7 @@ class HiddenMarkovModel:
             else:
                 prior = finite_array("prior", self.prior, (n_labels,))
                 found[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
-        found *= self._weight
+        found *= self._fitted(self.evidence_weight, self.fitted_weights, 1.0)
         allowed = unary > -np.inf
         restricted = ~allowed.all(axis=1)
         found[restricted] = np.where(allowed[restricted], found[restricted], -np.inf)
@@ -349,13 +384,16 @@ class HiddenMarkovModel:
         found[excluded] = np.where(allowed[excluded], 0.0, -np.inf)
         return found
 
-    @property
-    def _weight(self) -> float:
-        if self.evidence_weight != "fitted":
-            return float(self.evidence_weight)
-        if self.fitted_weights is None:
-            return 1.0
-        return float(self.fitted_weights[MODES.index(self.mode)])
+    def _fitted(
+        self,
+        option: float | Literal["fitted"],
+        by_mode: NDArray[np.float64] | None,
+        otherwise: float,
+    ) -> float:
+        """The option's number, or the one fitted for this mode; ``otherwise`` before a fit."""
+        if option != "fitted":
+            return float(option)
+        return otherwise if by_mode is None else float(by_mode[MODES.index(self.mode)])
 
     def _start(self) -> NDArray[np.float64]:
         assert self.initial is not None  # the likelihood has checked
@@ -395,6 +433,10 @@ class HiddenMarkovModel:
             moved = np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1)
             actions[moved < self.stay_below_m] = STAY
         return actions
+
+
+def _tried(balance: float | Literal["fitted"]) -> tuple[float, ...]:
+    return BALANCES if balance == "fitted" else (balance,)
 
 
 def _possible(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -158,7 +158,7 @@ def _follow(
         belief = online.step(scan, extra=extra)
         scans.append(scan)
         beliefs.append(belief)
-        best = int(belief.argmax())
+        best = online.choose(belief)
         x, y = scan.pose[:2]
         say(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {names[best]} {belief[best]:.3f}")
 
@@ -304,7 +304,7 @@ def _followed(
 
     name = "standard input" if str(log) == "-" else log.stem
     table = np.array(beliefs, np.float64)
-    labeling = Labeling(table.argmax(axis=1), Status.CONVERGED, beliefs=table)
+    labeling = Labeling(labeler.method_.choose(table), Status.CONVERGED, beliefs=table)
     return Track(Trajectory.from_scans(scans, name=name), labeling, tuple(labeler.label_names))
 
 

@@ -241,19 +241,27 @@ def door_scores(
 def passage_scores(item: TestDrive, labeling: Labeling, doorway: int) -> DoorScores:
     """How many doorways that a drive passes through a method found, missed and invented.
 
-    A passage is a run of steps in a doorway, and counts once, however many steps it takes. It is
-    found if some step within ``PASSAGE_M`` of it along the path is labelled doorway. A run of steps
-    labelled doorway that has no passage so near is invented, unless nothing is known there.
+    A passage is a run of steps in a doorway that is entered and left, and counts once, however many
+    steps it takes. It is found if some step within ``PASSAGE_M`` of it along the path is labelled
+    doorway. A run of steps labelled doorway that has no doorway so near is invented, unless nothing
+    is known there.
     """
     truth, found = item.node_truth, labeling.labels
     way = np.concatenate([[0.0], np.cumsum(item.trajectory.step_lengths_m)])[: len(truth)]
-    passages, claims = _runs(truth == doorway), _runs(found == doorway)
+    around = np.concatenate([[-1], truth, [-1]])
+    passages: list[slice] = []
+    partial: list[slice] = []
+    for run in _runs(truth == doorway):
+        whole = around[run.start] >= 0 and around[run.stop + 1] >= 0  # known before and after
+        (passages if whole else partial).append(run)
 
     def meets(one: slice, others: Sequence[slice]) -> bool:
         low, high = way[one.start] - PASSAGE_M, way[one.stop - 1] + PASSAGE_M
         return any(way[other.stop - 1] >= low and way[other.start] <= high for other in others)
 
+    claims = _runs(found == doorway)
     known = [claim for claim in claims if (truth[claim] >= 0).any()]
+    known = [claim for claim in known if meets(claim, passages) or not meets(claim, partial)]
     return DoorScores(
         doors=len(passages),
         found=sum(meets(passage, claims) for passage in passages),

@@ -57,6 +57,10 @@ class BeliefFilter:
         self._belief, possible = self._model.step(mean, self._before, moved_m=self._moved_m)
         return self._belief, possible
 
+    def choose(self, belief: NDArray[np.float64]) -> int:
+        """The label that a step with this belief (K,) is given."""
+        return int(self._model.choose(belief[None])[0])
+
     def run(self, poses: NDArray[np.float64], scores: NDArray[np.float64]) -> Labeling:
         """Labels and beliefs along a whole trajectory: poses (T, 3) and log z (T, K)."""
         beliefs = np.empty(scores.shape)
@@ -66,7 +70,7 @@ class BeliefFilter:
             if not possible:
                 impossible.append(t)
         info = {"impossible": impossible}
-        labels = beliefs.argmax(axis=1)
+        labels = self._model.choose(beliefs)
         return Labeling(labels, Status.CONVERGED, beliefs=beliefs, info=info)
 
 
@@ -91,6 +95,10 @@ class OnlineLabeler:
         self._scorer, self._circle, self._filter = ScanScorer(model), circle, belief_filter
         self.label_names = label_names
         self.n_steps = 0
+
+    def choose(self, belief: NDArray[np.float64]) -> int:
+        """The label that a step with this belief (K,) is given: the index of its name."""
+        return self._filter.choose(belief)
 
     def step(
         self, scan: Scan, pose: ArrayLike | None = None, *, extra: ArrayLike | None = None

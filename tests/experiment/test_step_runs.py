@@ -184,6 +184,9 @@ def test_doorways_passed_through_are_counted_once_each() -> None:
     exact = Labeling(np.maximum(truth, 0), Status.EXACT)
     found = passage_scores(labelled_drive(truth), exact, 2)
     assert (found.found, found.missed, found.invented) == (2, 0, 0)
+    cut = [2] * 3 + truth[3:]  # begins inside a doorway: not entered, so no passage, yet no error
+    found = passage_scores(labelled_drive(cut), Labeling(np.maximum(cut, 0), Status.EXACT), 2)
+    assert (found.found, found.missed, found.invented) == (2, 0, 0)
     late = [0] * 17 + [2] + [0] * 32  # 0.3 m after the last step in the doorway
     found = passage_scores(labelled_drive(truth), Labeling(np.array(late), Status.EXACT), 2)
     assert (found.found, found.missed, found.invented) == (1, 1, 0)

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, InputError, NotFittedError
+from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build
 from pgm_places.inference.labeling import Status
@@ -345,3 +346,42 @@ def test_without_sequences_the_weight_is_one() -> None:
     same = replace(model, evidence_weight=1.0)
     row = np.log([0.7, 0.3])
     np.testing.assert_array_equal(model.step(row)[0], same.step(row)[0])
+
+
+def test_rare_labels_are_chosen_by_belief_over_share() -> None:
+    model = HiddenMarkovModel("smooth", balance=0.5).with_counts(
+        confusions=[[90, 0], [0, 10]], moves=np.eye(2)
+    )
+    assert model.prior is not None
+    beliefs = np.array([[0.7, 0.3], [0.8, 0.2], [0.5, 0.5]])
+    expected = (beliefs / np.sqrt(model.prior)).argmax(axis=1)
+    assert model.choose(beliefs).tolist() == expected.tolist() == [1, 0, 1]
+    assert replace(model, balance=0.0).choose(beliefs).tolist() == [0, 0, 0]
+
+
+def test_the_balance_is_fitted_together_with_the_weight_of_the_evidence() -> None:
+    rng = np.random.default_rng(3)
+    problems, truths = [], []
+    for _ in range(4):
+        truth = np.repeat([0, 1, 0, 1, 0], [40, 3, 40, 3, 40])
+        heard = np.where(rng.random(len(truth)) < 0.75, truth, 1 - truth)
+        graph = LabelGraph.from_trajectory(np.arange(2.0 * len(truth)).reshape(-1, 2))
+        unary = np.log(np.eye(2)[heard] * 0.5 + 0.25)
+        problems.append(LabelingProblem(graph, ["room", "doorway"], unary=unary))
+        truths.append(truth)
+    plain = HiddenMarkovModel("smooth", evidence_weight="fitted").fit(problems, truths)
+    model = HiddenMarkovModel("smooth", evidence_weight="fitted", balance="fitted")
+    model = model.fit(problems, truths)
+    assert model.fitted_balances is not None and plain.fitted_balances is None
+    assert model.fitted_balances[1] > 0
+    assert model.fitted_balances[2] == 0  # Viterbi's sequence is one answer
+
+    def quality(fitted: HiddenMarkovModel) -> float:
+        found = np.concatenate([fitted.infer(item).labels for item in problems])
+        table = confusion_matrix(np.concatenate(truths), found)
+        return float(accuracy(table) + balanced_accuracy(table))
+
+    assert quality(model) > quality(plain)
+    beliefs = model.infer(problems[0]).beliefs
+    assert beliefs is not None
+    np.testing.assert_array_equal(model.infer(problems[0]).labels, model.choose(beliefs))
