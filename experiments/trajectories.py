@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.cold import cold_table
+from experiments.drives.methods import methods_table
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from pgm_places.evaluation.evaluation import evaluate
@@ -124,6 +125,7 @@ def main() -> None:
     building = load_building79(Path(data))
     parts: Mapping[str, Callable[[], str]] = {
         "PLACES": lambda: places_table(building),
+        "METHODS": methods_table,
         "CATEGORIES": lambda: categories_table(building),
         "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),
