@@ -1,0 +1,97 @@
+"""The loop: spoil a file, read it, and see that it is refused in one line, soon and cheaply."""
+
+import random
+import resource
+import signal
+import time
+import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pgm_places.errors import PgmPlacesError
+from tests.fuzz.readers import Reader
+
+__all__ = ["Findings", "run"]
+
+MOST_SECONDS = 1.0
+MOST_BYTES = 256 << 20
+
+
+class _Hang(BaseException):
+    """It went on far beyond the limit."""
+
+
+@dataclass
+class Findings:
+    """What happened to the inputs of a reader."""
+
+    n_read: int = 0
+    n_refused: int = 0
+    bad: list[tuple[str, bytes]] = field(default_factory=list)
+    """What was wrong, and the input."""
+
+
+def run(reader: Reader, folder: Path, seed: int, count: int) -> Findings:
+    """Spoil the reader's file ``count`` times; what it takes or refuses in one line is right."""
+    found = Findings()
+    target = folder / reader.file
+    original = target.read_bytes()
+    others = {path: path.read_bytes() for path in target.parent.iterdir() if path.is_file()}
+    reader.read(folder)  # imports are not counted
+    peak = _peak_bytes()
+    for number in range(count):
+        data = reader.spoil(original, random.Random(f"{seed} {number}"))
+        target.write_bytes(data)
+        reader.after(folder)
+        start = time.process_time()
+        problem = _outcome(reader, folder, found)
+        seconds = time.process_time() - start
+        if seconds > MOST_SECONDS:
+            problem = problem or f"took {seconds:.1f} s"
+        grown, peak = _peak_bytes() - peak, max(peak, _peak_bytes())
+        if grown > MOST_BYTES + len(data):
+            problem = problem or f"took {grown >> 20} MB"
+        if problem:
+            found.bad.append((f"input {number} of seed {seed}: {problem}", data))
+    for path, content in others.items():
+        path.write_bytes(content)
+    return found
+
+
+def _outcome(reader: Reader, folder: Path, found: Findings) -> str:
+    """An empty text where all is well."""
+    try:
+        with _limited(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            reader.read(folder)
+        found.n_read += 1
+    except PgmPlacesError as error:
+        found.n_refused += 1
+        if len(str(error)) > 3000:
+            return f"a message of {len(str(error))} characters"
+    except _Hang:
+        return "does not end"
+    except BaseException:  # noqa: BLE001  whatever it is, it is a finding
+        return traceback.format_exc()
+    return ""
+
+
+@contextmanager
+def _limited() -> Iterator[None]:
+    def stop(*_: object) -> None:
+        raise _Hang
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(60)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _peak_bytes() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
