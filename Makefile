@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types imports docs wheel bench clean
+.PHONY: demo test fuzz lint types imports docs wheel bench clean
 
 # setuptools prints a page about every editable installation; it is how we mean to install.
 $(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
@@ -26,6 +26,11 @@ demo: $(VENV)/.package
 
 test: $(VENV)/.installed
 	$(BIN)/python -m pytest
+
+# Spoiled files for every reader, N of them each; what finds something is kept in fuzz-findings/.
+N ?= 10000
+fuzz: $(VENV)/.installed
+	$(BIN)/python -m tests.fuzz --count $(N)
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

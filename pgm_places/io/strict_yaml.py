@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from pgm_places._checks import nearest_name
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, shown
 from pgm_places.io.text_file import read_text
 
 __all__ = ["YamlFile", "YamlValue", "read_yaml"]
@@ -57,19 +57,19 @@ class YamlFile:
     def value(self, key: str) -> YamlValue:
         """What stands at a key that must be there."""
         if key not in self.values:
-            raise self.fail(f"key {key!r} is missing; {nearest_name(key, list(self.values))}")
+            raise self.fail(f"key {shown(key)} is missing; {nearest_name(key, list(self.values))}")
         return self.values[key]
 
     def text(self, key: str) -> str:
         """Text that is not empty."""
         value = self.value(key)
         if not isinstance(value, str) or not value:
-            raise self.fail(f"key {key!r} must be non-empty text, got {value!r}")
+            raise self.fail(f"key {shown(key)} must be non-empty text, got {shown(value)}")
         return value
 
     def number(self, key: str) -> float:
         """A finite number."""
-        return self.as_number(self.value(key), f"key {key!r}")
+        return self.as_number(self.value(key), f"key {shown(key)}")
 
     def flag(self, key: str) -> bool:
         """True or false, written as an integer or as one of YAML's words for them."""
@@ -79,7 +79,7 @@ class YamlFile:
                 return bool(set(value.lower().lstrip("+-").removeprefix("0x")) - {"0"})
             if value.lower() in _TRUE | _FALSE:
                 return value.lower() in _TRUE
-        raise self.fail(f"key {key!r} must be 0, 1, true or false, got {value!r}")
+        raise self.fail(f"key {shown(key)} must be 0, 1, true or false, got {shown(value)}")
 
     def as_number(self, value: YamlValue, where: str, *, allow_nan: bool = False) -> float:
         """A value of this file as a finite number; ``nan`` in any spelling where allowed."""
@@ -89,7 +89,7 @@ class YamlFile:
             if allow_nan and _NAN.fullmatch(value):
                 return math.nan
         raise self.fail(
-            f"{where} must be a finite decimal number such as 0.05 or 5e-2, got {value!r}"
+            f"{where} must be a finite decimal number such as 0.05 or 5e-2, got {shown(value)}"
         )
 
     def as_integer(self, value: YamlValue, where: str, *, low: int, high: int) -> int:
@@ -98,7 +98,7 @@ class YamlFile:
             number = int(value)
             if low <= number <= high:
                 return number
-        raise self.fail(f"{where} must be a whole number from {low} to {high}, got {value!r}")
+        raise self.fail(f"{where} must be a whole number from {low} to {high}, got {shown(value)}")
 
 
 def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
@@ -125,7 +125,7 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
     try:
         node = yaml.compose(text, Loader=yaml.BaseLoader)
     except yaml.YAMLError as problem:
-        detail = " ".join(str(problem).split())
+        detail = " ".join(str(problem).split())[:300]
         raise error(f"{path}: not a YAML file: {detail}") from None
     except RecursionError:
         raise error(f"{path}: nested deeper than {MAX_DEPTH} levels") from None
@@ -158,9 +158,9 @@ def _plain(node: object, file: YamlFile, *, depth: int, seen: set[int]) -> YamlV
         for key_node, value_node in node.value:
             key = _plain(key_node, file, depth=depth + 1, seen=seen)
             if not isinstance(key, str):
-                raise file.fail(f"a key must be text, got {key!r}")
+                raise file.fail(f"a key must be text, got {shown(key)}")
             if key in mapping:
                 line = key_node.start_mark.line + 1
-                raise file.fail(f"key {key!r} appears twice (line {line}); keep one")
+                raise file.fail(f"key {shown(key)} appears twice (line {line}); keep one")
             mapping[key] = _plain(value_node, file, depth=depth + 1, seen=seen)
     return mapping

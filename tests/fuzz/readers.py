@@ -202,6 +202,6 @@ def seeds(folder: Path) -> None:
     (folder / "counts.json").write_bytes(json_bytes([record, record]))
     save_topology(folder, gated_floor_map())
     (folder / "place_names.yaml").write_text("1: kitchen\n2: lab\n")
-    for kind in STORED.iterdir():
-        if kind.is_dir():
-            shutil.copytree(kind, folder / kind.name)
+    for model in STORED.iterdir():
+        if model.is_dir():
+            shutil.copytree(model, folder / model.name)

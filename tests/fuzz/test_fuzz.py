@@ -7,7 +7,7 @@ import pytest
 from tests.fuzz.loop import run
 from tests.fuzz.readers import READERS, seeds
 
-COUNT = 30
+COUNT = 12
 
 
 @pytest.fixture(scope="module")

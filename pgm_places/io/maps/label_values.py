@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import nearest_name, plain_names
-from pgm_places.errors import LabelError
+from pgm_places.errors import LabelError, shown
 from pgm_places.io.input_file import user_path
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
 
@@ -73,7 +73,7 @@ def read_label_values(
     unknown_keys = sorted(set(file.values) - {"values", "ignore"})
     if unknown_keys:
         nearest = nearest_name(unknown_keys[0], ["values", "ignore"])
-        raise file.fail(f"key {unknown_keys[0]!r} is unknown; {nearest}")
+        raise file.fail(f"key {shown(unknown_keys[0])} is unknown; {nearest}")
     values = _values(file)
     ignored = _ignored(file)
     _check_values(file, values, ignored)
@@ -81,8 +81,8 @@ def read_label_values(
     for name in values:
         if name not in wanted:
             raise file.fail(
-                f"label {name!r} is not among the configured labels; {nearest_name(name, wanted)}. "
-                "Correct the name, or move its value under 'ignore'"
+                f"label {shown(name)} is not among the configured labels; "
+                f"{nearest_name(name, wanted)}. Correct the name, or move its value under 'ignore'"
             )
     for name in wanted:
         if name not in values:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen, nearest_name
-from pgm_places.errors import MapError
+from pgm_places.errors import MapError, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.pixel_rules import Compat, Mode, PixelRules, grey_of
@@ -129,7 +129,9 @@ def load_map(
 def _rules(file: YamlFile, compat: Compat) -> PixelRules:
     mode = file.text("mode") if "mode" in file else "trinary"
     if mode not in get_args(Mode):
-        raise file.fail(f"mode {mode!r} is unknown; {nearest_name(mode, list(get_args(Mode)))}")
+        raise file.fail(
+            f"mode {shown(mode)} is unknown; {nearest_name(mode, list(get_args(Mode)))}"
+        )
     free, occupied = file.number("free_thresh"), file.number("occupied_thresh")
     if not 0 <= free <= occupied <= 1 or (mode == "scale" and free == occupied):
         raise file.fail(
@@ -144,7 +146,7 @@ def _rules(file: YamlFile, compat: Compat) -> PixelRules:
 def _origin(file: YamlFile, warnings: list[str]) -> tuple[float, float, float]:
     origin: YamlValue = file.value("origin")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise file.fail(f"origin must be three numbers [x, y, yaw], got {origin!r}")
+        raise file.fail(f"origin must be three numbers [x, y, yaw], got {shown(origin)}")
     x = file.as_number(origin[0], "origin x")
     y = file.as_number(origin[1], "origin y")
     yaw = file.as_number(origin[2], "origin yaw", allow_nan=True)
@@ -166,8 +168,8 @@ def _image_path(file: YamlFile) -> Path:
         there = False
     if not there:
         raise MapError(
-            f"{file.path}: its image {name!r} is missing: no file {path}; correct the key "
-            "'image' or put the image there"
+            f"{file.path}: its image {shown(name)} is missing: no file {str(path)[:500]}; correct "
+            "the key 'image' or put the image there"
         )
     return path
 
