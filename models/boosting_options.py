@@ -27,12 +27,16 @@ class BoostingOptions:
     shrinkage : float
         The vote of every stump or tree is multiplied by this; 1 is the paper's. Trees generalise
         better with about 0.3.
+    feature_share : float
+        Share of the features, drawn anew for each tree, among which its splits are searched; stumps
+        always search all. Training takes as much less time.
     """
 
     n_rounds: Annotated[int, Ge(1), Le(100_000)] = 100
     tolerance: Annotated[float, Ge(0), Lt(1)] = 1e-6
     max_depth: Annotated[int, Ge(1), Le(4)] = 1
     shrinkage: Annotated[float, Gt(0), Le(1)] = 1.0
+    feature_share: Annotated[float, Gt(0), Le(1)] = 1.0
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -75,6 +75,9 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
     shrinkage : float
         The vote of every stump or tree is multiplied by this, above 0 and at most 1; 1 is the
         paper's. Trees generalise better with about 0.3 and 100 to 200 rounds.
+    feature_share : float
+        Share of the features, drawn anew for each tree, among which its splits are searched, above
+        0 and at most 1; stumps always search all.
     n_threads : int or None
         None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
 
@@ -129,6 +132,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         n_threads: int | None = None,
         max_depth: int = 1,
         shrinkage: float = 1.0,
+        feature_share: float = 1.0,
     ) -> None:
         self.n_rounds = n_rounds
         self.order = order
@@ -141,6 +145,7 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         self.n_threads = n_threads
         self.max_depth = max_depth
         self.shrinkage = shrinkage
+        self.feature_share = feature_share
 
     def fit(
         self,

@@ -24,6 +24,7 @@ def boost_trees(
     n_rounds: int = 100,
     max_depth: int = 3,
     shrinkage: float = 0.3,
+    feature_share: float = 1.0,
     least_weight: float = 1e-3,
     tolerance: float = 1e-6,
     sample_weight: NDArray[np.float64] | None = None,
@@ -48,6 +49,9 @@ def boost_trees(
         Levels of splits, 2 to 4: trees of at most 4 to 16 leaves.
     shrinkage : float
         Every tree's vote is multiplied by this.
+    feature_share : float
+        The probability of each feature to take part in a tree, drawn anew for every tree from one
+        seed (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
     least_weight : float
         No split leaves a side with less than this part of all weight.
     sample_weight : (rows of X,) float64, optional
@@ -69,9 +73,13 @@ def boost_trees(
     least = max(1, int(least_weight * _WHOLE_MASS))
     trees: list[GrownTree] = []
     votes: list[NDArray[np.float32]] = []
+    rng = np.random.default_rng(0)
     while len(trees) < n_rounds:
         gentle_masses(weights, segments, _WHOLE_MASS, masses)
-        tree = search.grow(masses, least)
+        drawn = None
+        if feature_share < 1:
+            drawn = np.asarray(rng.random(prepared.X.shape[1]) < feature_share)
+        tree = search.grow(masses, least, drawn)
         if tree.correlation < tolerance:
             break
         vote = (shrinkage * tree.means).astype(np.float32)

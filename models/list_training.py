@@ -254,7 +254,8 @@ def _boosted(
     }
     if options.max_depth == 1:
         return boost(prepared, positive, negative, **more)
-    return boost_trees(prepared, positive, negative, max_depth=options.max_depth, **more)
+    more |= {"max_depth": options.max_depth, "feature_share": options.feature_share}
+    return boost_trees(prepared, positive, negative, **more)
 
 
 def prior_calibration(

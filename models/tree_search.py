@@ -120,8 +120,18 @@ class TreeSearch:
             np.empty((n_planes, _N_BINS << level), np.int64) for level in range(max_depth)
         ]
 
-    def grow(self, masses: NDArray[np.int64], least: int) -> GrownTree:
-        """The tree for these pairs of masses; no split leaves a side with less than ``least``."""
+    def grow(
+        self,
+        masses: NDArray[np.int64],
+        least: int,
+        drawn: NDArray[np.bool_] | None = None,
+    ) -> GrownTree:
+        """The tree for these pairs of masses; no split leaves a side with less than ``least``.
+
+        ``drawn`` (F,) says which columns may be split at; all by default.
+        """
+        columns = self.prepared.columns
+        planes = np.flatnonzero(np.ones(len(columns), bool) if drawn is None else drawn[columns])
         n_splits = 2**self.max_depth - 1
         feature = np.full(n_splits, -1, np.int32)
         cut = np.full(n_splits, np.inf, np.float32)
@@ -129,7 +139,7 @@ class TreeSearch:
         totals = np.array([sum(masses[start:stop].sum() for start, stop, _ in self.segments)])
         lighter = np.zeros(1, np.int64)
         for level in range(self.max_depth):
-            scores = self._score(level, masses, totals, lighter, least)
+            scores = self._score(level, planes, masses, totals, lighter, least)
             own = slice(2**level - 1, 2 ** (level + 1) - 1)
             found = [self._split(level, p, totals, scores[:, p], least) for p in range(2**level)]
             feature[own] = [-1 if split is None else split.column for split in found]
@@ -141,12 +151,13 @@ class TreeSearch:
     def _score(
         self,
         level: int,
+        planes: NDArray[np.int64],
         masses: NDArray[np.int64],
         totals: NDArray[np.int64],
         lighter: NDArray[np.int64],
         least: int,
     ) -> NDArray[np.float64]:
-        """(D, nodes) the best score of every feature in every node of a level.
+        """(D, nodes) the best score of every feature in every node of a level, -1 if not drawn.
 
         Only the examples of every node's ``lighter`` child are counted, at the root all; the other
         child's histogram is what is left of the parent's.
@@ -158,12 +169,12 @@ class TreeSearch:
         )
 
         histograms = self._histograms[level]
-        n_planes = len(histograms)
         examples = self._counted(level, masses, lighter)
-        scores = np.empty((n_planes, len(totals)))
+        scores = np.full((len(histograms), len(totals)), -1.0)
+        runs = _runs(planes)
 
         def work(task: int) -> None:
-            first, last = task * _PER_TASK, min((task + 1) * _PER_TASK, n_planes)
+            first, last = runs[task]
             histograms[first:last] = 0
             fill_histograms(self.prepared.codes, first, last, examples, histograms)
             if level:
@@ -171,8 +182,8 @@ class TreeSearch:
                 subtract_siblings(parents, lighter, histograms[first:last])
             score_splits(histograms[first:last], totals, least, scores[first:last])
 
-        enough = n_planes * len(examples.position) >= _WORTH_THREADS
-        run_tasks(work, -(-n_planes // _PER_TASK), n_threads=self.n_threads if enough else 1)
+        enough = len(planes) * len(examples.position) >= _WORTH_THREADS
+        run_tasks(work, len(runs), n_threads=self.n_threads if enough else 1)
         return scores
 
     def _counted(
@@ -220,6 +231,16 @@ class TreeSearch:
         lighter = 2 * np.arange(len(found)) + (counts[1::2] < counts[::2])
         lighter[last_left == _N_BINS] = -1
         return lighter
+
+
+def _runs(planes: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First and last (exclusive) of runs of adjacent planes, none longer than a task's."""
+    apart = np.split(planes, np.flatnonzero(np.diff(planes) > 1) + 1)
+    return [
+        (int(run[first]), int(run[first]) + min(_PER_TASK, len(run) - first))
+        for run in apart
+        for first in range(0, len(run), _PER_TASK)
+    ]
 
 
 def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:

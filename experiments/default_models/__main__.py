@@ -12,13 +12,11 @@ from pathlib import Path
 HERE = Path(__file__).parent
 DATA = "$PGM_PLACES_DATA"
 
-CLASSES = (
-    '{CR = "corridor", DW = "doorway", '
-    + ", ".join(
-        f'{code} = "room"'
-        for code in ("1PO", "2PO", "LO", "KT", "BA", "CF", "RL", "TR", "PT", "PA", "ST", "EV")
-    )
-    + "}"
+CLASSES = '{CR = "corridor", DW = "doorway", "*" = "room"}'
+PLAIN_CLASSES = '{corridor = "corridor", doorway = "doorway", room = "room"}'
+FLOOR_CLASSES = (
+    '{corridor = "corridor", hall = "hall", lobby = "hall", doorway = "doorway", '
+    'stairs = "", entrance = "", "*" = "room"}'
 )
 
 STYLES = ("office", "varied", "school", "university", "clinic", "hotel", "hall", "ring")
@@ -37,6 +35,7 @@ def robot_maps() -> Iterator[Table]:
         yield {
             "map": f"{DATA}/{folder}/map.yaml",
             "labels": f"{DATA}/{folder}/labels.png",
+            "classes": PLAIN_CLASSES,
             "name": name,
             "building": building,
         }
@@ -63,7 +62,8 @@ def floors() -> Iterator[Table]:
         folder = f"{DATA}/floors/{row['floor']}"
         drawn: Table = {
             "map": f"{folder}/map.yaml",
-            "labels": f"{folder}/labels.png",
+            "labels": f"{folder}/fine.png",
+            "classes": FLOOR_CLASSES,
             "name": row["floor"],
             "building": row["building"],
         }
@@ -76,7 +76,8 @@ def generated(first_seed: int, per_style: int) -> Iterator[Table]:
     seed = first_seed
     for style in STYLES:
         for number in range(per_style):
-            drawn: Table = {"generated": seed, "style": style, "name": f"{style} {seed}"}
+            drawn: Table = {"generated": seed, "style": style, "halls": "hall"}
+            drawn["name"] = f"{style} {seed}"
             if number % 2:
                 drawn |= {"furniture": False, "slam_noise": False}
             yield drawn
@@ -111,13 +112,14 @@ title = "{title}"
 resolution_m = 0.05
 
 [labels]
-names = ["corridor", "room", "doorway"]
+names = ["corridor", "room", "doorway", "hall"]
 
 [topology]
 min_width_m = 0.3
 
 [classifier]
 max_examples_per_map = {examples}
+n_folds = 3
 """
     return "\n\n".join([head.rstrip(), *tables, METHODS])
 
@@ -132,10 +134,10 @@ def main() -> None:
     """Write both files."""
     everything = [*robot_maps(), *floors(), *generated(1, 4)]
     (HERE / "default.toml").write_text(
-        configuration("All labelled buildings", iter(everything), 5000), encoding="utf-8"
+        configuration("All labelled buildings", iter(everything), 1500), encoding="utf-8"
     )
     (HERE / "generated.toml").write_text(
-        configuration("Generated buildings", generated(1, 4), 5000), encoding="utf-8"
+        configuration("Generated buildings", generated(1, 4), 1500), encoding="utf-8"
     )
 
 

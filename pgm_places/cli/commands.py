@@ -149,12 +149,14 @@ def run_label(
     model: str,
     method: str | None,
     doorways: str | None,
+    halls: str | None,
     unknown_value: int | None,
     force: bool,
     n_threads: int | None,
     quiet: bool,
 ) -> None:
     """``pgm-places label``."""
+    from pgm_places.cli.flags import named_as_flags
     from pgm_places.cli.places import rules_of
     from pgm_places.trained import model_folder
 
@@ -169,6 +171,11 @@ def run_label(
 
         stored = read(folder, "place-labeler")
         labeler, rules = stored.item, rules_of(stored.rules, doorways)
+        if halls is not None:
+            with named_as_flags({"halls": "--halls"}):
+                labeler = labeler.with_options(halls=halls)
+            if not labeler.unary_model_.knows_halls:
+                progress.warn("--halls: this model was not trained to tell halls from corridors")
         chosen = labeler.method(method)  # an unknown method shows before the work
         # The run divides the map first, which leaves time for all that comes after it.
         spaces = ["scans", "space"] if chosen.unary == "space" else []

@@ -98,6 +98,14 @@ def label(
             "doorways; by default, as set in the model's [topology].",
         ),
     ] = None,
+    halls: Annotated[
+        str | None,
+        typer.Option(
+            metavar="corridor|room|hall",
+            help="What lobbies, foyers and other halls are labelled, if the model knows them; by "
+            "default, as set in the model's [labels].",
+        ),
+    ] = None,
     unknown_value: UnknownValue = None,
     force: Force = False,
     threads: Threads = None,
@@ -112,6 +120,7 @@ def label(
         model=model,
         method=method,
         doorways=doorways,
+        halls=halls,
         unknown_value=unknown_value,
         force=force,
         n_threads=threads,

@@ -17,11 +17,12 @@ from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.layout import draw_layout
 from pgm_places.datasets.raster import main_component, mapped_span
-from pgm_places.datasets.style import OFFICE, HallsAs, Style, StyleName, draw_style
+from pgm_places.datasets.style import OFFICE, Style, StyleName, draw_style
 from pgm_places.datasets.survey import survey
 from pgm_places.datasets.wings import Wing, draw_wing, partition
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
+from pgm_places.unary.options import HallsAs
 
 __all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "generate_building"]
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pgm_places.datasets.dice import Dice
 
-__all__ = ["OFFICE", "HallsAs", "Span", "Style", "StyleName", "draw_style"]
+__all__ = ["OFFICE", "Span", "Style", "StyleName", "draw_style"]
 
 StyleName = Literal[
     "office",
@@ -20,9 +20,6 @@ StyleName = Literal[
     "university",
 ]
 """Offices, offices with other widths and sizes, and kinds of buildings."""
-
-HallsAs = Literal["corridor", "room", "hall"]
-"""What a hall is labelled."""
 
 Span = tuple[int, int]
 """Smallest and largest length in centimetres."""

@@ -25,7 +25,12 @@ from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.topology.rules import TopologyOptions
-from pgm_places.unary.options import ClassifierOptions, ContextOptions, SpaceOptions
+from pgm_places.unary.options import (
+    ClassifierOptions,
+    ContextOptions,
+    HallsAs,
+    SpaceOptions,
+)
 
 __all__ = [
     "ExperimentConfig",
@@ -43,9 +48,14 @@ Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 @dataclass(frozen=True)
 class LabelsConfig:
-    """The labels to distinguish; their order is the order of every table."""
+    """The labels to distinguish; their order is the order of every table.
+
+    Where ``hall`` is one of them beside ``corridor`` and ``room``, ``halls`` says what halls are
+    labelled in the end.
+    """
 
     names: Annotated[tuple[str, ...], MinLen(2)]
+    halls: HallsAs = "corridor"
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -188,7 +198,7 @@ def _check_label_names(config: ExperimentConfig) -> None:
         for index, item in enumerate(maps):
             source: MapConfig = item.drive or item
             for code, label in (source.classes or {}).items():
-                if label not in names:
+                if label not in ("", *names):  # "" for no label
                     raise ConfigError(
                         f"{part}[{index}].classes: {code!r} is translated to {label!r}, which is "
                         f"not a label. {nearest_name(label, names)}"

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 
 from pgm_places.datasets.map_simulation import MapSimulation
-from pgm_places.datasets.style import HallsAs, StyleName
+from pgm_places.datasets.style import StyleName
 from pgm_places.errors import ConfigError
 from pgm_places.options import check_options
+from pgm_places.unary.options import HallsAs
 
 __all__ = ["MapConfig"]
 
@@ -25,15 +26,15 @@ class MapConfig:
 
     ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
     labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
-    the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres whose property
-    ``class`` is translated by ``classes``. ``columns`` and ``rows`` are half-open ranges of image
-    columns and rows counted from the left and the top; ``x_m`` and ``y_m`` are ranges in map
-    metres; ``half`` is the part of a generated building left or right of the border between its
-    wings, ``style``, ``halls``, ``furniture`` and ``slam_noise`` say how it is drawn
-    (:func:`pgm_places.datasets.generate_building`). ``simulated`` is a seed: a map that a robot
-    would make of the one described is taken instead of it, as ``simulation`` says
-    (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building`` are held out together; by
-    default, parts of the same map are, and what was simulated from it.
+    the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres with a property
+    ``class``; ``classes`` translates the names of either, and what it leaves out has no label.
+    ``columns`` and ``rows`` are half-open ranges of image columns and rows counted from the left
+    and the top; ``x_m`` and ``y_m`` are ranges in map metres; ``half`` is the part of a generated
+    building left or right of the border between its wings, ``style``, ``halls``, ``furniture`` and
+    ``slam_noise`` say how it is drawn (:func:`pgm_places.datasets.generate_building`).
+    ``simulated`` is a seed: a map that a robot would make of the one described is taken instead of
+    it, as ``simulation`` says (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building``
+    are held out together; by default, parts of the same map are, and what was simulated from it.
     """
 
     map: str | None = None
@@ -75,8 +76,8 @@ class MapConfig:
             raise ConfigError(f"{', '.join(self.drawn)}: for generated buildings only")
         elif (self.labels is None) == (self.regions is None):
             raise ConfigError("give labels (an image) or regions (a GeoJSON file), one of them")
-        if self.classes is not None and self.regions is None:
-            raise ConfigError("classes translates the classes of regions; there are no regions")
+        if self.classes is not None and self.generated is not None:
+            raise ConfigError("classes translates the names of labels or regions; there are none")
         if self.simulation is not None and self.simulated is None:
             raise ConfigError("simulation says how a map is simulated; give simulated, a seed")
 

@@ -115,7 +115,7 @@ def _read_map(
         experiment.record_input(path)
     if source.labels is not None:
         label_path = experiment.resolve(source.labels)
-        labels = load_labels(label_path, names, grid=loaded.grid)
+        labels = load_labels(label_path, names, grid=loaded.grid, classes=source.classes)
     elif source.regions is None:
         return loaded.grid, np.full(loaded.grid.shape, -1, np.int16), yaml_path
     else:

@@ -36,6 +36,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.options import option_values
 from pgm_places.spaces.door_truth import DoorScores
+from pgm_places.unary.halls import HallNames
 
 __all__ = ["Trained", "compare", "compare_fitted", "train", "versions"]
 
@@ -95,6 +96,9 @@ def compare_fitted(
     experiment: Experiment, labeler: PlaceLabeler, tests: Sequence[LabelledMap]
 ) -> Comparison:
     """All methods of a fitted labeler on test maps with their labels."""
+    hall_names = HallNames.among(experiment.config.labels.names)
+    if hall_names is not None:
+        tests = [hall_names.fold(item, labeler.halls) for item in tests]
     maps, scored = [], []
     for item in tests:
         with experiment.timed("score cells"):
@@ -109,7 +113,7 @@ def compare_fitted(
         maps.append(TestMap(item.name, item.grid, item.labels, graph.layout, window))
         scored.append((graph, scores, item.truth(graph)))
     methods = [_run_method(experiment, labeler, name, scored, maps) for name in labeler.methods_]
-    return _comparison(experiment, maps, methods, labeler.methods_)
+    return _comparison(experiment, labeler.label_names_, maps, methods, labeler.methods_)
 
 
 def _compare_drives(experiment: Experiment) -> Comparison:
@@ -128,7 +132,7 @@ def _compare_drives(experiment: Experiment) -> Comparison:
         )
         doors = _passages(experiment, found.items, found.labelings[name])
         results.append(replace(result, doors=doors))
-    return _comparison(experiment, found.items, results, methods)
+    return _comparison(experiment, names, found.items, results, methods)
 
 
 def _passages(
@@ -147,6 +151,7 @@ def _passages(
 
 def _comparison(
     experiment: Experiment,
+    label_names: tuple[str, ...],
     items: Sequence[TestItem],
     results: Sequence[MethodResult],
     methods: Mapping[str, PlaceMethod],
@@ -154,7 +159,7 @@ def _comparison(
     config = experiment.config
     return Comparison(
         title=config.title or "Place labelling",
-        label_names=tuple(config.labels.names),
+        label_names=label_names,
         maps=tuple(items),
         methods=tuple(results),
         stage_seconds=dict(experiment.seconds),

@@ -41,6 +41,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         n_node_features=settings.n_node_features,
         max_examples_per_map=settings.max_examples_per_map,
         features=build_features(config),
+        halls=config.labels.halls,
     )
     labeler.check_options()
     return labeler

@@ -17,6 +17,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.refinement import refine
 from pgm_places.progress import Progress, Silent
 from pgm_places.spaces.doorways import Doorways
+from pgm_places.unary.map_model import CellScores
 
 __all__ = ["LabelledPlaces", "label_map"]
 
@@ -130,10 +131,11 @@ def _labelled(
     if model is not None and model.gates is not None:
         doorways = (spaces or model.spaces(grid, n_threads=n_threads)).doorways
     method = labeler.method(name)
-    problem = map_problem(graph, labeler.label_names_, scores, method.unary)
-    del scores, spaces
+    problem = map_problem(graph, labeler.learned_names, scores, method.unary)
+    scores = CellScores(None, None, None, None, hall=scores.hall)
+    del spaces
     with progress.stage(f"labelling with {name}"):
-        labeling = method.backend.infer(problem)
+        labeling = labeler.with_halls(method.backend.infer(problem), scores)
     assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
     return graph.layout, labeling, doorways
 

@@ -24,15 +24,19 @@ from pgm_places.labelers.place_learning import (
     learn_methods,
     map_problem,
     movement_of,
+    shown_names,
+    without_halls,
 )
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.halls import HallNames
 from pgm_places.unary.learning import LearnedUnary, fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
     ClassifierOptions,
+    HallsAs,
     LearnOn,
     NumberOfExamples,
     NumberOfFolds,
@@ -79,11 +83,14 @@ class PlaceLabeler(Labeler):
     features : sequence of features or names
         Custom columns that the lists use in addition to the laser's: see
         :mod:`pgm_places.features.own`.
+    halls : {"corridor", "room", "hall"}
+        What halls are labelled, where ``hall`` is one of the labels beside ``corridor`` and
+        ``room``. A fitted labeler changes its mind by ``with_options(halls="hall")``.
 
     Attributes
     ----------
     label_names_ : tuple of K str
-        The labels that were learned.
+        The labels of its results: those that were learned, halls as ``halls`` has them.
     unary_model_ : UnaryModel
         The lists: what is known of a cell before its neighbours are asked.
     methods_ : dict of str to PlaceMethod
@@ -132,6 +139,7 @@ class PlaceLabeler(Labeler):
         n_node_features: NumberOfNodeFeatures = 30,
         max_examples_per_map: NumberOfExamples | None = None,
         features: Sequence[Any] = (),
+        halls: HallsAs = "corridor",
     ) -> None:
         self.label_names = label_names
         self.methods = methods
@@ -145,6 +153,7 @@ class PlaceLabeler(Labeler):
         self.n_node_features = n_node_features
         self.max_examples_per_map = max_examples_per_map
         self.features = features
+        self.halls = halls
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so before anything else.
@@ -213,6 +222,7 @@ class PlaceLabeler(Labeler):
         maps, names = list(maps), tuple(self.label_names)
         self.check_options()
         require_examples(maps, names)
+        maps, names, halls = without_halls(maps, names)
         resolution_m = common_resolution(maps)
         methods = self.resolved_methods()
         wanted = {method.unary for method in methods.values()}
@@ -226,6 +236,7 @@ class PlaceLabeler(Labeler):
             context_m=tuple(self.context_m) if "context" in wanted else (),
             space=self.space if "space" in wanted else None,
             doorway=None if self.space is None else self.space.doorway(names),
+            halls=halls,
             learn_on=self.learn_on,
             n_folds=self.n_folds,
             features=as_features(self.features),
@@ -241,9 +252,22 @@ class PlaceLabeler(Labeler):
             learn_seconds_=seconds,
             resolution_m_=resolution_m,
             movement_=movement_of(maps, unary, len(names), progress),
-            label_names_=names,
+            label_names_=shown_names(names, unary.model, self.halls),
         )
         return unary
+
+    def with_options(self, **params: Any) -> Self:
+        """A copy that has learned the same and labels with other options; see the base class."""
+        found = super().with_options(**params)
+        if "halls" in params and hasattr(self, "label_names_"):
+            found.label_names_ = shown_names(self.learned_names, self.unary_model_, found.halls)
+        return found
+
+    @property
+    def learned_names(self) -> tuple[str, ...]:
+        """The labels that the methods know: halls are corridors to them."""
+        self.check_fitted()
+        return self.label_names_[: self.unary_model_.n_labels]
 
     def scores(
         self,
@@ -266,6 +290,7 @@ class PlaceLabeler(Labeler):
             graph,
             unaries={method.unary for method in chosen},
             with_node_features=any(uses_node_features(method.backend) for method in chosen),
+            with_halls=self.halls != "corridor",
             n_threads=n_threads,
             progress=progress,
         )
@@ -289,7 +314,7 @@ class PlaceLabeler(Labeler):
             n_threads=n_threads,
             progress=progress,
         )
-        return map_problem(graph, self.label_names_, scores, chosen.unary)
+        return map_problem(graph, self.learned_names, scores, chosen.unary)
 
     def label(
         self,
@@ -302,10 +327,11 @@ class PlaceLabeler(Labeler):
         progress: Progress | None = None,
     ) -> Labeling:
         """The labels of the map's free cells, in the node order of ``LabelGraph.from_grid``."""
-        problem = self.problem(
-            grid, method=method, mask=mask, n_threads=n_threads, progress=progress
+        name = method or self.default_method
+        graph, scores = self.scores(
+            grid, mask=mask, methods=[name], n_threads=n_threads, progress=progress
         )
-        return infer(self.method(method).backend, problem, truth)
+        return self.infer(graph, scores, method=name, truth=truth)
 
     def infer(
         self,
@@ -321,8 +347,14 @@ class PlaceLabeler(Labeler):
         history; the labels are the same.
         """
         chosen = self.method(method)
-        problem = map_problem(graph, self.label_names_, scores, chosen.unary)
-        return infer(chosen.backend, problem, truth)
+        problem = map_problem(graph, self.learned_names, scores, chosen.unary)
+        return self.with_halls(infer(chosen.backend, problem, truth), scores)
+
+    def with_halls(self, labeling: Labeling, scores: CellScores) -> Labeling:
+        """A method's labelling with halls labelled as ``halls`` says."""
+        if scores.hall is None:
+            return labeling
+        return HallNames((*self.learned_names, "hall")).split(labeling, scores.hall, self.halls)
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

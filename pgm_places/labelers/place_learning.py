@@ -19,8 +19,10 @@ from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Stage
-from pgm_places.unary.learning import LearnedUnary
-from pgm_places.unary.map_model import CellScores
+from pgm_places.unary.halls import HallNames
+from pgm_places.unary.learning import Halls, LearnedUnary
+from pgm_places.unary.map_model import CellScores, UnaryModel
+from pgm_places.unary.options import HallsAs
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.hmm import HiddenMarkovModel
@@ -32,6 +34,8 @@ __all__ = [
     "learn_methods",
     "map_problem",
     "movement_of",
+    "shown_names",
+    "without_halls",
 ]
 
 
@@ -109,6 +113,23 @@ def learn_methods(
                 seconds[name] = time.perf_counter() - start
             fitted[name] = replace(method, backend=backend)
     return fitted, seconds
+
+
+def without_halls(
+    maps: Sequence[LabelledMap], names: tuple[str, ...]
+) -> tuple[list[LabelledMap], tuple[str, ...], Halls | None]:
+    """Maps whose halls are corridors, the labels that are left, and which cells were halls."""
+    hall_names = HallNames.among(names)
+    if hall_names is None:
+        return list(maps), names, None
+    are_halls = np.concatenate([hall_names.are_halls(item) for item in maps])
+    left = hall_names.folded
+    return [hall_names.fold(item) for item in maps], left, Halls(left.index("corridor"), are_halls)
+
+
+def shown_names(names: tuple[str, ...], model: UnaryModel, halls: HallsAs) -> tuple[str, ...]:
+    """The labels of results: those that were learned and, if the model knows it, the hall."""
+    return HallNames((*names, "hall")).shown(halls) if model.knows_halls else names
 
 
 def map_problem(

@@ -191,7 +191,7 @@ class TrajectoryLabeler(Labeler):
             )
         unary = places.unary_model_
         model = ScanModel(unary.classifier, unary.n_labels, unary.sensor, features=unary.features)
-        return cls.of_parts(places.label_names_, chosen, model, every_m=every_m, beams=beams)
+        return cls.of_parts(places.learned_names, chosen, model, every_m=every_m, beams=beams)
 
     @classmethod
     def of_parts(

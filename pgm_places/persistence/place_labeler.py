@@ -12,6 +12,7 @@ from pgm_places.features.own import FEATURES, as_features, n_columns
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelers.place_learning import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
 from pgm_places.options import check_option
 from pgm_places.persistence.backend import dump_backend, load_backend
@@ -43,7 +44,7 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
     arrays: Arrays = {"unary/node_columns": np.asarray(unary.node_columns, np.int64)}
     second, movement = unary.context_classifier, labeler.movement_
     manifest = {
-        "label_names": list(labeler.label_names_),
+        "label_names": list(labeler.learned_names),
         "feature_set": feature_set_hash(),
         "features": dump_features(unary.features),
         "resolution_m": labeler.resolution_m_,
@@ -58,6 +59,8 @@ def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:
         ],
         "movement": None if movement is None else dump_backend(arrays, "movement", movement),
     }
+    if unary.knows_halls:
+        manifest["halls"] = labeler.halls
     if unary.space is not None:
         manifest["space"] = _dump_space(arrays, unary.space)
     return manifest, arrays
@@ -77,7 +80,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
     record = manifest.get("movement")  # absent from models saved by earlier versions
     names = tuple(str(name) for name in manifest["label_names"])
     labeler = PlaceLabeler(
-        names,
+        (*names, "hall") if unary.knows_halls else names,
         {
             name: dataclasses.replace(method, backend=unfitted(method.backend))
             for name, method in methods.items()
@@ -87,6 +90,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         context_m=unary.context_m,
         space=None if unary.space is None else SpaceOptions(),
         features=unary.features,
+        halls=manifest.get("halls", "corridor"),  # only where the model knows them
         **manifest.get("options", {}),  # absent from models saved by earlier versions
     )
     labeler.check_options()
@@ -96,7 +100,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> PlaceLabeler:
         learn_seconds_={},
         resolution_m_=resolution_m,
         movement_=None if record is None else load_backend(arrays, "movement", record),
-        label_names_=names,
+        label_names_=shown_names(names, unary, labeler.halls),
     )
 
 
@@ -143,6 +147,7 @@ def _dump_space(arrays: Arrays, space: SpaceModel) -> dict[str, Any]:
         "classifier": dump_list(arrays, "space", space.classifier),
         "gates": None if space.gates is None else dump_list(arrays, "gates", space.gates),
         "doorway": space.doorway,
+        "corridor": space.corridor,
     }
 
 
@@ -157,12 +162,16 @@ def _load_space(
             "this version"
         )
     doorway, gates = record["doorway"], record["gates"]
-    if not (doorway is None or (type(doorway) is int and 0 <= doorway < n_labels)):
-        raise ModelFileError(f"space.doorway must be a label below {n_labels}, got {doorway!r}")
+    corridor = record.get("corridor")  # absent from models saved by earlier versions
+    for name, label in (("doorway", doorway), ("corridor", corridor)):
+        if not (label is None or (type(label) is int and 0 <= label < n_labels)):
+            raise ModelFileError(f"space.{name} must be a label below {n_labels}, got {label!r}")
+    n_classes = n_labels + (corridor is not None)
     return SpaceModel(
-        load_list(arrays, "space", record["classifier"], n_own + N_SPACE_COLUMNS, n_labels),
+        load_list(arrays, "space", record["classifier"], n_own + N_SPACE_COLUMNS, n_classes),
         None if gates is None else load_list(arrays, "gates", gates, len(GATE_FEATURES), 2),
         doorway,
+        corridor,
     )
 
 

@@ -18,15 +18,15 @@ from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
 from pgm_places.unary.learning import with_explicit_order
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import gate_list
 from pgm_places.unary.space_model import MapSpaces, gate_probabilities
 
-__all__ = ["DOORWAY", "RECIPES", "WHOLE", "Scored", "scored_maps"]
+__all__ = ["DOORWAY", "RECIPES", "WHOLE", "Scored", "folded", "scored_maps"]
 
-DOORWAY = NAMES.index("doorway")
+CORRIDOR, DOORWAY = NAMES.index("corridor"), NAMES.index("doorway")
 N_LASER, N_SEGMENTS = 321, 321 + 121
 
 
@@ -42,18 +42,22 @@ class Recipe:
         The classifier's defaults: those of the list on scans, or of the list with spaces.
     without : str, optional
         Maps of this source are not learned from.
+    halls : bool
+        Whether halls are learned as a class of their own, which belongs to corridors afterwards.
     """
 
     n_columns: int | None = None
     learner: Literal["stumps", "trees"] = "trees"
     without: str | None = None
+    halls: bool = True
 
 
-WHOLE = "places between gates"
+WHOLE = "halls as a class"
 RECIPES: Mapping[str, Recipe] = {
-    "laser, stumps": Recipe(N_LASER, "stumps"),
-    "laser, trees": Recipe(N_LASER),
-    "segments": Recipe(N_SEGMENTS),
+    "laser, stumps": Recipe(N_LASER, "stumps", halls=False),
+    "laser, trees": Recipe(N_LASER, halls=False),
+    "segments": Recipe(N_SEGMENTS, halls=False),
+    "halls as corridors": Recipe(halls=False),
     WHOLE: Recipe(),
     "without robot-like copies": Recipe(without=SIMULATED),
     "without generated buildings": Recipe(without=GENERATED),
@@ -68,8 +72,8 @@ class Scored:
     ----------
     sample : Sample
     fold : int
-    log_z : mapping of str to (m, K) float64
-        The scores of the lattice's cells by each recipe.
+    log_z : mapping of str to (m, K) or (m, K + 1) float64
+        The scores of the lattice's cells by each recipe; halls last, where it has learned them.
     at_gate : (m,) float32
         The probability of the likeliest gate that each cell lies at, 0 for none.
     gate : (G,) float64
@@ -86,6 +90,15 @@ class Scored:
     def truth(self) -> NDArray[np.int64]:
         """(m,) the labels of the lattice's cells."""
         return self.sample.known.item.labels[self.sample.lattice].astype(np.int64)
+
+    @property
+    def finer(self) -> NDArray[np.int64]:
+        """(m,) the labels of the lattice's cells, halls apart."""
+        return self.sample.known.finer[self.sample.lattice].astype(np.int64)
+
+    def folded(self, name: str) -> NDArray[np.float64]:
+        """(m, K) the scores by a recipe, halls among the corridors."""
+        return folded(self.log_z[name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +204,7 @@ class _Rows:
                 segments = found[tested[0]][:, : N_SEGMENTS - N_LASER]
                 parts.append(np.concatenate([each.example_features(), segments], axis=1))
                 stage.update((k + 1) / len(samples), each.known.item.name)
-        labels = [each.known.item.labels[each.examples] for each in samples]
+        labels = [each.known.finer[each.examples] for each in samples]
         return cls(
             samples,
             fold,
@@ -223,14 +236,22 @@ class _Rows:
         source = np.array([each.known.source for each in self.samples])
         seen = ((self.fold != number) & (source != recipe.without))[self.map]
         truth = self.truth[seen]
+        if not recipe.halls:
+            truth = np.where(truth == len(NAMES), CORRIDOR, truth)
         trees = recipe.learner == "trees"
         unfitted = SpaceOptions().classifier() if trees else ClassifierOptions().classifier(NAMES)
-        learner = with_explicit_order(unfitted, truth).set_params(n_threads=n_threads)
+        unfitted.set_params(n_threads=n_threads, calibration="none")  # that comes later
+        learner = with_explicit_order(unfitted, truth)
         some = np.ascontiguousarray(values[seen, : recipe.n_columns])
         fitted: BoostedList = learner.fit(
             some, truth, groups=self.fold[self.map][seen]
         ).boosted_list_
         return fitted
+
+
+def folded(log_z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(m, K) log z of K or K + 1 classes, the last of which are halls, among the corridors."""
+    return log_z if log_z.shape[1] == len(NAMES) else without_halls(log_z, CORRIDOR)[0]
 
 
 def _candidates(sample: Sample) -> Gates:
@@ -295,7 +316,7 @@ def _scores_of_map(
     found: dict[str, NDArray[Any]] = {"gate": gate}
     for name, recipe in RECIPES.items():
         some = np.ascontiguousarray(values[:, : recipe.n_columns])
-        log_z = aligned_log_proba(lists[name], some, len(NAMES), n_threads)
+        log_z = aligned_log_proba(lists[name], some, len(NAMES) + recipe.halls, n_threads)
         found[name] = log_z.astype(np.float32)
     found["at gate"] = spaces.at_gates(GridLayout(sample.lattice.shape, cells.astype(np.int32)))
     return found

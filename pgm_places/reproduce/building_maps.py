@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from pgm_places.reproduce.cold import PLACES, place_classes
 from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.halls import HallNames
 from pgm_places.unary.training_cells import training_features
 
 __all__ = [
@@ -38,28 +39,44 @@ __all__ = [
 ]
 
 NAMES = PLACES
+WITH_HALLS = HallNames((*PLACES, "hall"))
+"""The labels that are learned; they are tested with halls as corridors."""
+
 CELLS_M = 0.05
 """Side of the cells of maps that are finer, and of robot-like copies."""
 
-EXAMPLES_PER_MAP = 2000
+EXAMPLES_PER_MAP = 1000
 LATTICE_STEP = 4
 GENERATED_STYLES = (
-    "cells",
-    "clinic",
-    "hall",
-    "hotel",
     "office",
-    "open-plan",
-    "ring",
+    "varied",
     "school",
     "university",
-    "varied",
+    "clinic",
+    "hotel",
+    "hall",
+    "ring",
+    "open-plan",
+    "cells",
 )
-"""Generated buildings of these styles are learned from; the number of each is its seed."""
+"""Generated buildings of these styles are learned from."""
+
+PER_STYLE = 4
+"""So many of each style: every other one furnished as a robot maps it, the others clean."""
 
 STAND_INS = ("school", "office", "school", "office", "school", "office")
 DRAWN, SIMULATED, REAL, GENERATED = "drawn", "simulated SLAM", "real SLAM", "generated"
 _CLASSES = place_classes() | {"ST": "room", "EV": "room"}
+_FLOOR_CLASSES = {
+    "corridor": "corridor",
+    "hall": "hall",
+    "lobby": "hall",
+    "doorway": "doorway",
+    "stairs": "",
+    "entrance": "",
+    "elevator": "",
+    "*": "room",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +90,26 @@ class KnownMap:
         The kind of building, or which building where there is one of its kind.
     source : str
         The kind of map: drawn, simulated, real, or generated (only learned from).
+    halls : (H, W) bool, optional
+        The corridors that are halls, where that is known.
     """
 
     item: LabelledMap
     kind: str
     source: str
+    halls: NDArray[np.bool_] | None = None
+
+    @classmethod
+    def of(cls, named: LabelledMap, kind: str, source: str) -> "KnownMap":
+        """The map of labels that name halls, the fourth label."""
+        return cls(WITH_HALLS.fold(named), kind, source, named.labels == len(NAMES))
+
+    @property
+    def finer(self) -> NDArray[np.int16]:
+        """(H, W) the labels with halls as a label after the others."""
+        if self.halls is None:
+            return self.item.labels
+        return np.where(self.halls, np.int16(len(NAMES)), self.item.labels)
 
     @property
     def building(self) -> str:
@@ -173,8 +205,11 @@ def real_maps(data: Path) -> Iterator[KnownMap]:
     with (data / "floors" / "index.csv").open(encoding="utf-8", newline="") as file:
         floors = list(csv.DictReader(file))
     for row in floors:
-        item = _with_image(data / "floors" / row["floor"], row["floor"], row["building"])
-        yield KnownMap(item, row["floor"].partition("_")[0], DRAWN)
+        folder, names = data / "floors" / row["floor"], WITH_HALLS.names
+        grid = load_map(folder / "map.yaml").grid
+        labels = load_labels(folder / "fine.png", names, grid=grid, classes=_FLOOR_CLASSES)
+        item = LabelledMap(grid, labels, None, row["floor"], row["building"])
+        yield KnownMap.of(item, row["floor"].partition("_")[0], DRAWN)
     one = "Freiburg 79"
     yield KnownMap(_with_image(data / "freiburg079", "building 79", one), "building 79", REAL)
     drawn = _with_image(data / "freiburg079_drawn", "building 79, redrawn", one)
@@ -206,26 +241,29 @@ def _stand_ins() -> Iterator[KnownMap]:
 
 
 def _generated() -> Iterator[KnownMap]:
-    for seed, style in enumerate(GENERATED_STYLES):
-        made = generate_building(seed, style=style)  # type: ignore[arg-type]
-        name = f"generated {style}"
-        yield KnownMap(LabelledMap(made.grid, made.labels, None, name), style, GENERATED)
+    wanted = [style for style in GENERATED_STYLES for _ in range(PER_STYLE)]
+    for seed, style in enumerate(wanted, start=1):
+        drawn = {} if seed % 2 else {"furniture": False, "slam_noise": False}
+        made = generate_building(seed, style=style, halls="hall", **drawn)  # type: ignore[arg-type]
+        item = LabelledMap(made.grid, made.labels, None, f"generated {style} {seed}")
+        yield KnownMap.of(item, style, GENERATED)
 
 
 def _robot_like(plan: KnownMap, seed: int, kept: KeptArrays) -> KnownMap:
     """What a robot would have mapped of a drawn floor."""
 
     def make() -> dict[str, NDArray[np.generic]]:
-        made = simulate_map(plan.item, NAMES, seed=seed, resolution_m=CELLS_M)
+        named = replace(plan.item, labels=plan.finer)
+        made = simulate_map(named, WITH_HALLS.names, seed=seed, resolution_m=CELLS_M)
         resolution = np.array([made.grid.resolution_m])
         return {"cells": made.grid.cells, "labels": made.labels, "resolution": resolution}
 
-    stem = fingerprint(__version__, seed, CELLS_M, plan.item.grid.cells, plan.item.labels)
+    stem = fingerprint(__version__, seed, CELLS_M, plan.item.grid.cells, plan.finer)
     found = kept.arrays(f"{stem}-robot-like", make)
     grid = OccupancyGrid(found["cells"], float(found["resolution"][0]))
     name = f"{plan.item.name}, simulated"
     item = LabelledMap(grid, found["labels"], None, name, plan.building)
-    return KnownMap(item, plan.kind, SIMULATED)
+    return KnownMap.of(item, plan.kind, SIMULATED)
 
 
 def building_numbers(samples: Sequence[Sample], n_folds: int) -> NDArray[np.int64]:

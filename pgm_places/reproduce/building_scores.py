@@ -2,31 +2,46 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.list_training import platt, temperature
 from pgm_places.models.mrf import PottsField
-from pgm_places.reproduce.building_lists import DOORWAY, RECIPES, WHOLE, Scored
+from pgm_places.reproduce.building_lists import DOORWAY, RECIPES, WHOLE, Scored, folded
 from pgm_places.reproduce.building_maps import LATTICE_STEP, NAMES
 from pgm_places.spaces.door_truth import DoorScores, match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.space_model import with_gates
 
-__all__ = ["GATES", "MapResult", "Means", "map_results", "means", "rescaled"]
+__all__ = [
+    "GATES",
+    "POTTS",
+    "RESCALED",
+    "SHIPPED",
+    "MapResult",
+    "Means",
+    "map_results",
+    "means",
+    "rescaled",
+]
 
-GATES, POTTS = "gates on doorways", "Potts 0.25"
-RESCALED = ("platt", "temperature")
+GATES, SHIPPED = "gates on doorways", "temperature"
+RESCALED = ("platt", SHIPPED)
 """The calibrations of the list that are tried."""
 
-_WEIGHT = 0.25
-_ORDER = (DOORWAY, *(k for k in range(len(NAMES)) if k != DOORWAY))
+POTTS = {f"Potts {weight:g}": weight for weight in (0.25, 0.5, 1.0)}
+"""Fields on the shipped scores, by their weights."""
+
+_ORDER = {3: (2, 0, 1), 4: (2, 3, 0, 1)}
+"""The list's classes, the rarest first, without and with halls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +54,7 @@ class MapResult:
     evaluations : mapping of str to Evaluation
         Of the lattice's cells, by step of the method.
     labels : (m,) int64
-        Those of the whole method, gates included.
+        Those of the shipped scores, gates included.
     doors : DoorScores
         Of the gates that are doorways rather than not.
     gates : Evaluation or None
@@ -96,20 +111,21 @@ def map_results(scored: Sequence[Scored], note: Callable[[float], None]) -> list
 
 
 def _result(scored: Scored, scaled: Mapping[str, NDArray[np.float64]]) -> MapResult:
-    truth, steps = scored.truth, dict(scored.log_z)
+    truth, steps = scored.truth, {name: scored.folded(name) for name in RECIPES}
     for name, recipe in RECIPES.items():
         if recipe.without is not None:
             steps[name] = with_gates(steps[name], scored.at_gate, DOORWAY)
-    steps[GATES] = with_gates(scored.log_z[WHOLE], scored.at_gate, DOORWAY)
+    steps[GATES] = with_gates(steps[WHOLE], scored.at_gate, DOORWAY)
     for name, log_z in scaled.items():
         steps[name] = with_gates(log_z, scored.at_gate, DOORWAY)
     evaluations = {
         name: evaluate(truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
         for name, log_z in steps.items()
     }
-    evaluations[POTTS] = evaluate(truth, _smoothed(scored, steps[GATES]), NAMES)
+    for name, found in _smoothed(scored, steps[SHIPPED]).items():
+        evaluations[name] = evaluate(truth, found.labels, NAMES, beliefs=found.beliefs)
     doors, gates = _doors(scored)
-    return MapResult(scored, evaluations, steps[GATES].argmax(axis=1), doors, gates)
+    return MapResult(scored, evaluations, steps[SHIPPED].argmax(axis=1), doors, gates)
 
 
 def _doors(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
@@ -125,11 +141,13 @@ def _doors(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
     return doors, evaluate(truth, found, ("other", "doorway"), beliefs=beliefs)
 
 
-def _smoothed(scored: Scored, log_z: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(m,) the lattice's labels by a Potts field."""
+def _smoothed(scored: Scored, log_z: NDArray[np.float64]) -> dict[str, Labeling]:
+    """The lattice's labels by Potts fields, with the beliefs of mean field."""
     cells = np.argwhere(scored.sample.lattice)
     graph = lattice_graph(scored.sample.known.item.grid, cells, LATTICE_STEP)
-    return PottsField(_WEIGHT).infer(LabelingProblem(graph, NAMES, log_z)).labels
+    problem = LabelingProblem(graph, NAMES, log_z)
+    options: Any = {"inference": "mean-field", "max_iterations": 20}
+    return {name: PottsField(weight, **options).infer(problem) for name, weight in POTTS.items()}
 
 
 def lattice_graph(grid: OccupancyGrid, cells_rc: NDArray[np.int64], step: int) -> LabelGraph:
@@ -154,45 +172,52 @@ def rescaled(scored: Sequence[Scored], how: str) -> list[NDArray[np.float64]]:
     ``how`` is one of ``RESCALED``. Every map weighs the same, as when lists are learned.
     """
     fold = np.array([item.fold for item in scored])
-    logits = [_logits(item.log_z[WHOLE]) for item in scored]
+    order = _ORDER[scored[0].log_z[WHOLE].shape[1]]
+    logits = [_logits(item.log_z[WHOLE], order) for item in scored]
     scales = {}
     for number in np.unique(fold).tolist():
         others = [k for k in range(len(scored)) if fold[k] != number]
-        truths = [scored[k].truth for k in others]
-        scales[number] = _scales(truths, [logits[k] for k in others], how)
-    return [_log_z(own, scales[item.fold]) for item, own in zip(scored, logits, strict=True)]
+        truths = [scored[k].finer for k in others]
+        scales[number] = _scales(truths, [logits[k] for k in others], order, how)
+    found = [
+        _log_z(own, scales[item.fold], order) for item, own in zip(scored, logits, strict=True)
+    ]
+    return [folded(log_z) for log_z in found]
 
 
-def _logits(log_z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _logits(log_z: NDArray[np.float64], order: tuple[int, ...]) -> NDArray[np.float64]:
     """(K - 1, m) log odds that each confidence of the list, rarest label first, stands for."""
     found = []
-    for i, k in enumerate(_ORDER[:-1]):
-        rest = np.logaddexp.reduce(log_z[:, _ORDER[i + 1 :]], axis=1)
+    for i, k in enumerate(order[:-1]):
+        rest = np.logaddexp.reduce(log_z[:, order[i + 1 :]], axis=1)
         found.append(log_z[:, k] - rest)
     return np.array(found)
 
 
 def _scales(
-    truths: Sequence[NDArray[np.int64]], logits: Sequence[NDArray[np.float64]], how: str
+    truths: Sequence[NDArray[np.int64]],
+    logits: Sequence[NDArray[np.float64]],
+    order: tuple[int, ...],
+    how: str,
 ) -> list[tuple[float, float]]:
     truth, values = np.concatenate(truths), np.concatenate(logits, axis=1)
     weight = np.concatenate([np.full(len(part), 1000.0 / max(len(part), 1)) for part in truths])
     found = []
-    for i, k in enumerate(_ORDER[:-1]):
-        remaining = np.isin(truth, _ORDER[i:])
+    for i, k in enumerate(order[:-1]):
+        remaining = np.isin(truth, order[i:])
         examples = values[i, remaining], truth[remaining] == k, weight[remaining]
         found.append(platt(*examples) if how == "platt" else (temperature(*examples), 0.0))
     return found
 
 
 def _log_z(
-    logits: NDArray[np.float64], scales: Sequence[tuple[float, float]]
+    logits: NDArray[np.float64], scales: Sequence[tuple[float, float]], order: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    found = np.empty((logits.shape[1], len(NAMES)))
+    found = np.empty((logits.shape[1], len(order)))
     remaining = np.zeros(logits.shape[1])
-    for k, values, (slope, offset) in zip(_ORDER, logits, scales, strict=False):
+    for k, values, (slope, offset) in zip(order, logits, scales, strict=False):
         scaled = slope * values + offset
         found[:, k] = remaining - np.logaddexp(0.0, -scaled)
         remaining = remaining - np.logaddexp(0.0, scaled)
-    found[:, _ORDER[-1]] = remaining
+    found[:, order[-1]] = remaining
     return found

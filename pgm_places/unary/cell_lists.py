@@ -10,7 +10,15 @@ from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
-__all__ = ["CellList", "ContextPart", "LaserList", "SpaceList", "aligned_log_proba", "on_labels"]
+__all__ = [
+    "CellList",
+    "ContextPart",
+    "LaserList",
+    "SpaceList",
+    "aligned_log_proba",
+    "on_labels",
+    "without_halls",
+]
 
 
 _CELLS_PER_TASK = 4096
@@ -97,7 +105,14 @@ class SpaceList:
     unary = "space"
 
     def __init__(
-        self, model: SpaceModel, spaces: MapSpaces, layout: GridLayout, n_own: int, n_labels: int
+        self,
+        model: SpaceModel,
+        spaces: MapSpaces,
+        layout: GridLayout,
+        n_own: int,
+        n_labels: int,
+        *,
+        with_halls: bool = False,
     ) -> None:
         used = model.classifier.used_features
         self.features, self.layout, self.n_labels = spaces.features, layout, n_labels
@@ -106,6 +121,8 @@ class SpaceList:
         self.of_spaces = np.asarray(used[used >= n_own], np.int64) - n_own
         self.part = model.classifier.restricted(used)
         self.found = np.empty((len(layout.cells_rc), n_labels))
+        self.corridor = model.corridor
+        self.hall = np.empty(len(layout.cells_rc), np.float32) if with_halls else None
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
@@ -123,13 +140,18 @@ class SpaceList:
         run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
 
     def _scores(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(n, K) what the list says of a few nodes, on one thread."""
+        """(n, K) what the list says of a few nodes, on one thread; notes which are halls."""
         n_own = len(self.places)
         both = np.empty((len(nodes), n_own + len(self.of_spaces)), np.float32)
         both[:, :n_own] = values if n_own == values.shape[1] else values[:, self.places]
         cells = self.layout.cells_rc[nodes]
         self.features.write(cells, self.of_spaces, both, n_own, n_threads=1)
-        found = aligned_log_proba(self.part, both, self.n_labels, 1)
+        n_classes = self.n_labels + (self.corridor is not None)
+        found = aligned_log_proba(self.part, both, n_classes, 1)
+        if self.corridor is not None:
+            found, share = without_halls(found, self.corridor)
+            if self.hall is not None:
+                self.hall[nodes] = share
         if self.at_gates is None or self.doorway is None:
             return found
         return with_gates(found, self.at_gates.of(nodes), self.doorway)
@@ -140,6 +162,18 @@ def aligned_log_proba(
 ) -> NDArray[np.float64]:
     """(N, K) log z with one column per label index, also for labels the list never saw."""
     return on_labels(fitted, fitted.log_histogram(values, n_threads=n_threads), n_labels)
+
+
+def without_halls(
+    log_z: NDArray[np.float64], corridor: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, K) log z with the last of its K + 1 classes, halls, among corridors; and their share.
+
+    The share (N,) is the probability that circulation is a hall.
+    """
+    found = log_z[:, :-1].copy()
+    found[:, corridor] = np.logaddexp(log_z[:, corridor], log_z[:, -1])
+    return found, np.exp(log_z[:, -1] - found[:, corridor])
 
 
 def on_labels(

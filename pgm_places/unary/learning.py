@@ -1,7 +1,7 @@
 """Training the unary model: boosted lists on the cells of labelled maps, and held-out scores."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,10 +13,11 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
+from pgm_places.unary.temperatures import with_temperatures
 from pgm_places.unary.training_cells import TrainingCells
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
@@ -26,12 +27,30 @@ RAREST_FIRST = "rarest-first"
 """An order of the list that PlaceLabeler understands besides those of the list itself."""
 
 __all__ = [
+    "Halls",
     "LearnedUnary",
     "fit_unary",
     "held_out_lists",
     "held_out_scores",
     "with_explicit_order",
 ]
+
+
+@dataclass(frozen=True, eq=False)
+class Halls:
+    """Which circulation is a hall.
+
+    Parameters
+    ----------
+    corridor : int
+        The label that halls share with other circulation.
+    are_halls : (N,) bool
+        The labelled cells of all maps, map after map, that are halls.
+    """
+
+    corridor: int
+    are_halls: NDArray[np.bool_]
+
 
 Extra = Callable[[NDArray[np.int64]], NDArray[np.float32]]
 """Columns (n, D) beside the cells' own features, for cells by their numbers."""
@@ -68,6 +87,7 @@ def fit_unary(
     context_m: tuple[float, ...] = (),
     space: SpaceOptions | None = None,
     doorway: int | None = None,
+    halls: Halls | None = None,
     learn_on: str = "out-of-fold",
     n_folds: int = 5,
     max_examples_per_map: int | None = None,
@@ -94,6 +114,8 @@ def fit_unary(
         The list that also sees segments, gates and places; none by default.
     doorway : int, optional
         The label of gates, where there is one.
+    halls : Halls, optional
+        Which labelled cells are halls, to tell them from other corridors.
     learn_on : {"in-sample", "out-of-fold"}
         Whether the returned scores come from the fitted lists, or from lists that did not see the
         building that a cell lies in, or its contiguous block where there is only one building.
@@ -128,29 +150,39 @@ def fit_unary(
     if context_m:
         means = _context_means(cells, np.exp(laser.held_out), context_m)
         # Stumps: their votes on scans and on context can be cast apart, those of trees cannot.
-        stumps = _like(laser.fitted, order=laser.fitted.order_, max_depth=1, shrinkage=1.0)
+        order = laser.fitted.classes[laser.fitted.order].tolist()
+        stumps = _like(classifier, order=order, max_depth=1, shrinkage=1.0)
         context = learner.learn(
             "list with context", stumps, lambda some: means[some], "all" if with_scores else "none"
         )
-    spaces = None
+    spaces, of_spaces = None, None
     if space is not None:
         found = learn_spaces(cells, doorway, n_threads, progress)
+        if halls is not None:
+            truth = np.where(halls.are_halls, n_labels, cells.truth)
+            learner = replace(learner, cells=replace(cells, truth=truth), n_labels=n_labels + 1)
         spaces = learner.learn(
             "list with spaces",
-            with_explicit_order(space.classifier(), cells.truth),
+            with_explicit_order(space.classifier(), learner.cells.truth),
             found.columns,
             "all" if with_scores else "none",
             space.max_examples_per_map,
         )
+        of_spaces = spaces.of_all
+        if halls is not None:
+            of_spaces, _ = without_halls(of_spaces, halls.corridor)
+        of_spaces = found.scores(of_spaces) if with_scores else None
     model = UnaryModel(
         sensor,
-        laser.fitted.boosted_list_,
+        laser.fitted,
         n_labels,
         columns,
         context_m,
-        None if context is None else context.fitted.boosted_list_,
+        None if context is None else context.fitted,
         features,
-        None if spaces is None else found.model(spaces.fitted.boosted_list_),
+        None
+        if spaces is None
+        else found.model(spaces.fitted, None if halls is None else halls.corridor),
     )
     starts = np.cumsum([0, *cells.sizes])
     mine = np.searchsorted(cells.examples, starts)
@@ -163,7 +195,7 @@ def fit_unary(
             for parts in zip(
                 cells.by_map(laser.of_all),
                 _by_map(cells, None if context is None else context.of_all),
-                _by_map(cells, None if spaces is None else found.scores(spaces.of_all)),
+                _by_map(cells, of_spaces),
                 cells.by_map(learner.node_features(columns)),
                 strict=True,
             )
@@ -177,7 +209,7 @@ def fit_unary(
 class _Learned:
     """A fitted list and what it, or lists of its kind that were held out, say of cells."""
 
-    fitted: "DecisionListClassifier"
+    fitted: BoostedList
     held_out: NDArray[np.float64]
     of_all: NDArray[np.float64]
     of_examples: NDArray[np.float64]
@@ -210,16 +242,24 @@ class _Learner:
         some = slice(None) if limit is None else cells.some_examples(limit)
         values = _beside(cells.features[some], examples[some], extra)
         truth, groups = cells.truth[examples[some]], cells.groups[examples[some]]
+        tempered = unfitted.calibration == "temperature"
+        if tempered:
+            unfitted = _like(unfitted, calibration="none")
         with self.progress.stage(name):
-            fitted = _like(unfitted).fit(values, truth, groups=groups)
+            learned = _like(unfitted).fit(values, truth, groups=groups)
+            fitted: BoostedList = learned.boosted_list_
+        lists = {}
+        if tempered or (self.held_out and scored != "none"):
+            stage = f"held-out scores: {name}"
+            lists = held_out_lists(learned, values, truth, groups, self.progress, stage)
+        if tempered:
+            fitted, lists = with_temperatures(fitted, lists, values, truth, groups)
         empty = np.empty((0, self.n_labels))
         if scored == "none":
             return _Learned(fitted, empty, empty, empty)
-        everyone = dict.fromkeys(np.unique(cells.groups).tolist(), fitted.boosted_list_)
-        lists = everyone
-        if self.held_out:
-            stage = f"held-out scores: {name}"
-            lists = held_out_lists(fitted, values, truth, groups, self.progress, stage)
+        everyone = dict.fromkeys(np.unique(cells.groups).tolist(), fitted)
+        if not self.held_out:
+            lists = everyone
         chosen = everyone if self.learn_on == "in-sample" else lists
         if scored == "examples":
             part = _scores_of(chosen, values, groups, self.n_labels, self.n_threads)

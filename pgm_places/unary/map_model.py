@@ -46,6 +46,8 @@ class CellScores:
         The features that boosting chose first, for models that learn their own unary.
     spaces : MapSpaces or None
         The segments, gates and places that ``space`` was made from.
+    hall : (N,) float32 or None
+        The probability that each node lies in a hall if it is circulation, where it was asked for.
     """
 
     laser: NDArray[np.float64] | None
@@ -53,6 +55,7 @@ class CellScores:
     space: NDArray[np.float64] | None
     node_features: NDArray[np.float32] | None
     spaces: MapSpaces | None = None
+    hall: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +91,11 @@ class UnaryModel:
     features: tuple[Any, ...] = ()
     space: SpaceModel | None = field(default=None, repr=False)
 
+    @property
+    def knows_halls(self) -> bool:
+        """Whether it can tell halls from other corridors."""
+        return self.space is not None and self.space.corridor is not None
+
     def scores(
         self,
         grid: OccupancyGrid,
@@ -95,6 +103,7 @@ class UnaryModel:
         *,
         unaries: Collection[str] = ("laser", "context", "space"),
         with_node_features: bool = True,
+        with_halls: bool = False,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> CellScores:
@@ -112,6 +121,8 @@ class UnaryModel:
             The scores that are wanted, as far as the model has them.
         with_node_features : bool
             Whether structured models want features of their own.
+        with_halls : bool
+            Whether halls are told apart, if the model can do so.
         """
         layout, n = _grid_layout(graph), graph.n_nodes
         progress = progress or Silent()
@@ -124,11 +135,15 @@ class UnaryModel:
             lists.append(LaserList(self.classifier, n, self.n_labels))
         if second is not None:
             lists.append(ContextPart(second, n_own, n, self.n_labels))
-        spaces = None
-        if self.space is not None and "space" in unaries:
+        spaces, around = None, None
+        with_halls = with_halls and self.knows_halls
+        if self.space is not None and ("space" in unaries or with_halls):
             with progress.stage("segments, gates and places"):
                 spaces = self.space.spaces(grid, n_threads=n_threads)
-            lists.append(SpaceList(self.space, spaces, layout, n_own, self.n_labels))
+            around = SpaceList(
+                self.space, spaces, layout, n_own, self.n_labels, with_halls=with_halls
+            )
+            lists.append(around)
         needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
         for item in lists:
             item.expect(needed)
@@ -147,7 +162,8 @@ class UnaryModel:
                 self._add_context(second, grid, layout, found["laser"], found["context"])
         laser, context, space = (sealed(found[name]) if name in found else None for name in UNARIES)
         handed_on = None if features is None else sealed(features)
-        return CellScores(laser, context, space, handed_on, spaces)
+        hall = None if around is None or around.hall is None else sealed(around.hall)
+        return CellScores(laser, context, space, handed_on, spaces, hall)
 
     def _stream(
         self,

@@ -16,6 +16,7 @@ __all__ = [
     "GATE_OPTIONS",
     "ClassifierOptions",
     "ContextOptions",
+    "HallsAs",
     "LearnOn",
     "NumberOfExamples",
     "NumberOfFolds",
@@ -27,6 +28,9 @@ __all__ = [
 PRIOR_WEIGHT = 0.5
 """How far z follows the label frequencies of training: at 0 rare labels are predicted too often, at
 1 too rarely; halfway preserved accuracy and balanced accuracy on held-out buildings."""
+
+HallsAs = Literal["corridor", "room", "hall"]
+"""What a hall is labelled."""
 
 LearnOn = Literal["out-of-fold", "in-sample"]
 NumberOfFolds = Annotated[int, Ge(2), Le(50)]
@@ -107,9 +111,11 @@ class SpaceOptions(ListOptions):
         longer than stumps, and neighbouring cells add little information.
     """
 
-    n_rounds: Annotated[int, Ge(1), Le(100_000)] = 150
-    max_depth: Annotated[int, Ge(1), Le(4)] = 3
+    n_rounds: Annotated[int, Ge(1), Le(100_000)] = 100
+    max_depth: Annotated[int, Ge(1), Le(4)] = 4
     shrinkage: Annotated[float, Gt(0), Le(1)] = 0.3
+    feature_share: Annotated[float, Gt(0), Le(1)] = 0.25
+    calibration: Literal["none", "platt", "temperature"] = "temperature"
     prior_weight: PriorWeight = 0.5
     doorway_label: str = "doorway"
     max_examples_per_map: NumberOfExamples = 20_000

@@ -62,9 +62,9 @@ class LearnedSpaces:
         at_gate = [spaces.at_gates(self.cells.layout(m)) for m, spaces in enumerate(self.spaces)]
         return with_gates(log_z, np.concatenate(at_gate), self.doorway)
 
-    def model(self, classifier: BoostedList) -> SpaceModel:
-        """The model of all that was learned."""
-        return SpaceModel(classifier, self.gates, self.doorway)
+    def model(self, classifier: BoostedList, corridor: int | None) -> SpaceModel:
+        """The model of all that was learned; ``corridor`` is the label that halls belong to."""
+        return SpaceModel(classifier, self.gates, self.doorway, corridor)
 
 
 def learn_spaces(

@@ -123,11 +123,15 @@ class SpaceModel:
         from; no gate is a doorway then.
     doorway : int or None
         The label of doorways, where there is one.
+    corridor : int or None
+        The label that halls belong to, where the classifier tells them apart as one more class,
+        after all labels.
     """
 
     classifier: BoostedList
     gates: BoostedList | None
     doorway: int | None
+    corridor: int | None = None
 
     def spaces(self, grid: OccupancyGrid, *, n_threads: int | None = None) -> MapSpaces:
         """The spaces of a map."""

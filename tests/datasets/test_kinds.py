@@ -13,7 +13,8 @@ from pgm_places.datasets.filling import Site
 from pgm_places.datasets.floor_plan import Frontage, Rect, Scale
 from pgm_places.datasets.kinds import KINDS
 from pgm_places.datasets.layout import LAYOUTS, draw_layout
-from pgm_places.datasets.style import HallsAs, StyleName
+from pgm_places.datasets.style import StyleName
+from pgm_places.unary.options import HallsAs
 from tests.datasets.test_building import digest
 
 CORRIDOR, ROOM, DOORWAY, HALL = range(4)

@@ -137,6 +137,18 @@ def test_trees_tell_apart_what_no_sum_of_stumps_can() -> None:
     assert np.mean((trees.scores(X) > 0) == (y > 0)) > 0.97
 
 
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_each_tree_searches_the_features_that_are_drawn_for_it(share: float) -> None:
+    X, y = large_set(400)
+    order = np.argsort(-y, kind="stable")
+    X, y = X[order], y[order]
+    options = {"n_rounds": 8, "max_depth": 2, "shrinkage": 0.5, "least_weight": 0.001}
+    got = learned(X, y, feature_share=share, **options)
+    wanted = reference.boost(X, y, np.ones(len(y)), 8, 2, 0.5, 0.001, share)
+    assert_same_trees(got, wanted, 0.5)
+    assert not np.array_equal(got.feature, learned(X, y, **options).feature)
+
+
 def test_every_round_lowers_the_exponential_loss_and_votes_stay_within_shrinkage() -> None:
     X, y = large_set()
     seen: list[tuple[int, float]] = []

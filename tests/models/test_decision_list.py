@@ -485,6 +485,7 @@ def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
         ({"max_depth": 5}, "max_depth must be a whole number from 1 to 4, got 5"),
         ({"shrinkage": 0.0}, "shrinkage must be a number above 0 and at most 1, got 0.0"),
         ({"shrinkage": 1.5}, "shrinkage must be a number above 0 and at most 1, got 1.5"),
+        ({"feature_share": 0.0}, "feature_share must be a number above 0 and at most 1, got 0.0"),
     ],
 )
 def test_unknown_options_are_refused(options: dict[str, Any], text: str) -> None:

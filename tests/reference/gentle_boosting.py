@@ -97,12 +97,13 @@ def boost(
     depth: int,
     shrinkage: float,
     least_weight: float,
+    feature_share: float = 1.0,
 ) -> list[Node]:
     """The trees, their values not yet shrunk; positive examples must come first."""
     weights = np.where(y > 0, weights / weights[y > 0].sum(), weights)
     weights = np.where(y < 0, weights / weights[y < 0].sum(), weights) / 2
     splits = all_splits(X)
-    trees = []
+    rng, trees = np.random.default_rng(0), []
     for _ in range(n_rounds):
         total = 0.0
         for weight in weights:
@@ -110,7 +111,9 @@ def boost(
         weights = weights * (WHOLE / total)
         mass = np.rint(weights).astype(np.int64)
         least = max(1, int(least_weight * WHOLE))
-        tree = grow(X, y, mass, np.arange(len(y)), depth, least, splits)
+        drawn = np.asarray(rng.random(X.shape[1]) < feature_share)
+        some = [split for split in splits if drawn[split[0]]]
+        tree = grow(X, y, mass, np.arange(len(y)), depth, least, some)
         if correlation(tree, mass) < TOLERANCE:
             break
         trees.append(tree)

@@ -38,6 +38,7 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Setting:
     monkeypatch.setattr(building_maps, "generate_building", small_building)
     monkeypatch.setattr(building_maps, "STAND_INS", ("school", "office"))
     monkeypatch.setattr(building_maps, "GENERATED_STYLES", ("office",))
+    monkeypatch.setattr(building_maps, "PER_STYLE", 1)
     monkeypatch.setattr(building_maps, "EXAMPLES_PER_MAP", 200)
     monkeypatch.setattr(buildings, "N_FOLDS", 2)
     quick = functools.partial(SpaceOptions, n_rounds=5)

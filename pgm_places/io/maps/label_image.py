@@ -2,17 +2,22 @@
 
 import io
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import label_raster
+from pgm_places._checks import label_raster, nearest_name
 from pgm_places.errors import LabelError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.label_values import LabelValues, default_values, read_label_values
+from pgm_places.io.maps.label_values import (
+    LabelValues,
+    default_values,
+    listed_names,
+    read_label_values,
+)
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, Strip, open_image
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
@@ -42,6 +47,7 @@ def load_labels(
     *,
     grid: OccupancyGrid,
     names_path: Path | str | None = None,
+    classes: Mapping[str, str] | None = None,
 ) -> NDArray[np.int16]:
     """(H, W) label of each cell of ``grid`` (row 0 at the bottom); -1 where there is none.
 
@@ -58,6 +64,10 @@ def load_labels(
     names_path : Path, optional
         YAML file with ``values: {room: 77, ...}`` and ``ignore: 0`` (a value or a list); by
         default ``<image>.yaml`` beside the image, else ``labels.yaml`` there.
+    classes : mapping of str to str, optional
+        From the names of that file to label names; the key ``*`` stands for all names that are no
+        key. Other names, and those that are mapped to an empty text, have no label. Without a
+        mapping the file's names must be the label names.
 
     Raises
     ------
@@ -66,7 +76,8 @@ def load_labels(
         among ``label_names`` or the other way round, or the image is upside down.
     """
     path = user_path(image_path, LabelError)
-    values = read_label_values(path, label_names, names_path)
+    names = label_names if classes is None else listed_names(path, names_path)
+    values = read_label_values(path, names, names_path)
     with open_image(path, LabelError, max_pixels=max(MAX_PIXELS, grid.cells.size)) as image:
         if image.shape != grid.shape:
             raise LabelError(
@@ -78,6 +89,8 @@ def load_labels(
                 f"{path}: 16-bit grey values; label values are 0 to 255: save it with 8 bits"
             )
         raster = _raster(image, values)
+    if classes is not None:
+        raster = _translated(path, raster, names, classes, label_names)
     _check_orientation(path, raster, grid)
     return raster
 
@@ -136,6 +149,27 @@ def _raster(image: RasterImage, values: LabelValues) -> NDArray[np.int16]:
         raster[height - strip.row - len(stored) : height - strip.row] = labels[::-1]
     _check_values(image.path, counts, values)
     return raster
+
+
+def _translated(
+    path: Path,
+    raster: NDArray[np.int16],
+    names: Sequence[str],
+    classes: Mapping[str, str],
+    label_names: Sequence[str],
+) -> NDArray[np.int16]:
+    """Labels by the names of a file as labels by the names that ``classes`` gives them."""
+    wanted = [str(name) for name in label_names]
+    to = [classes.get(name, classes.get("*", "")) for name in names]
+    unknown = sorted({*to} - {"", *wanted})
+    if unknown:
+        raise LabelError(
+            f"{path}: 'classes' translates to {unknown[0]!r}, not a configured label; "
+            f"{nearest_name(unknown[0], wanted)}"
+        )
+    # The entry after the last serves -1, "no label".
+    table = [wanted.index(name) if name else -1 for name in to]
+    return np.array([*table, -1], np.int16)[raster]
 
 
 def _grey_palette(image: RasterImage) -> bool:

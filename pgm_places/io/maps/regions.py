@@ -41,9 +41,9 @@ def load_regions(
     grid : OccupancyGrid
         The map.
     classes : mapping of str to str, optional
-        From the file's classes to label names. Regions whose class is not a key (or is mapped to
-        an empty text) have no label, and hide what is larger beneath them. Without a mapping the
-        file's classes must be label names.
+        From the file's classes to label names; the key ``*`` stands for all classes that are no
+        key. Other regions, and those whose class is mapped to an empty text, have no label and hide
+        what is larger beneath them. Without a mapping the file's classes must be label names.
     property_name : str
         The property that holds the class.
 
@@ -147,7 +147,7 @@ def _label(
                 "Translate the file's classes with a mapping 'classes'"
             )
         return names.index(region.code)
-    name = classes.get(region.code, "")
+    name = classes.get(region.code, classes.get("*", ""))
     if name == "":
         return -1
     if name not in names:

@@ -69,6 +69,24 @@ def test_an_indexed_image_counts_by_its_greys_or_else_by_its_indices(tmp_path: P
     assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
 
 
+def test_names_are_translated_and_the_rest_has_no_label_unless_a_star_gives_it_one(
+    tmp_path: Path,
+) -> None:
+    grid = free_grid(2, 3)
+    text = "ignore: 0\nvalues: {stairs: 77, lobby: 115, office: 200}\n"
+    path = write(tmp_path, np.array([[77, 200, 0], [115, 0, 0]], np.uint8), text)
+    named = {"lobby": "corridor", "office": "room"}
+    assert load_labels(path, NAMES, grid=grid, classes=named).tolist() == [[0, -1, -1], [-1, 1, -1]]
+    rest = {"lobby": "corridor", "*": "room"}
+    assert load_labels(path, NAMES, grid=grid, classes=rest).tolist() == [[0, -1, -1], [1, 1, -1]]
+    rest["stairs"] = ""
+    assert load_labels(path, NAMES, grid=grid, classes=rest).tolist() == [[0, -1, -1], [-1, 1, -1]]
+    with pytest.raises(
+        LabelError, match=r"'classes' translates to 'rooms', not a configured label"
+    ):
+        load_labels(path, NAMES, grid=grid, classes={"office": "rooms"})
+
+
 def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path: Path) -> None:
     path = write(tmp_path, name="truth.png")
     assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS

@@ -1,0 +1,83 @@
+"""Halls: lobbies, foyers and waiting areas, told apart from the other circulation of a building."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.inference.labeling import Labeling
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.unary.options import HallsAs
+
+__all__ = ["HallNames"]
+
+HALL, CORRIDOR, ROOM = "hall", "corridor", "room"
+
+
+@dataclass(frozen=True)
+class HallNames:
+    """The labels of a training set that names halls, and those that are left when it does not.
+
+    A hall is circulation that is more than a corridor: whatever tells a corridor from a room is
+    learned from both together, and a further list tells halls from corridors. Labelling halls as
+    corridors is therefore as accurate as if nobody had ever told them apart.
+
+    Parameters
+    ----------
+    names : tuple of str
+        With the hall, wherever it stands.
+    """
+
+    names: tuple[str, ...]
+
+    @classmethod
+    def among(cls, names: Sequence[str]) -> Self | None:
+        """Those of a set of labels with a hall, a corridor and a room; None for any other set."""
+        return cls(tuple(names)) if {HALL, CORRIDOR, ROOM} <= set(names) else None
+
+    @property
+    def folded(self) -> tuple[str, ...]:
+        """The labels without the hall."""
+        return tuple(name for name in self.names if name != HALL)
+
+    def shown(self, halls: HallsAs) -> tuple[str, ...]:
+        """The labels of a result: the folded ones, followed by the hall if it is one of them."""
+        return (*self.folded, HALL) if halls == "hall" else self.folded
+
+    def fold(self, item: LabelledMap, halls: HallsAs = "corridor") -> LabelledMap:
+        """The map with its halls labelled so, and the labels numbered as ``shown`` has them."""
+        kept = [halls if name == HALL else name for name in self.names]
+        number = [self.shown(halls).index(name) for name in kept]
+        # The entry after the last serves -1, "no label".
+        return replace(item, labels=np.array([*number, -1], np.int16)[item.labels])
+
+    def are_halls(self, item: LabelledMap) -> NDArray[np.bool_]:
+        """(N,) which of a map's labelled cells are halls."""
+        mask = item.labelled_cells
+        return np.asarray(item.labels[mask] == self.names.index(HALL))
+
+    def split(self, labeling: Labeling, share: NDArray[np.float32], halls: HallsAs) -> Labeling:
+        """A labelling by the folded labels in which halls are what they are to be labelled as.
+
+        Parameters
+        ----------
+        labeling : Labeling
+            Of N nodes by the folded labels.
+        share : (N,) float32
+            The probability that each node lies in a hall if it is circulation.
+        halls : {"corridor", "room", "hall"}
+        """
+        if halls == "corridor":
+            return labeling
+        corridor, to = self.folded.index(CORRIDOR), self.shown(halls).index(halls)
+        labels, beliefs = labeling.labels.copy(), labeling.beliefs
+        labels[(labels == corridor) & (share > 0.5)] = to
+        if beliefs is not None:
+            given, beliefs = beliefs, np.zeros((len(labels), len(self.shown(halls))), beliefs.dtype)
+            beliefs[:, : given.shape[1]] = given
+            moved = given[:, corridor] * share
+            beliefs[:, corridor] -= moved
+            beliefs[:, to] += moved
+        return replace(labeling, labels=labels, beliefs=beliefs)
