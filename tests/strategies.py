@@ -1,6 +1,6 @@
-"""Hypothesis strategies: small graphs and the potentials on them."""
+"""Hypothesis strategies: arrays, small graphs and the potentials on them."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from hypothesis import strategies as st
@@ -16,6 +16,18 @@ quarters = st.integers(-12, 12).map(lambda n: n / 4)
 
 reals = st.floats(-3, 3, allow_nan=False, width=32)
 """Values without structure."""
+
+
+def varied_arrays(
+    dtype: type[np.generic], shape: Any, *, elements: st.SearchStrategy[Any] | None = None
+) -> st.SearchStrategy[NDArray[Any]]:
+    """Arrays of which half are mostly of one value, as by default, and half drawn one by one.
+
+    Large regions need the former; ties, and everything else between neighbours, the latter.
+    """
+    return arrays(dtype, shape, elements=elements) | arrays(
+        dtype, shape, elements=elements, fill=st.nothing()
+    )
 
 
 @st.composite
@@ -50,23 +62,23 @@ def models(
     labels = draw(n_labels if n_labels is not None else st.integers(1, 3))
     edges = draw(edge_lists(n_nodes, forest=forest))
     values = quarters if exact else draw(st.sampled_from([quarters, reals]))
-    unary = draw(arrays(np.float64, (n_nodes, labels), elements=values))
+    unary = draw(varied_arrays(np.float64, (n_nodes, labels), elements=values))
     if forbid and draw(st.booleans()):
-        barred = draw(arrays(np.bool_, unary.shape))
+        barred = draw(varied_arrays(np.bool_, unary.shape))
         barred[np.arange(n_nodes), unary.argmax(axis=1)] = False
         unary = np.where(barred, -np.inf, unary)
     kind = draw(st.sampled_from(kinds))
     n_edges = len(edges)
     if kind in ("associative", "agreement"):
-        reward = draw(arrays(np.float64, (n_edges, labels), elements=values))
+        reward = draw(varied_arrays(np.float64, (n_edges, labels), elements=values))
         return Model(unary, edges, np.abs(reward) if kind == "associative" else reward)
     if kind == "metric":
         positions = np.arange(labels)
         distance = np.minimum(np.abs(positions[:, None] - positions), 1.5)
-        weight = np.abs(draw(arrays(np.float64, (n_edges, 1, 1), elements=values)))
+        weight = np.abs(draw(varied_arrays(np.float64, (n_edges, 1, 1), elements=values)))
         return Model(unary, edges, pairwise=-weight * distance)
     shape = (labels, labels) if kind == "shared table" else (n_edges, labels, labels)
-    return Model(unary, edges, pairwise=draw(arrays(np.float64, shape, elements=values)))
+    return Model(unary, edges, pairwise=draw(varied_arrays(np.float64, shape, elements=values)))
 
 
 @st.composite
@@ -74,5 +86,5 @@ def ruled_models(draw: st.DrawFn, *, forest: bool = False, max_nodes: int = 6) -
     """A model whose tables forbid pairs of labels, possibly every labelling."""
     model = draw(models(("shared table", "tables"), forest=forest, exact=True, max_nodes=max_nodes))
     assert model.pairwise is not None
-    barred = draw(arrays(np.bool_, model.pairwise.shape))
+    barred = draw(varied_arrays(np.bool_, model.pairwise.shape))
     return Model(model.unary, model.edges, pairwise=np.where(barred, -np.inf, model.pairwise))

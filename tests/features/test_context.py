@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.errors import InputError
 from pgm_places.features import context
 from pgm_places.features.context import window_means
 from pgm_places.graph.layout import GridLayout
+from tests.strategies import varied_arrays
 
 
 def means_by_hand(layout: GridLayout, values: np.ndarray, radius: int) -> np.ndarray:
@@ -20,7 +20,7 @@ def means_by_hand(layout: GridLayout, values: np.ndarray, radius: int) -> np.nda
 
 
 @given(
-    free=arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).filter(np.any),
+    free=varied_arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).filter(np.any),
     radius=st.integers(1, 4),
     seed=st.integers(0, 99),
 )

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from scipy import sparse
 
 from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
@@ -15,6 +14,7 @@ from pgm_places.errors import InputError
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import GridLayout
 from pgm_places.graph.raster_edges import RasterEdges
+from tests.strategies import varied_arrays
 
 
 def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, int]]:
@@ -28,7 +28,7 @@ def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, in
     }
 
 
-masks = arrays(np.bool_, st.tuples(st.integers(1, 5), st.integers(1, 5)))
+masks = varied_arrays(np.bool_, st.tuples(st.integers(1, 5), st.integers(1, 5)))
 
 
 @pytest.mark.parametrize("connectivity", [4, 8])
@@ -154,7 +154,7 @@ def test_joined_renumbers_and_marks_links() -> None:
 @given(free=masks, data=st.data())
 def test_subgraph_keeps_inner_edges(free: np.ndarray, data: st.DataObject) -> None:
     graph = LabelGraph.from_grid(free)
-    keep = data.draw(arrays(np.bool_, graph.n_nodes))
+    keep = data.draw(varied_arrays(np.bool_, graph.n_nodes))
     part = graph.subgraph(keep)
     old = np.flatnonzero(keep)
     wanted = {(i, j) for i, j in map(tuple, graph.edges.tolist()) if keep[i] and keep[j]}
@@ -201,7 +201,7 @@ def lattice_by_hand(mask: np.ndarray, diagonals: bool) -> set[tuple[int, int]]:
     }
 
 
-volumes = arrays(np.bool_, st.lists(st.integers(1, 3), min_size=1, max_size=4).map(tuple))
+volumes = varied_arrays(np.bool_, st.lists(st.integers(1, 3), min_size=1, max_size=4).map(tuple))
 
 
 @pytest.mark.parametrize("diagonals", [False, True])
@@ -228,7 +228,7 @@ def test_lattice_refuses_numbers_for_a_mask() -> None:
         LabelGraph.from_lattice(np.ones((3, 3), np.int64))
 
 
-points = arrays(
+points = varied_arrays(
     np.float64,
     st.tuples(st.integers(0, 8), st.integers(1, 3)),
     elements=st.integers(-3, 3).map(float),
@@ -263,7 +263,9 @@ def test_points_keep_positions_of_two_or_three_dimensions() -> None:
 
 
 @given(
-    matrix=st.integers(0, 6).flatmap(lambda n: arrays(np.int8, (n, n), elements=st.integers(-1, 1)))
+    matrix=st.integers(0, 6).flatmap(
+        lambda n: varied_arrays(np.int8, (n, n), elements=st.integers(-1, 1))
+    )
 )
 def test_sparse_matrix_has_an_edge_where_it_is_not_zero(matrix: np.ndarray) -> None:
     np.fill_diagonal(matrix, 0)

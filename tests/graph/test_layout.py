@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.errors import InputError
 from pgm_places.graph.layout import GridLayout
+from tests.strategies import varied_arrays
 
 
-@given(mask=arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))))
+@given(mask=varied_arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))))
 def test_nodes_are_found_by_their_cells(mask: np.ndarray) -> None:
     layout = GridLayout.of_mask(mask)
     cells = np.argwhere(np.ones((mask.shape[0] + 2, mask.shape[1] + 2), np.bool_)) - 1

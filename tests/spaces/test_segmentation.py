@@ -17,10 +17,11 @@ from pgm_places.spaces.segmentation import Segmentation, _require_numbers
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
 from tests.spaces.floors import TURNS, grid_of, partition, two_rooms
+from tests.strategies import varied_arrays
 
 shapes = st.tuples(st.integers(1, 14), st.integers(1, 14))
-masks = arrays(np.bool_, shapes, elements=st.sampled_from([True, True, True, False]))
-heights = arrays(np.int32, shapes, elements=st.integers(0, 5))
+masks = varied_arrays(np.bool_, shapes, elements=st.sampled_from([True, True, True, False]))
+heights = varied_arrays(np.int32, shapes, elements=st.integers(0, 5))
 REAL = ("freiburg079", "freiburg052", "intel", "floors/school_plans1", "floors/office_village")
 
 
@@ -37,7 +38,7 @@ def inner(raster: np.ndarray, count: int) -> np.ndarray:
 # ------------------------------------------------------------------ step by step
 
 
-@given(free=arrays(np.bool_, shapes), resolution_m=st.sampled_from([0.2, 0.3, 0.5]))
+@given(free=varied_arrays(np.bool_, shapes), resolution_m=st.sampled_from([0.2, 0.3, 0.5]))
 def test_open_space_is_that_of_labelled_pieces(free: np.ndarray, resolution_m: float) -> None:
     found = open_space(grid_of(free, resolution_m))
     assert (found == reference.open_cells(free, resolution_m)).all()

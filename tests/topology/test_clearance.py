@@ -3,9 +3,9 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.topology.clearance import squared_clearance, squared_depth
+from tests.strategies import varied_arrays
 
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
 
@@ -21,7 +21,7 @@ def nearest(targets: np.ndarray) -> np.ndarray:
 
 
 @settings(deadline=None)
-@given(blocked=arrays(np.bool_, shapes))
+@given(blocked=varied_arrays(np.bool_, shapes))
 def test_clearance_is_the_distance_to_the_nearest_blocked_cell(blocked: np.ndarray) -> None:
     assert (squared_clearance(blocked) == nearest(blocked)).all()
 
@@ -32,7 +32,7 @@ def test_sparse_walls_in_a_large_room() -> None:
 
 
 @settings(deadline=None)
-@given(piece=arrays(np.int32, shapes, elements=st.integers(-1, 2)))
+@given(piece=varied_arrays(np.int32, shapes, elements=st.integers(-1, 2)))
 def test_depth_is_zero_exactly_at_edges(piece: np.ndarray) -> None:
     framed = np.pad(piece, 1, constant_values=-9)
     edge = np.zeros(piece.shape, np.bool_)

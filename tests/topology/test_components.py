@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import connected_components
 from tests.reference.topology import flood_fill
+from tests.strategies import varied_arrays
 
-rasters = arrays(
+rasters = varied_arrays(
     np.int16, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.integers(-1, 2)
 )
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.corrections import CorrectionRules, correct_regions, drop_islands
 from tests.reference.topology import corrected
+from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -108,12 +108,10 @@ def test_islands_are_dropped_on_demand() -> None:
     assert (found[:9] == raster[:9]).all()
 
 
-# Filling would make most cells equal: few regions, and hardly ever two borders of one length.
-rasters = arrays(
+rasters = varied_arrays(
     np.int16,
     st.tuples(st.integers(1, 9), st.integers(1, 9)),
     elements=st.integers(-1, 2),
-    fill=st.nothing(),
 )
 
 

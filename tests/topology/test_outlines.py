@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.outlines import Outline, outlines
+from tests.strategies import varied_arrays
 
-rasters = arrays(
+rasters = varied_arrays(
     np.int16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 1)
 )
 Point = tuple[int, int]

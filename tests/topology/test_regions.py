@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.borders import contacts
@@ -12,6 +11,7 @@ from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.passages import find_passages
 from pgm_places.topology.regions import Region, describe_regions
+from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -71,7 +71,7 @@ def test_everything_turns_with_the_map() -> None:
 
 @settings(deadline=None)
 @given(
-    labels=arrays(
+    labels=varied_arrays(
         np.int16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 1)
     )
 )
@@ -98,7 +98,7 @@ def test_a_doorway_five_cells_wide() -> None:
 
 @settings(deadline=None)
 @given(
-    labels=arrays(
+    labels=varied_arrays(
         np.int16, st.tuples(st.integers(1, 7), st.integers(1, 7)), elements=st.integers(-1, 2)
     )
 )
