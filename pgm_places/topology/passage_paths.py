@@ -108,13 +108,16 @@ class _Walker:
         position = _in_cells(self.topology, point_m) - self.corner
         return int(((self.cells - position) ** 2).sum(axis=1).argmin())
 
-    def path(self, connection: Connection) -> PassagePath:
-        """The path to the middle of a passage."""
-        node = self.nearest(connection.point_m)
-        chain = [node]
+    def cells_to(self, point_m: tuple[float, float]) -> NDArray[np.int64]:
+        """(n, 2) cells of the window from the anchor's to the one that is nearest to a point."""
+        chain = [self.nearest(point_m)]
         while self.came_from[chain[-1]] >= 0:
             chain.append(int(self.came_from[chain[-1]]))
-        cells = self.cells[chain[::-1]]
+        return self.cells[chain[::-1]]
+
+    def path(self, connection: Connection) -> PassagePath:
+        """The path to the middle of a passage."""
+        cells = self.cells_to(connection.point_m)
         goal = _in_cells(self.topology, connection.point_m) - self.corner
         passed = np.vstack([cells.astype(np.float64), goal])
         kept = self._straightened(passed, connection)

@@ -1,6 +1,7 @@
 """A floor small enough to think through: a corridor, three rooms above it, a doorway to each."""
 
 import numpy as np
+from hypothesis import strategies as st
 
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
@@ -10,8 +11,14 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.spaces.floors import grid_of, two_rooms
+from tests.strategies import varied_arrays
 
 NAMES = ("corridor", "room", "doorway")
+
+rasters = varied_arrays(
+    np.int16, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 2)
+)
+"""Hypothesis: small rasters of labels, -1 for none."""
 
 
 def floor_labels() -> np.ndarray:

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.corrections import CorrectionRules, correct_regions, drop_islands
 from tests.reference.topology import corrected
-from tests.strategies import varied_arrays
+from tests.topology.floors import rasters
 
 NAMES = ("corridor", "room", "doorway")
 
@@ -106,13 +105,6 @@ def test_islands_are_dropped_on_demand() -> None:
     ]
     assert (found[9] == -1).all()
     assert (found[:9] == raster[:9]).all()
-
-
-rasters = varied_arrays(
-    np.int16,
-    st.tuples(st.integers(1, 9), st.integers(1, 9)),
-    elements=st.integers(-1, 2),
-)
 
 
 @given(raster=rasters)

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -11,10 +13,11 @@ from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gates import Gate, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.gate_pieces import _grow
 from pgm_places.topology.rules import CorrectionRules
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of, two_rooms
-from tests.topology.floors import NAMES, gates_of
+from tests.topology.floors import NAMES, gates_of, rasters
 
 CORRIDOR, ROOM, DOORWAY = range(3)
 
@@ -108,6 +111,38 @@ def test_the_labels_of_a_doorway_reach_no_further_than_its_gate(door: int, wall:
         grid.cell_centres_m(np.stack([r, c], axis=1)), wider_m=0.1, deeper_m=0.1
     ).all()
     assert (found.labels[free] >= 0).all()
+
+
+@pytest.mark.parametrize("label", [CORRIDOR, ROOM])
+def test_a_gate_parts_places_of_any_label(label: int) -> None:
+    grid = grid_of(two_rooms())
+    labels = np.where(grid.free, np.int16(label), np.int16(-1))
+    found = topological_map(grid, labels, NAMES, doorways=gates_of(grid))
+    assert sorted(places(found)) == sorted([NAMES[label]] * 2 + ["doorway"])
+
+
+@given(
+    values=rasters,
+    seed=st.integers(0, 99),
+    groups=st.integers(1, 3),
+)
+def test_values_grow_ring_by_ring_within_their_group(
+    values: np.ndarray, seed: int, groups: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    open_cells = (values < 0) & (rng.random(values.shape) < 0.8)
+    group = rng.integers(0, groups, values.shape).astype(np.int32)
+    expected = values.copy()
+    while True:
+        before = expected.copy()
+        for r, c in np.argwhere(open_cells & (before < 0)):
+            part = np.s_[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2]
+            near = before[part][(group[part] == group[r, c]) & (before[part] >= 0)]
+            expected[r, c] = near.min(initial=99) if near.size else -1
+        if (expected == before).all():
+            break
+    _grow(values, open_cells, group)
+    assert values.tolist() == expected.tolist()
 
 
 def test_a_painted_doorway_without_a_gate_becomes_what_is_around_it() -> None:

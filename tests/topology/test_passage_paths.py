@@ -1,13 +1,18 @@
 """Paths lead from anchors to passages without leaving the two regions."""
 
+from itertools import pairwise
+
+import networkx as nx
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
 from pgm_places.datasets import generate_building
+from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.passage_paths import passage_paths
+from pgm_places.topology.passage_paths import WALL_COST, _Walker, passage_paths
 from pgm_places.topology.topological_map import TopologicalMap
-from tests.topology.floors import NAMES, floor_grid, floor_map
+from tests.topology.floors import NAMES, floor_grid, floor_map, rasters
 
 
 def check(topology: TopologicalMap) -> None:
@@ -44,3 +49,35 @@ def test_a_path_round_a_corner_has_a_corner() -> None:
     topology = topological_map(floor_grid(labels), labels, NAMES, correct=False)
     check(topology)
     assert max(len(path.points_m) for path in passage_paths(topology)) >= 3
+
+
+def step_costs(topology: TopologicalMap, region: int) -> "nx.Graph[tuple[int, int]]":
+    """The cells of a region, and what it costs to go from one to the next."""
+    clearance = squared_clearance(topology.region == 0)
+    graph: nx.Graph[tuple[int, int]] = nx.Graph()
+    cells = [(int(r), int(c)) for r, c in np.argwhere(topology.region == region)]
+    graph.add_nodes_from(cells)
+    for a in cells:
+        for b in cells:
+            if a < b and max(abs(a[0] - b[0]), abs(a[1] - b[1])) == 1:
+                costs = [1 + WALL_COST / np.sqrt(clearance[cell]) for cell in (a, b)]
+                graph.add_edge(a, b, cost=np.hypot(a[0] - b[0], a[1] - b[1]) * sum(costs) / 2)
+    return graph
+
+
+@settings(max_examples=50)
+@given(labels=rasters)
+def test_no_way_over_the_cells_is_cheaper(labels: np.ndarray) -> None:
+    topology = topological_map(floor_grid(labels), labels, NAMES, correct=False)
+    clearance = squared_clearance(topology.region == 0)
+    for region in topology.regions:
+        graph = step_costs(topology, region.id)
+        walker = _Walker(topology, region.id, clearance)
+        [anchor] = topology.grid.cells_at_m([region.anchor_m]).tolist()
+        wanted = nx.single_source_dijkstra_path_length(graph, tuple(anchor), weight="cost")
+        for cell, cost in wanted.items():
+            [point] = topology.grid.cell_centres_m([cell]).tolist()
+            way = [tuple(c) for c in (walker.cells_to(point) + walker.corner).tolist()]
+            assert (way[0], way[-1]) == (tuple(anchor), cell)
+            found = sum(graph.edges[step]["cost"] for step in pairwise(way))
+            assert found == pytest.approx(cost, rel=1e-9)

@@ -9,6 +9,7 @@ from pgm_places.topology.chords import Chord, shortest_chords
 from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.proposals import propose_splits
+from pgm_places.topology.refinements import DOORWAY_DEPTH_M
 from pgm_places.topology.topological_map import TopologicalMap
 
 NAMES = ("corridor", "room", "doorway")
@@ -39,19 +40,47 @@ def classes(found: TopologicalMap) -> list[str]:
     return sorted(region.label for region in found.regions)
 
 
+@pytest.mark.parametrize("label", [CORRIDOR, ROOM])
 @pytest.mark.parametrize("furniture", [False, True])
-def test_two_rooms_joined_by_an_opening_are_parted_by_a_doorway(furniture: bool) -> None:
+@pytest.mark.parametrize("below", [0, 20])
+def test_two_rooms_joined_by_an_opening_are_parted_by_a_doorway(
+    furniture: bool, label: int, below: int
+) -> None:
     labels = two_rooms(furniture=furniture)
-    assert classes(places(labels)) == ["room"]
+    labels[labels == ROOM] = label
+    # Rows below and columns beside it that hold another room show whether windows are kept apart.
+    labels = np.pad(labels, ((below, 0), (2 * below, 0)), constant_values=-1)
+    labels[: max(below - 1, 0), : max(below - 1, 0)] = label
+    kind, others = NAMES[label], [NAMES[label]] * (below > 0)
+    assert classes(places(labels)) == [kind, *others]
     found = places(labels, split_rooms_m=1.0)
-    assert classes(found) == ["doorway", "room", "room"]
+    assert classes(found) == sorted(["doorway", kind, kind, *others])
     [correction] = found.corrections
-    assert (correction.was, correction.became) == ("room", "doorway")
+    assert (correction.was, correction.became) == (kind, "doorway")
     assert correction.reason == "narrow passage"
     door = next(r for r in found.regions if r.label == "doorway")
+    assert correction.area_m2 == pytest.approx(door.area_m2)
     assert len(found.neighbours(door.id)) == 2
-    _, columns = found.cells(door.id).T
+    _, columns = found.cells(door.id).T - 2 * below
     assert 28 <= columns.min() <= columns.max() <= 35
+
+
+def test_a_doorway_across_a_slanting_passage_is_no_deeper() -> None:
+    r, c = np.mgrid[:60, :60]
+    door = np.abs(r + c - 59) < 8
+    inside = (np.minimum(r, c) > 0) & (np.maximum(r, c) < 59)
+    labels = np.where(((np.abs(r - c) > 1) | door) & inside, np.int16(ROOM), np.int16(-1))
+    found = places(labels, split_rooms_m=1.5)
+    assert classes(found) == ["doorway", "room", "room"]
+    assert found.place("doorway 1").area_m2 < 1.5 * (DOORWAY_DEPTH_M + 2 * CELL_M)
+
+
+@pytest.mark.parametrize(("wide", "parts"), [(11, 1), (13, 2)])
+def test_parts_must_be_a_fifth_wider_than_the_passage(wide: int, parts: int) -> None:
+    labels = np.full((30, 122), -1, np.int16)
+    labels[15 - wide : 15 + wide, 1:121] = ROOM
+    labels[: 15 - 10, 58:64] = labels[15 + 10 :, 58:64] = -1
+    assert classes(places(labels, split_rooms_m=2.1)).count("room") == parts
 
 
 @pytest.mark.parametrize(

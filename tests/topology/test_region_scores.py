@@ -30,7 +30,8 @@ def test_a_missed_doorway_and_its_connection() -> None:
     scores = scored(labels)
     assert scores.classes["doorway"].missed == 1
     assert scores.classes["doorway"].recall == pytest.approx(2 / 3)
-    assert (scores.connections_missed, scores.connections_invented) == (1, 0)
+    assert (scores.connections_hit, scores.connections_missed) == (2, 1)
+    assert (scores.connections_found, scores.connections_invented) == (2, 0)
 
 
 def test_a_room_called_corridor_merges_nothing_but_is_missed() -> None:
@@ -89,3 +90,5 @@ def test_gaps_are_filled_from_the_nearest_label() -> None:
     found = fill_labels(grid, labels, NAMES, reach_m=0.2)
     assert found.tolist() == [[0, 0, 1, 1, 1, 1, -1]]
     assert labels.tolist() == [[0, -1, -1, 1, -1, -1, -1]]
+    labels[labels == 1] = -1
+    assert fill_labels(grid, labels, NAMES, reach_m=0.2).tolist() == [[0, 0, 0, -1, -1, -1, -1]]

@@ -80,7 +80,8 @@ def test_touching_doorways_count_as_one_and_rooms_may_touch() -> None:
     labels = np.array([[1, 1, 2, -1, 0, 0], [1, 1, -1, 2, 0, 0]], np.int16)
     labels[0, 2], labels[1, 3] = 2, 2
     found = topological_map(floor_grid(labels), labels, NAMES, correct=False)
-    assert [tuple(e[:2]) for e in found.place_graph.edges] == [(1, 3)]
+    [(first, second, values)] = found.place_graph.edges(data=True)
+    assert (first, second, values["doorway"]) == (1, 3, 2)
     open_plan = np.array([[1, 1, 0, 0]], np.int16)
     found = topological_map(floor_grid(open_plan), open_plan, NAMES, correct=False)
     assert [values["doorway"] for *_, values in found.place_graph.edges(data=True)] == [0]
