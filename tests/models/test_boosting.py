@@ -284,7 +284,7 @@ def test_options_out_of_range_are_refused(options: dict[str, Any], text: str) ->
 @pytest.mark.parametrize(
     ("weights", "text"),
     [
-        ([1, -1, 1], "sample_weight must not be negative, got -1.0 at 1"),
+        ([0, -1, 1], "sample_weight must not be negative, got -1.0 at 1"),
         ([1, np.nan, 1], "sample_weight must hold finite numbers"),
         ([1, 1], r"sample_weight must have shape \(3,\)"),
         ([0, 0, 0], "sample_weight is zero for every example"),

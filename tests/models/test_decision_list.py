@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import minimize, minimize_scalar
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from pgm_places.errors import InputError, ModelFileError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosting import AdaBoostStumps
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.list_training import platt, temperature
+from pgm_places.models.list_training import last_quarters, platt, temperature
 from pgm_places.models.strong_classifier import StrongClassifier
 from tests.reference import boosting as reference
 
@@ -256,6 +257,25 @@ def test_platt_finds_the_slope_that_made_the_labels() -> None:
     assert offset == pytest.approx(-0.4, abs=0.02)
 
 
+@pytest.mark.parametrize("heavy", [0.05, 1.0, 40.0])
+def test_calibrations_have_the_least_cross_entropy(heavy: float) -> None:
+    """By a general minimiser; the targets are Platt's, so light examples pull little."""
+    rng = np.random.default_rng(5)
+    scores, weights = rng.normal(0.3, 1.0, 12), heavy * rng.random(12)
+    positive = rng.random(12) < 1 / (1 + np.exp(-scores))
+    n, m = weights[positive].sum(), weights[~positive].sum()
+    target = np.where(positive, (n + 1) / (n + 2), 1 / (m + 2))
+
+    def entropy(a: float, b: float) -> float:
+        x = a * scores + b
+        return float(weights @ (np.logaddexp(0, x) - target * x))
+
+    best = minimize(lambda ab: entropy(*ab), (1.0, 0.0), tol=1e-12)
+    np.testing.assert_allclose(platt(scores, positive, weights), best.x, rtol=1e-3, atol=1e-3)
+    alone = minimize_scalar(lambda s: entropy(s, 0.0), bounds=(1e-3, 50), options={"xatol": 1e-9})
+    assert temperature(scores, positive, weights) == pytest.approx(alone.x, rel=1e-5)
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e3])
 def test_platt_of_separable_scores_is_finite(scale: float) -> None:
     scores = scale * np.array([-2.0, -1.0, 1.0, 2.0])
@@ -481,6 +501,7 @@ def test_a_damaged_stored_list_is_refused(damage: Any, text: str) -> None:
         ),
         ({"clip": 0.25}, "clip must be at least 0 and below 1/4, got 0.25"),
         ({"n_rounds": 0}, "n_rounds must be a whole number from 1 to 100000, got 0"),
+        ({"order": [*NAMES[:3], NAMES[0]]}, "order must name each class of y once"),
         ({"max_depth": 0}, "max_depth must be a whole number from 1 to 4, got 0"),
         ({"max_depth": 5}, "max_depth must be a whole number from 1 to 4, got 5"),
         ({"shrinkage": 0.0}, "shrinkage must be a number above 0 and at most 1, got 0.0"),
@@ -516,5 +537,6 @@ def test_a_class_with_one_example_cannot_be_held_out() -> None:
     X, y = example()
     y[:] = np.arange(400) % 2
     y[7] = 2
+    assert last_quarters(np.array([0, 1, 1, 0]), 2).number.tolist() == [0, 0, 1, 1]  # two will do
     with pytest.raises(InputError, match="class 2 has 1 example; holding a part out"):
         DecisionListClassifier(order="exhaustive").fit(X, y)

@@ -165,6 +165,10 @@ def test_impossible_sizes_are_refused(options: dict[str, float], message: str) -
         LocalMap(**options)
 
 
+def test_the_smallest_window_has_eight_cells() -> None:
+    assert LocalMap(size_m=0.8, resolution_m=0.1).n_cells == 8
+
+
 def test_ranges_and_angles_must_fit() -> None:
     with pytest.raises(InputError, match="one value per angle"):
         LocalMap().update([0.0, 0.0, 0.0], [1.0, 2.0], [0.0], max_range_m=30.0)

@@ -56,6 +56,12 @@ def test_the_seed_decides() -> None:
     assert (one[0] == two[0]).all()
 
 
+def test_scaling_multiplies_each_error() -> None:
+    assert OdometryNoise(0.1, 0.2, 0.3, 0.4, seed=5).scaled(2.0) == OdometryNoise(
+        0.2, 0.4, 0.6, 0.8, seed=5
+    )
+
+
 @pytest.mark.parametrize("field", ["turn_by_turn", "turn_by_way", "way_by_way", "way_by_turn"])
 def test_negative_errors_are_refused(field: str) -> None:
     with pytest.raises(InputError, match=f"{field} must be a number of at least 0"):

@@ -106,6 +106,13 @@ def test_only_the_largest_part_counts() -> None:
         planner.nearest(in_map(rooms(), 15, 80))
 
 
+def test_a_robot_fits_where_it_is_as_far_from_all_walls_as_its_radius() -> None:
+    planner = PathPlanner(OccupancyGrid(np.zeros((10, 14), np.int8), 0.1), radius_m=0.3)
+    # The first cell outside is a wall: three cells from the third.
+    wanted = [[r, c] for r in range(2, 8) for c in range(2, 12)]
+    assert planner.grid.cells_at_m(planner.positions_m).tolist() == wanted
+
+
 def test_unknown_space_is_no_place_for_a_robot() -> None:
     cells = np.full((20, 20), UNKNOWN)
     with pytest.raises(InputError, match="fits nowhere on this map"):

@@ -97,6 +97,8 @@ def test_tables_of_directions_are_computed_each_on_its_own() -> None:
 def test_bad_input() -> None:
     with pytest.raises(InputError, match="labels must hold integers"):
         grid_pair_counts([[3]], 3)
+    with pytest.raises(InputError, match="labels must"):
+        edge_pair_counts([0, 3], [[0, 1]], 3)
     with pytest.raises(InputError, match="n_labels"):
         grid_pair_counts([[0]], 40_000)
     with pytest.raises(InputError, match=r"counts must have shape \(\.\.\., L, L\)"):

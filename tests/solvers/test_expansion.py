@@ -108,8 +108,9 @@ def test_tables_and_agreement_give_the_same_moves(seed: int) -> None:
     )
 
 
-def test_scores_rise_from_sweep_to_sweep_and_end_at_the_score() -> None:
-    model = grid_model(7, 3)
+@pytest.mark.parametrize("n_labels", [2, 3])
+def test_scores_rise_from_sweep_to_sweep_and_end_at_the_score(n_labels: int) -> None:
+    model = grid_model(7, n_labels)
     seen: list[float] = []
     found = alpha_expansion(*model.arrays, on_iteration=lambda _, value: seen.append(value))
     assert len(seen) == found.n_sweeps
@@ -118,9 +119,12 @@ def test_scores_rise_from_sweep_to_sweep_and_end_at_the_score() -> None:
 
 
 def test_limit_on_sweeps_is_reported() -> None:
-    found = alpha_expansion(*grid_model(7, 3).arrays, max_sweeps=1)
+    model, seen = grid_model(7, 3), []
+    found = alpha_expansion(
+        *model.arrays, max_sweeps=1, on_iteration=lambda sweep, _: seen.append(sweep)
+    )
     assert not found.converged
-    assert found.n_sweeps == 1
+    assert seen == [1] and found.n_sweeps == 1
 
 
 def test_a_start_at_the_answer_stays_there() -> None:

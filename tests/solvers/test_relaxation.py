@@ -245,6 +245,17 @@ def test_far_apart_parts_cost_only_their_own_store() -> None:
     assert rows.n_cells <= 2 * 9 * BLOCK
 
 
+def test_neighbours_count_alike_by_default() -> None:
+    unary, cells, _, r, _ = a_raster(7, (4, 5), 3)
+    start, node, _ = adjacency(cells, (4, 5))
+    degree = np.diff(start)
+    default, given = (
+        relax_graph(unary, start, node, r[:, :3, :3], weight=weight, iterations=2, tolerance=0)
+        for weight in (None, np.repeat(1 / degree, degree))
+    )
+    np.testing.assert_array_equal(default.beliefs, given.beliefs)
+
+
 def test_weights_sum_to_one() -> None:
     assert neighbour_weights(1.0) == (0.125, 0.125)
     assert neighbour_weights(0.0) == (0.25, 0.0)
