@@ -121,6 +121,7 @@ def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> 
     assert code == 0
     assert "corrections" in text
     found = json.loads((out / "topology.json").read_text())
+    assert found["regions"]
     assert all(region["confidence"] is not None for region in found["regions"])
     assert {"regions.geojson", "regions.png", "topology.png"} <= {p.name for p in out.iterdir()}
     assert sum(region["label"] != "doorway" for region in found["regions"]) <= 1

@@ -34,7 +34,7 @@ def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
     text = (folder / "manifest.json").read_text(encoding="utf-8")
     record = json.loads(text)["content"]["record"]
     assert record["config"]["train"] and record["versions"]["numpy"]
-    assert all(len(digest) == 64 for digest in record["inputs"].values())
+    assert {len(digest) for digest in record["inputs"].values()} == {64}
     assert not any(Path(path).is_absolute() for path in record["inputs"])
     assert sum(path.stat().st_size for path in folder.iterdir()) < 200_000
 
@@ -76,4 +76,4 @@ def test_label_takes_maps_of_other_resolutions(
     labels = load_labels(out / "labels.png", ("corridor", "room", "doorway"), grid=other)
     assert ((labels >= 0) == other.free).all()
     topology = load_topology(out)
-    assert all(region.confidence for region in topology.regions)
+    assert topology.regions and all(region.confidence for region in topology.regions)

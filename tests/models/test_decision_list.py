@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from pgm_places.errors import InputError, ModelFileError
@@ -266,14 +266,14 @@ def test_calibrations_have_the_least_cross_entropy(heavy: float) -> None:
     n, m = weights[positive].sum(), weights[~positive].sum()
     target = np.where(positive, (n + 1) / (n + 2), 1 / (m + 2))
 
-    def entropy(a: float, b: float) -> float:
-        x = a * scores + b
+    def entropy(line: NDArray[np.float64]) -> float:
+        x = line[0] * scores + line[1]
         return float(weights @ (np.logaddexp(0, x) - target * x))
 
-    best = minimize(lambda ab: entropy(*ab), (1.0, 0.0), tol=1e-12)
+    best = minimize(entropy, np.array([1.0, 0.0]), tol=1e-12)
     np.testing.assert_allclose(platt(scores, positive, weights), best.x, rtol=1e-3, atol=1e-3)
-    alone = minimize_scalar(lambda s: entropy(s, 0.0), bounds=(1e-3, 50), options={"xatol": 1e-9})
-    assert temperature(scores, positive, weights) == pytest.approx(alone.x, rel=1e-5)
+    alone = minimize(lambda factor: entropy(np.append(factor, 0.0)), np.ones(1), tol=1e-12)
+    assert temperature(scores, positive, weights) == pytest.approx(alone.x[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e3])

@@ -83,7 +83,9 @@ def clash(first: Segment, second: Segment) -> bool:
 @given(raster=rasters)
 def test_exact_outlines_hold_exactly_their_cells(raster: np.ndarray) -> None:
     pieces = connected_components(raster)
-    for number, outline in enumerate(outlines(pieces.piece, pieces.count, tolerance=0)):
+    found = outlines(pieces.piece, pieces.count, tolerance=0)
+    assert len(found) == pieces.count
+    for number, outline in enumerate(found):
         assert (cells_inside(outline, raster.shape) == (pieces.piece == number)).all()
         assert area(outline) == pieces.size[number]
         for rings in outline.polygons:

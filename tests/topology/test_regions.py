@@ -78,6 +78,7 @@ def test_everything_turns_with_the_map() -> None:
 def test_anchors_lie_in_their_regions(labels: np.ndarray) -> None:
     grid, regions = described(labels, yaw_rad=0.3)
     pieces = connected_components(labels)
+    assert len(regions) == pieces.count
     for number, region in enumerate(regions):
         [(row, column)] = grid.cells_at_m([region.anchor_m])
         assert pieces.piece[row, column] == number

@@ -154,7 +154,9 @@ def test_without_rosbags_the_message_says_how_to_get_it(
 
 def test_web_maps_read_the_regions(tmp_path: Path) -> None:
     [path] = export(floor_map(), "regions", tmp_path)
-    for feature in json.loads(path.read_text())["features"]:
+    features = json.loads(path.read_text())["features"]
+    assert len(features) == len(floor_map().regions)
+    for feature in features:
         for ring in feature["geometry"]["coordinates"]:
             assert ring[0] == ring[-1]
             assert len(ring) >= 4
