@@ -272,7 +272,11 @@ def test_calibrations_have_the_least_cross_entropy(heavy: float) -> None:
 
     best = minimize(entropy, np.array([1.0, 0.0]), tol=1e-12)
     np.testing.assert_allclose(platt(scores, positive, weights), best.x, rtol=1e-3, atol=1e-3)
-    alone = minimize(lambda factor: entropy(np.append(factor, 0.0)), np.ones(1), tol=1e-12)
+
+    def at_origin(factor: NDArray[np.float64]) -> float:
+        return entropy(np.append(factor, 0.0))
+
+    alone = minimize(at_origin, np.ones(1), tol=1e-12)
     assert temperature(scores, positive, weights) == pytest.approx(alone.x[0], rel=1e-3)
 
 
