@@ -1,5 +1,6 @@
 """Commands about places: topology, export and where."""
 
+import re
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
@@ -127,7 +128,7 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
     values = {}
     for text in texts:
         name, equals, number = text.rpartition("=")
-        if not equals or not name or not number.strip().isdecimal():
+        if not equals or not name or not re.fullmatch("[0-9]{1,9}", number.strip()):
             raise InputError(f"--set expects NAME=NUMBER, such as room=100, got {text!r}")
         values[name.strip()] = int(number)
     return values

@@ -12,6 +12,7 @@ from typing import Any
 from pgm_places._extras import needed
 from pgm_places.errors import LogError, PgmPlacesError, printable
 from pgm_places.io.input_file import file_kind, user_path
+from pgm_places.io.logs.mcap_sizes import check_mcap
 
 __all__ = ["is_bag", "open_bag", "stamp_s"]
 
@@ -45,6 +46,8 @@ def open_bag(path: Path | str) -> Iterator[Any]:
         raise LogError(f"{path}: no such file or folder; expected a ROS bag")
     if path.suffix == ".db3" and file_kind(path.parent / "metadata.yaml") == "file":
         path = path.parent
+    for file in [path] if path.suffix == ".mcap" else sorted(path.glob("*.mcap")):
+        check_mcap(file)
     try:
         with highlevel.AnyReader([path], default_typestore=definitions) as reader:
             yield reader
