@@ -135,7 +135,8 @@ def examples_of_nodes(
         for n in range(segments[s, 0], segments[s, 1]):
             if chosen[node[n]]:
                 found.position[count] = n
-                found.base[count] = node[n] * N_BINS
+                # uncompiled, a product of bytes would not leave them
+                found.base[count] = np.int64(node[n]) * N_BINS
                 found.mass[count] = masses[n]
                 count += 1
     return count
