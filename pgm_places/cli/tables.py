@@ -34,7 +34,7 @@ def comparison_table(comparison: "Comparison") -> str:
     heading += [f"{name} R|P" for name in names]
     counts_doors = any(method.doors for method in comparison.methods)
     heading += ["doors F/M/I"] if counts_doors else []
-    heading += ["learn s", "infer s"]
+    heading += ["learn (s)", "infer (s)"]
     rows = [heading]
     for method in comparison.methods:
         found = method.evaluation

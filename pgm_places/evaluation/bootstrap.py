@@ -34,9 +34,9 @@ def block_bootstrap(
 ) -> dict[str, Interval]:
     """Confidence intervals of accuracy and balanced accuracy by resampling blocks of nodes.
 
-    Neighbouring cells err together, so that single cells are no independent samples; whole blocks
-    (see :func:`square_blocks`, or ``step // length`` on a trajectory) nearly are. Percentiles of
-    ``n_resamples`` draws of as many blocks as there are, with replacement.
+    Errors of neighbouring cells are correlated, so single cells are not independent samples; blocks
+    (see :func:`square_blocks`, or ``step // length`` on a trajectory) nearly are. The intervals are
+    percentiles over ``n_resamples`` draws of as many blocks as there are, with replacement.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def block_bootstrap(
     """
     if not 0 < confidence < 1 or n_resamples < 1:
         raise InputError(
-            "confidence must lie between 0 and 1 and n_resamples be at least 1, got "
+            "confidence must be between 0 and 1 and n_resamples at least 1, got "
             f"{confidence} and {n_resamples}"
         )
     true, chosen, known = paired_labels(truth, predicted, n_labels)

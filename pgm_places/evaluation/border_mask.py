@@ -1,4 +1,4 @@
-"""Borders between true labels, where scores depend on where exactly an annotator drew the line."""
+"""Borders between true labels, where scores depend on where an annotator drew the line."""
 
 from typing import Any
 
@@ -15,21 +15,21 @@ SLACK = 1e-9  # in cells: a distance of exactly the tolerance counts as within i
 def border_tolerant_mask(
     truth_raster: ArrayLike, resolution_m: float, *, tolerance_m: float = 0.3
 ) -> NDArray[np.bool_]:
-    """(H, W) mask of the labelled cells that lie farther than the tolerance from a true border.
+    """(H, W) mask of the labelled cells farther than the tolerance from a true border.
 
-    The exact place where a doorway ends is partly arbitrary; scores inside this mask do not depend
-    on it. A border runs where two labelled cells of different labels touch (8 neighbours), so a
-    wall between two places is not a border. The distance of a cell is from its centre to the
-    nearest cell at a border, plus half a cell.
+    Where exactly a doorway ends is partly arbitrary; scores inside this mask do not depend on it. A
+    border is where two cells with different labels are adjacent (8 neighbours), so a wall between
+    two places is not a border. The distance of a cell is measured from its centre to the nearest
+    cell at a border, plus half a cell.
 
     Parameters
     ----------
     truth_raster : (H, W) int
-        True label index per cell, negative where there is none.
+        True label index per cell, negative for none.
     resolution_m : float
         Side of a cell in metres.
     tolerance_m : float
-        Half the width of the strip that is left out, in metres.
+        Half the width of the excluded strip, in metres.
     """
     from scipy.ndimage import distance_transform_edt
 

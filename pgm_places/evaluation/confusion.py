@@ -28,9 +28,9 @@ __all__ = [
 def paired_labels(
     truth: ArrayLike, predicted: ArrayLike, n_labels: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """True labels, predicted labels and the mask of the nodes that have a true one, all checked.
+    """True labels, predicted labels and the mask of the nodes with a true label, all checked.
 
-    ``truth`` is -1 where it is unknown; what was predicted there is ignored and comes back as 0.
+    ``truth`` is -1 where it is unknown; predictions there are ignored and returned as 0.
     """
     true = integer_array("truth", truth, ("N",), low=-1, high=n_labels)
     known = true >= 0
@@ -50,14 +50,14 @@ def confusion_matrix(
 ) -> NDArray[np.int64]:
     """(K, K) counts of nodes by true and predicted label, both (N,) and known everywhere.
 
-    K is one more than the highest label where ``n_labels`` is not given.
+    K is one more than the highest label unless ``n_labels`` is given.
     """
     size = n_labels or 1 + int(max(truth.max(initial=-1), predicted.max(initial=-1)))
     return np.bincount(truth * size + predicted, minlength=size * size).reshape(size, size)
 
 
 def accuracy(confusion: NDArray[Any]) -> NDArray[np.float64]:
-    """Share of right predictions (...,) of confusion matrices (..., K, K)."""
+    """Share of correct predictions (...,) of confusion matrices (..., K, K)."""
     return ratio(_right(confusion).sum(axis=-1), confusion.sum(axis=(-2, -1)))
 
 
@@ -88,7 +88,7 @@ def iou(confusion: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def mean_of_defined(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean over the last axis of what is not NaN; something always is."""
+    """Mean over the last axis, ignoring NaN; at least one value is not NaN."""
     means: NDArray[np.float64] = np.nanmean(values, axis=-1)
     return means
 

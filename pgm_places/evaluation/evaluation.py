@@ -28,7 +28,7 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Reliability:
-    """How often predictions of a given confidence are right.
+    """How often predictions with a given confidence are correct.
 
     Confidence is the belief in the predicted label; bin ``b`` holds confidences from
     ``b / n_bins`` up to ``(b + 1) / n_bins``.
@@ -40,7 +40,7 @@ class Reliability:
     confidence_sum : (B,) float
         Sum of their confidences.
     right : (B,) int
-        How many of them were right.
+        How many of them are correct.
     """
 
     count: NDArray[np.int64]
@@ -49,17 +49,17 @@ class Reliability:
 
     @property
     def mean_confidence(self) -> NDArray[np.float64]:
-        """(B,) mean confidence of each bin, NaN where it is empty."""
+        """(B,) mean confidence of each bin, NaN if it is empty."""
         return ratio(self.confidence_sum, self.count)
 
     @property
     def accuracy(self) -> NDArray[np.float64]:
-        """(B,) share of right predictions in each bin, NaN where it is empty."""
+        """(B,) share of correct predictions in each bin, NaN if it is empty."""
         return ratio(self.right, self.count)
 
     @property
     def expected_calibration_error(self) -> float:
-        """Mean distance of confidence from accuracy over the predictions, 0 is calibrated."""
+        """Mean distance of confidence from accuracy over the predictions; 0 is calibrated."""
         total = int(self.count.sum())
         return float(np.abs(self.right - self.confidence_sum).sum() / total) if total else 0.0
 
@@ -107,9 +107,9 @@ class Evaluation:
 
     @classmethod
     def merged(cls, evaluations: Sequence["Evaluation"]) -> Self:
-        """One evaluation of several maps together, every node counting the same.
+        """One evaluation of several maps together, with equal weight for every node.
 
-        The reliability is kept where all have one with the same number of bins.
+        The reliability is kept if all have one with the same number of bins.
         """
         if not evaluations:
             raise InputError("merged needs at least one evaluation, got none")
@@ -140,7 +140,7 @@ class Evaluation:
 
     @cached_property
     def accuracy(self) -> float:
-        """Share of nodes with the right label."""
+        """Share of nodes with the correct label."""
         return float(_confusion.accuracy(self.confusion))
 
     @cached_property
@@ -165,7 +165,7 @@ class Evaluation:
 
     @property
     def expected_calibration_error(self) -> float | None:
-        """Mean distance of confidence from accuracy; None without beliefs."""
+        """Expected calibration error; None without beliefs."""
         return None if self.reliability is None else self.reliability.expected_calibration_error
 
     # ------------------------------------------------------------------ figures by label
@@ -177,7 +177,7 @@ class Evaluation:
 
     @cached_property
     def precision(self) -> dict[str, float | None]:
-        """By label: share of the nodes so predicted that are it."""
+        """By label: share of the nodes predicted as it that are correct."""
         return self._by_name(_confusion.precision(self.confusion))
 
     @cached_property

@@ -14,17 +14,18 @@ __all__ = ["building_folds", "contiguous_blocks", "contiguous_parts", "fold_grou
 
 
 def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
-    """(N,) block number of each place: stripes of about equal size across the longer side.
+    """(N,) block number of each position: stripes of about equal size across the longer side.
 
-    Neighbouring cells look alike, so held-out cells must not lie among training cells; stripes
-    keep them apart but for their borders. Places at one position along that side are in one block.
+    Neighbouring cells look alike, so held-out cells must not be among training cells; stripes keep
+    them apart except at their borders. Positions with the same coordinate along that side are in
+    the same block.
 
     Parameters
     ----------
     places : (N, D) int or float
         Cells or positions.
     n_blocks : int
-        How many stripes, at least 1.
+        Number of stripes, at least 1.
     """
     if n_blocks < 1:
         raise InputError(f"n_blocks must be at least 1, got {n_blocks}")
@@ -68,10 +69,10 @@ def fold_groups(masks: Sequence[NDArray[np.bool_]], n_folds: int) -> NDArray[np.
 def building_folds(
     maps: Sequence[LabelledMap], masks: Sequence[NDArray[np.bool_]], n_folds: int
 ) -> NDArray[np.int64]:
-    """(N,) fold of each cell: whole buildings where there are several, else contiguous blocks.
+    """(N,) fold of each cell: whole buildings if there are several, else contiguous blocks.
 
-    A list is much surer of another part of a building that it has seen than of a new building;
-    what is to label new buildings must learn from scores of the latter kind.
+    A list is much more confident in another part of a known building than in a new one; a method
+    meant for new buildings must learn from scores on new buildings.
     """
     names = [item.building or f"map {index}" for index, item in enumerate(maps)]
     buildings = list(dict.fromkeys(names))

@@ -33,13 +33,13 @@ __all__ = [
 ]
 
 BLOCK_M = 2.0
-"""Side of the squares that confidence intervals draw: cells nearer than that err together."""
+"""Side of the squares resampled for confidence intervals; errors of closer cells correlate."""
 
 PASSAGE_M = 0.3
 """A doorway that is labelled this much before or after it was passed through has been found."""
 
 STRETCH_M = 5.0
-"""Length of the stretches of drives that they draw: steps nearer than that err together."""
+"""Length of the stretches of drives resampled; errors of closer steps correlate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +49,11 @@ class TestMap:
     Parameters
     ----------
     name : str
-        What to call it in tables.
+        Its name in tables.
     grid : OccupancyGrid
-        The map that the scans were taken in.
+        The map of the scans.
     truth : (H, W) int16
-        True label index per cell, -1 where it is unknown.
+        True label index per cell, -1 where unknown.
     layout : GridLayout
         The cells that were labelled: the free cells inside the window.
     window : (H, W) bool
@@ -88,11 +88,11 @@ class TestDrive:
     Parameters
     ----------
     name : str
-        What to call it in tables.
+        Its name in tables.
     trajectory : Trajectory
         With its true places.
     grid : OccupancyGrid
-        The map that it goes through, or one drawn from its scans.
+        The map it drives through, or one built from its scans.
     """
 
     name: str
@@ -121,7 +121,7 @@ class TestDrive:
 
     @property
     def window(self) -> NDArray[np.bool_]:
-        """(H, W) where the path leads."""
+        """(H, W) the cells of the path."""
         return self.layout.node_of_cell >= 0
 
     def blocks(self) -> NDArray[np.int64]:
@@ -159,11 +159,11 @@ class MethodResult:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Everything a comparison found, ready for the table, the pictures and the report.
+    """All results of a comparison, for the table, the pictures and the report.
 
     ``maps`` are what was labelled: maps, drives, or for nodes of both kinds each map and the drive
-    through it. ``selection`` says which options were tried on held-out training cells, and which
-    were chosen.
+    through it. ``selection`` records the options tried on held-out training cells, and those
+    chosen.
     """
 
     title: str
@@ -215,7 +215,7 @@ def score_intervals(
 def door_scores(
     item: TestMap, labeling: Labeling, doorway: int, spaces: MapSpaces | None
 ) -> DoorScores:
-    """How many doors of a map a method found, missed and invented.
+    """The number of doors of a map that a method found, missed and invented.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ def _runs(inside: NDArray[np.bool_]) -> list[slice]:
 
 
 _FIGURE = {"graph-cut": "score", "trw-s": "bound", "icm": "changed nodes"}
-"""What decoders tell per iteration; the others tell the largest change of a belief or message."""
+"""What decoders report per iteration; others report the largest change of a belief or message."""
 
 
 def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
@@ -295,7 +295,7 @@ def history_of(labeling: Labeling) -> dict[str, Sequence[float]]:
 
 
 def learning_of(backend: Any) -> dict[str, Sequence[float]]:
-    """Objective and lower bound after each step of learning, where a method keeps them."""
+    """Objective and lower bound after each step of learning, if a method records them."""
     history = getattr(backend, "learning_history", None)
     if history is None or len(history) < 2:
         return {}
@@ -303,7 +303,7 @@ def learning_of(backend: Any) -> dict[str, Sequence[float]]:
 
 
 def _numbers(values: Any) -> list[float]:
-    """The values as floats, or nothing where they are not a line of numbers."""
+    """The values as floats, or nothing if they are not a sequence of numbers."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError):

@@ -1,7 +1,7 @@
 """Configuration files: TOML parsed into checked options; unknown keys are rejected.
 
-The options of the sensor, the lists, the methods and the topological maps are declared there; here
-stands what is about files, and how it all fits together.
+The options of the sensor, the lists, the methods and the topological maps are declared in their own
+modules; this module declares those that concern files, and combines them.
 """
 
 import re
@@ -93,7 +93,7 @@ class SelectConfig:
 
 @dataclass(frozen=True)
 class MethodConfig:
-    """A method by name, what to call it, which unary it gets, and its options (all other keys).
+    """A method by name, its id, its unary, and its options (all other keys).
 
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
     sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places), or
@@ -155,7 +155,7 @@ def _check_methods(config: ExperimentConfig) -> None:
     ids = [method.id for method in config.methods]
     twice = sorted({name for name in ids if ids.count(name) > 1})
     if twice:
-        raise ConfigError(f"methods: {', '.join(twice)} comes more than once; give each its own id")
+        raise ConfigError(f"methods: {', '.join(twice)} repeated; give each its own id")
     if config.select is not None and config.select.method not in (None, *ids):
         raise ConfigError(
             f"select.method: no method {config.select.method!r}. "
@@ -164,7 +164,7 @@ def _check_methods(config: ExperimentConfig) -> None:
 
 
 def _check_nodes(config: ExperimentConfig) -> None:
-    """Refuse sources and tables that make no sense for what is labelled."""
+    """Refuse sources and tables that do not fit the kind of nodes."""
     nodes = config.nodes
     if nodes != "cells" and config.select is not None:
         raise ConfigError(f"[select] chooses options for maps; take it out for nodes = {nodes!r}")
@@ -215,7 +215,7 @@ def load_config(path: Path) -> ExperimentConfig:
     Raises
     ------
     ConfigError
-        The file cannot be read, is not TOML, or holds a key, a value or a method that is unknown.
+        The file cannot be read, is not TOML, or contains an unknown key, value or method.
     """
     return parse_config(read_toml(path, ConfigError, "a configuration (TOML)"), str(path))
 
@@ -233,7 +233,7 @@ def parse_config(content: Mapping[str, Any], where: str = "config") -> Experimen
 
 
 def validated_config(content: Mapping[str, Any], where: str) -> ExperimentConfig:
-    """The checked configuration from a mapping in the records' own form, options apart."""
+    """The checked configuration from a mapping in the form of the records."""
     try:
         return from_mapping(ExperimentConfig, content)
     except ConfigError as error:
@@ -241,7 +241,7 @@ def validated_config(content: Mapping[str, Any], where: str) -> ExperimentConfig
 
 
 def _split(tables: Any, key: str, own_keys: tuple[str, ...], where: str) -> list[dict[str, Any]]:
-    """Tables as records: name, the keys that are the record's own, and all others as options."""
+    """Tables as records: name, the record's own keys, and all others as options."""
     if not isinstance(tables, list) or not all(isinstance(item, dict) for item in tables):
         raise ConfigError(f"{where}: {key} must be tables; write [[{key}]] above each")
     split = []
@@ -260,5 +260,5 @@ def build_method(method: MethodConfig) -> Any:
 
 
 def build_features(config: ExperimentConfig) -> tuple[Any, ...]:
-    """The custom features that the tables describe, checked in the same way."""
+    """The custom features described by the tables, checked in the same way."""
     return as_features([FEATURES.build(item.name, item.options) for item in config.features])

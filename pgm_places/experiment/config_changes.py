@@ -12,7 +12,7 @@ __all__ = ["changed_config"]
 
 
 def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> ExperimentConfig:
-    """The configuration with values replaced by dotted keys, checked as a file is.
+    """The configuration with values replaced by dotted keys, checked like a file.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def changed_config(config: ExperimentConfig, changes: Mapping[str, Any]) -> Expe
     Raises
     ------
     ConfigError
-        A key that does not exist, or a value that does not belong there.
+        A key does not exist, or a value does not fit it.
 
     Examples
     --------

@@ -23,14 +23,14 @@ __all__ = ["SourceDrive", "load_drives"]
 
 @dataclass(frozen=True, eq=False)
 class SourceDrive:
-    """A drive with its true places, and the map that it goes through, if there is one.
+    """A drive with its true places, and the map it drives through, if there is one.
 
     Parameters
     ----------
     trajectory : Trajectory
         With true places by the experiment's label names, -1 where unknown.
     map : LabelledMap or None
-        In the frame of the poses; its labels are -1 throughout where none are given.
+        In the frame of the poses; all labels are -1 if none are given.
     """
 
     trajectory: Trajectory
@@ -120,7 +120,7 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
         path = path.labelled_by(known, names)
     if path.labels is None:
         raise LabelError(
-            f"{where}: nothing tells the true places of {log.name}; give truth (a table), or map "
+            f"{where}: the true places of {log.name} are missing; give truth (a table), or map "
             "and labels in the log's frame"
         )
     if source.laser is not None:
@@ -143,7 +143,7 @@ def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDri
         if not first < min(len(path) if last is None else last, len(path)):
             raise LogError(
                 f"{where}: from_step {first} to to_step {'the end' if last is None else last} "
-                f"holds no step; the log has {len(path)}"
+                f"contains no step; the log has {len(path)}"
             )
         path = path[slice(first, last)]
     assert path.labels is not None and path.label_names is not None

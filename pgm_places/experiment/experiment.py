@@ -1,4 +1,4 @@
-"""An experiment: its configuration and folder, and what is recorded while it runs."""
+"""An experiment: its configuration and folder, and the notes of its runs."""
 
 import os
 import time
@@ -31,7 +31,7 @@ class Experiment:
     progress : Progress
     n_threads : int, optional
     selection : mapping, optional
-        Where options were chosen: what was tried (``Selection.to_dict``).
+        If options were chosen: the candidates tried (``Selection.to_dict``).
     inputs, seconds, warnings
         Notes, shared by all variants of an experiment (``dataclasses.replace``): the hash of each
         file read, the seconds of each stage, and warnings.
@@ -48,7 +48,7 @@ class Experiment:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Add the time spent in the block to the stage of that name."""
+        """Add the time spent in the block to the named stage."""
         start = time.perf_counter()
         try:
             yield
@@ -72,17 +72,17 @@ class Experiment:
             if not folder:
                 raise ConfigError(
                     f"the path {name!r} needs the environment variable {variable}; set it to the "
-                    "folder that holds the data"
+                    "folder with the data"
                 )
             return _real(user_path(Path(folder) / rest, ConfigError))
         return _real(self.folder / user_path(name, ConfigError))
 
     def record_input(self, path: Path) -> None:
-        """Keep the hash of a file that was read, by the shortest name that says where it was."""
+        """Record the hash of a file that was read, under the shortest unambiguous name."""
         self.inputs[self._shown(path)] = sha256_of(path)
 
     def _shown(self, path: Path) -> str:
-        """The path from the data folder or the configuration's, so that results name no machine."""
+        """The path relative to the data folder or the configuration: results name no machine."""
         data = os.environ.get(DATA_VARIABLE)
         if data and path.is_relative_to(Path(data).resolve()):
             return f"${DATA_VARIABLE}/{path.relative_to(Path(data).resolve()).as_posix()}"
@@ -92,5 +92,5 @@ class Experiment:
 
 
 def _real(path: Path) -> Path:
-    """The path without links; Path.resolve would fail where links lead in a circle."""
+    """The path without links; Path.resolve would fail on circular links."""
     return Path(os.path.realpath(path))

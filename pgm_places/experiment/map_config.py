@@ -22,7 +22,7 @@ IndexRange = tuple[int | OpenEnd, int | OpenEnd]
 
 @dataclass(frozen=True, kw_only=True)
 class MapConfig:
-    """A map, where its labels are, and which part of it to use.
+    """A map, its labels, and the part of it to use.
 
     ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
     labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
@@ -64,18 +64,18 @@ class MapConfig:
 
     def _check_map(self) -> None:
         if (self.map is None) == (self.generated is None):
-            raise ConfigError("give map (a YAML file) or generated (a seed), one of them")
+            raise ConfigError("give either map (a YAML file) or generated (a seed)")
         if self.generated is not None:
             if self.labels is not None or self.regions is not None:
                 raise ConfigError(
-                    "a generated building brings its own labels; drop labels, regions"
+                    "a generated building has its own labels; remove labels and regions"
                 )
         elif self.half is not None:
             raise ConfigError("half is for generated buildings; give columns or x_m of a map")
         elif self.drawn:
             raise ConfigError(f"{', '.join(self.drawn)}: for generated buildings only")
         elif (self.labels is None) == (self.regions is None):
-            raise ConfigError("give labels (an image) or regions (a GeoJSON file), one of them")
+            raise ConfigError("give either labels (an image) or regions (a GeoJSON file)")
         if self.classes is not None and self.generated is not None:
             raise ConfigError("classes translates the names of labels or regions; there are none")
         if self.simulation is not None and self.simulated is None:

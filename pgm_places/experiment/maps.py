@@ -69,7 +69,7 @@ def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) ->
     if target_m is None or np.isclose(target_m, grid.resolution_m, rtol=1e-3, atol=0):
         return fine
     coarse = coarsen(grid, target_m)
-    # A coarse cell belongs to the window that holds its centre.
+    # A coarse cell belongs to the window that contains its centre.
     centres = coarse.cell_centres_m(np.argwhere(np.ones(coarse.shape, np.bool_)))
     cells = grid.cells_at_m(centres)
     inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
@@ -81,7 +81,7 @@ def _coarsened(experiment: Experiment, _source: MapConfig, fine: LabelledMap) ->
 
 
 def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> LabelledMap:
-    """What a robot would have mapped of a map, with cells of the configured size."""
+    """The map as a robot would have mapped it, with cells of the configured size."""
     from pgm_places.datasets.simulated_map import simulate_map
 
     config = experiment.config
@@ -139,7 +139,7 @@ def _generated(
     building = generate_building(seed, **drawn)
     names = experiment.config.labels.names
     numbers = [names.index(name) if name in names else -1 for name in building.label_names]
-    # The entry after the last serves -1, "no label".
+    # The last entry is for -1, "no label".
     labels = np.array([*numbers, -1], np.int16)[building.labels]
     return building.grid, labels, Path(_title(seed, drawn)), building.split_column
 

@@ -53,11 +53,11 @@ class Trained(NamedTuple):
 def train(experiment: Experiment) -> Trained:
     """The labeler of the configuration, fitted on its training maps.
 
-    Where the configuration has a table ``[select]``, options are chosen first on the training maps
-    alone: the experiment that is returned has the chosen configuration, and its ``selection`` says
-    what was tried.
+    If the configuration has a table ``[select]``, options are first chosen on the training maps
+    alone: the returned experiment has the chosen configuration, and its ``selection`` records the
+    candidates.
     """
-    make_labeler(experiment.config)  # what it refuses shows before the maps are read
+    make_labeler(experiment.config)  # refuses bad options before the maps are read
     maps = load_maps(experiment, "train")
     if experiment.config.select is not None:
         experiment = _with_chosen_options(experiment, maps)
@@ -75,7 +75,7 @@ def _with_chosen_options(experiment: Experiment, maps: Sequence[LabelledMap]) ->
 
 
 def compare(experiment: Experiment) -> Comparison:
-    """All methods of the configuration, learned on its training maps, on all of its test maps.
+    """All methods of the configuration, trained on its training maps and run on its test maps.
 
     Raises
     ------
@@ -86,8 +86,8 @@ def compare(experiment: Experiment) -> Comparison:
         raise ConfigError("a comparison needs at least one [[test]] map or drive; there is none")
     if experiment.config.nodes != "cells":
         return _compare_drives(experiment)
-    make_labeler(experiment.config)  # what it refuses shows before the maps are read
-    # Test maps are read before anything is learned: what is wrong with them shows at once.
+    make_labeler(experiment.config)  # refuses bad options before the maps are read
+    # Test maps are read before anything is learned, so that errors in them show at once.
     tests = load_maps(experiment, "test")
     return compare_fitted(*train(experiment), tests)
 
@@ -118,7 +118,7 @@ def compare_fitted(
 
 def _compare_drives(experiment: Experiment) -> Comparison:
     """All methods on the steps of the test drives, joined with the cells of their maps or alone."""
-    step_methods(experiment.config)  # what it refuses shows before anything is read
+    step_methods(experiment.config)  # refuses bad options before anything is read
     drives = load_test_drives(experiment)
     labelers = train_steps(experiment)
     found = label_drives(experiment, labelers, drives)
@@ -211,7 +211,7 @@ def method_result(
         evaluate(item.node_truth, found.labels, label_names, beliefs=found.beliefs)
         for item, found in zip(items, labelings, strict=True)
     ]
-    # Recording the accuracy of every iteration is no part of the method.
+    # Recording the accuracy of every iteration is not part of the method.
     recording = sum(float(item.info.get("recording_seconds", 0.0)) for item in labelings)
     return MethodResult(
         id=name,
@@ -236,7 +236,7 @@ def _doors(
     maps: Sequence[TestMap],
     labelings: Sequence[Labeling],
 ) -> tuple[DoorScores, ...]:
-    """The doors of each map that a method found, where there is a label for doorways."""
+    """The doors of each map that a method found, if there is a label for doorways."""
     names, doorway = labeler.label_names_, experiment.config.topology.doorway_label
     if doorway not in names:
         return ()
@@ -249,7 +249,7 @@ def _doors(
 
 
 def versions() -> Mapping[str, str]:
-    """The versions that a result depends on."""
+    """The versions of everything that a result depends on."""
     found = {"pgm-places": __version__, "python": platform.python_version()}
     for package in REPORTED_PACKAGES:
         try:

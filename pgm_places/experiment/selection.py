@@ -21,12 +21,12 @@ from pgm_places.maps.labelled_map import LabelledMap
 __all__ = ["Candidate", "Selection", "held_out_splits", "select"]
 
 MOST_CANDIDATES = 200
-"""More combinations than this are a slip: each one is learned once per fold."""
+"""More combinations than this are probably a mistake: each is learned once per fold."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination of options and how good it was on what was held out.
+    """A combination of options and its score on held-out cells.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Selection:
-    """All combinations that were tried; the chosen one has the best score, the first of equals."""
+    """All combinations tried; the chosen one has the best score, the first in case of ties."""
 
     method: str
     criterion: str
@@ -92,9 +92,9 @@ def select(experiment: Experiment, maps: Sequence[LabelledMap]) -> Selection:
     Raises
     ------
     ConfigError
-        There is nothing to choose from, or far too much; an option does not exist.
+        There is nothing to choose from or far too much, or an option does not exist.
     LabelError
-        In no fold are there examples of every label outside it.
+        Every fold leaves some label without training examples.
     """
     settings = experiment.config.select
     if settings is None:
@@ -118,14 +118,14 @@ def held_out_splits(
 ) -> Iterator[tuple[list[LabelledMap], list[LabelledMap]]]:
     """Training maps and test maps, fold by fold.
 
-    Whole buildings are held out where there are several, else contiguous blocks of the only one,
-    never single cells: neighbours look alike. A fold outside which some label has no example is
-    left out.
+    Whole buildings are held out if there are several, else contiguous blocks of the only one, never
+    single cells, because neighbours look alike. Folds that leave some label without training
+    examples are skipped.
 
     Raises
     ------
     LabelError
-        That is so for every fold.
+        This is the case for every fold.
     """
     masks = [item.labelled_cells for item in maps]
     sizes = [int(mask.sum()) for mask in masks]
@@ -143,13 +143,13 @@ def held_out_splits(
         )
     if not found:
         raise LabelError(
-            "no fold can be held out: without any of them some label has no example left; label "
-            "more, or use more folds"
+            "no fold can be held out: each one leaves some label without examples; label more, or "
+            "use more folds"
         )
 
 
 def _parts(maps: Sequence[LabelledMap], chosen: Sequence[NDArray[np.bool_]]) -> list[LabelledMap]:
-    """The maps with their windows cut down to the chosen ones of their labelled cells."""
+    """The maps with their windows reduced to the chosen labelled cells."""
     found = []
     for item, kept in zip(maps, chosen, strict=True):
         if kept.any():
@@ -183,7 +183,7 @@ def _scored(
     learn: list[LabelledMap],
     test: list[LabelledMap],
 ) -> Evaluation:
-    """A method learned on some maps and scored on others."""
+    """A method trained on some maps and scored on others."""
     kept = replace(config, select=None, methods=tuple(m for m in config.methods if m.id == method))
     labeler = make_labeler(kept).fit(learn, n_threads=experiment.n_threads)
     scored = []

@@ -53,7 +53,7 @@ def step_methods(config: ExperimentConfig) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        A method for chains is to label a graph with cycles, or ``unary`` is given: steps have one.
+        A method for chains would have to label a graph with cycles, or ``unary`` is given.
     """
     methods = {}
     for method in config.methods:
@@ -75,7 +75,7 @@ def step_labeler(config: ExperimentConfig) -> TrajectoryLabeler:
         loop_m=steps.loop_m,
         beams=steps.beams,
         sensor=replace(config.sensor, max_range_m=steps.max_range_m),
-        # By default the prior is left to the method, which knows how frequent places are on a way.
+        # By default the prior is left to the method, which knows how frequent places are on a path.
         classifier=None if settings == ClassifierOptions() else settings.classifier(names),
         n_folds=settings.n_folds,
         n_runs=steps.n_runs,

@@ -1,4 +1,4 @@
-"""What an experiment learns from or is tested on: a map, a log of a drive, or a simulated drive."""
+"""What an experiment trains or is tested on: a map, a log of a drive, or a simulated drive."""
 
 import dataclasses
 from dataclasses import dataclass, field
@@ -51,7 +51,7 @@ class DriveConfig(MapConfig):
     Parameters
     ----------
     seed : int
-        Draws where the robot starts.
+        Seed of the robot's starting point.
     length_m : float, optional
         The tour ends after this distance.
     spacing_m : float
@@ -76,8 +76,8 @@ class SourceConfig(MapConfig):
     """A map, or a drive: recorded in a log, or simulated.
 
     For a log, ``map`` with ``labels`` or ``regions`` is a map in the frame of the log, which tells
-    the true place of each step unless ``truth`` or the log itself does. Options without a meaning
-    for what is given are refused.
+    the true place of each step unless ``truth`` or the log itself does. Options that do not
+    apply to what is given are refused.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class SourceConfig(MapConfig):
     frame : Similarity, optional
         From the log's frame to the map's.
     range_max_m : float, optional
-        Readings of at least this mean that nothing was seen.
+        Readings of at least this count as no return.
     laser : LaserConfig, optional
         Simulate the scans of this laser in the map along the log's path, instead of the log's own.
     resample_m : float, optional
@@ -101,8 +101,8 @@ class SourceConfig(MapConfig):
     from_step, to_step : int, optional
         The half-open range of the log's steps to use.
     region : (float, float, float, float), optional
-        Use the true places of steps in this rectangle only: its least x and y and its largest, in
-        metres. The robot is tracked outside of it all the same.
+        Use only the true places of steps in this rectangle: minimum x and y, then maximum, in
+        metres. The robot is tracked outside it all the same.
     """
 
     log: str | None = None
@@ -130,7 +130,7 @@ class SourceConfig(MapConfig):
             low_x, low_y, high_x, high_y = self.region
             if not (low_x < high_x and low_y < high_y):
                 raise ConfigError(
-                    "region must be the least x and y and then the largest, in metres, got "
+                    "region must be the minimum x and y and then the maximum, in metres, got "
                     f"{list(self.region)}"
                 )
         if self.drive is not None:
@@ -159,7 +159,7 @@ class SourceConfig(MapConfig):
             if item.name in names and getattr(self, item.name) != item.default
         ]
         if given:
-            raise ConfigError(f"{given[0]} has no meaning beside {beside}: {what}")
+            raise ConfigError(f"{given[0]} does not apply to {beside}: {what}")
 
 
 _OWN = frozenset(item.name for item in dataclasses.fields(SourceConfig))

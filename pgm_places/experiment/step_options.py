@@ -18,14 +18,14 @@ class StepOptions:
     every_m : float
         Distance between two updates in metres.
     loop_m : float
-        Link passes of one spot within this many metres; 0 for a chain. Methods for chains see the
-        chain alone.
+        Link visits to the same spot within this many metres; 0 for a chain. Methods for chains see
+        only the chain.
     max_range_m : float
         Reach of the completed scans.
     n_runs, seed : int
         Simulated runs in maps, from which the hidden Markov model learns its transitions.
     beams : BeamOptions
-        Where beams come from that the laser does not have.
+        How to complete scans of less than a full circle.
     """
 
     every_m: AtLeastZero = EVERY_M

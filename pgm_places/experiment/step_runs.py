@@ -25,7 +25,7 @@ StepLabeler = TrajectoryLabeler | JointLabeler
 
 
 class LabelledItems(NamedTuple):
-    """What was tested, and per method the labelling of each item and the seconds that it took.
+    """What was tested and, per method, the labelling of each item and the seconds it took.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _joint(
     def label(labeler: JointLabeler) -> list[Labeling]:
         found = labeler.infer(scores)
         assert found.cells is not None and found.steps is not None  # there are a map and a drive
-        # Score and history are of all nodes together; they are told once, with the cells.
+        # Score and history belong to all nodes together; they are reported once, with the cells.
         return [found.cells, replace(found.steps, score=None, bound=None, info={})]
 
     return items, label

@@ -1,9 +1,9 @@
 """Custom features: columns in addition to the 321 of the laser, by name, with options.
 
 A feature is a frozen dataclass. Its fields are its options, ``column_names`` names its columns,
-and one of two methods computes them: ``of_scans`` from scans all around, simulated or real, or
-``of_cells`` from the map itself. The lists see the laser's columns first, then those of own
-features in the order in which these were given.
+and one of two methods computes them: ``of_scans`` from full-circle scans, simulated or real, or
+``of_cells`` from the map itself. The columns of the laser come first, then those of custom features
+in the given order.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,14 +31,14 @@ __all__ = [
 ]
 
 FEATURES = Registry("feature", "pgm_places.features")
-"""Where features are looked up; packages add theirs to the entry points of that group."""
+"""The registry of features; packages add theirs as entry points of this group."""
 
 N_LASER = len(LASER_FEATURES)
 
 
 @runtime_checkable
 class ScanFeature(Protocol):
-    """A feature of scans: it serves maps, whose scans are simulated, and trajectories."""
+    """A feature of scans, for trajectories and for maps, whose scans are simulated."""
 
     @property
     def column_names(self) -> Sequence[str]:
@@ -48,15 +48,15 @@ class ScanFeature(Protocol):
     def of_scans(self, ranges_m: NDArray[np.float32], max_range_m: float) -> ArrayLike:
         """(n, D) columns of scans (n, M): beam ``i`` in metres at the angle ``2 pi i / M``.
 
-        Each row must depend on its own scan alone, since scans come in blocks. The ranges are
-        read-only, and are overwritten after the call.
+        Each row must depend only on its own scan, because scans are passed in blocks. The ranges
+        are read-only and are overwritten after the call.
         """
         ...
 
 
 @runtime_checkable
 class MapFeature(Protocol):
-    """A feature of a map's cells: it is asked once for a map, and serves maps only."""
+    """A feature of a map's cells, for maps only; computed once per map."""
 
     @property
     def column_names(self) -> Sequence[str]:
@@ -64,17 +64,17 @@ class MapFeature(Protocol):
         ...
 
     def of_cells(self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]) -> ArrayLike:
-        """(N, D) columns of the cells (N, 2) given as row and column."""
+        """(N, D) columns of cells (N, 2), given as row and column."""
         ...
 
 
 def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
-    """The features, those given by name built, after a check that they can work together.
+    """The features, with names replaced by instances, after checking that they fit together.
 
     Raises
     ------
     ConfigError
-        One is no feature, or two columns have the same name.
+        An item is not a feature, or two columns have the same name.
     """
     if isinstance(features, str):
         raise ConfigError(f"features must be a list, got the text {features!r}; write [it]")

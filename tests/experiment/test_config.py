@@ -68,14 +68,17 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             changed(train=[{"map": "a.yaml", "labels": "a.png", "furniture": False}]),
             "train[0]: furniture: for generated buildings only",
         ),
-        (changed(train=[{"labels": "a.png"}]), "train[0]: give map (a YAML file) or generated"),
+        (
+            changed(train=[{"labels": "a.png"}]),
+            "train[0]: give either map (a YAML file) or generated",
+        ),
         (
             changed(train=[{"map": "a.yaml", "labels": "a.png", "generated": 1}]),
-            "train[0]: give map (a YAML file) or generated",
+            "train[0]: give either map (a YAML file) or generated",
         ),
         (
             changed(train=[{"generated": 1, "labels": "a.png"}]),
-            "train[0]: a generated building brings its own labels",
+            "train[0]: a generated building has its own labels",
         ),
         (
             changed(classifier={"prior_weight": -1.0}),
@@ -85,7 +88,7 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             changed(classifier={"max_depth": 5}),
             "classifier.max_depth must be a whole number from 1 to 4",
         ),
-        (changed(train=[{"map": "a.yaml"}]), "train[0]: give labels (an image) or regions"),
+        (changed(train=[{"map": "a.yaml"}]), "train[0]: give either labels (an image) or regions"),
         (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
         (changed(methods=[{"name": "relaxaton"}]), "did you mean 'relaxation'?"),
         (

@@ -136,16 +136,16 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
         ),
         (
             {"test": [{"drive": {"generated": 1}, "truth": "t.csv"}]},
-            "truth has no meaning beside d",
+            "truth does not apply to d",
         ),
-        ({"test": [{"map": "a.yaml", "labels": "l.png", "to_step": 3}]}, "to_step has no meaning"),
-        ({"test": [{"log": "a.log", "generated": 2}]}, "generated has no meaning beside log"),
+        ({"test": [{"map": "a.yaml", "labels": "l.png", "to_step": 3}]}, "to_step does not apply"),
+        ({"test": [{"log": "a.log", "generated": 2}]}, "generated does not apply to log"),
         ({"test": [{"log": "a.log", "labels": "l.png"}]}, "labels and regions are .* add map"),
         ({"test": [{"log": "a.log", "laser": {}}]}, "laser simulates scans in a map; add map"),
         ({"test": [{"log": "a.log", "drive": {"generated": 1}}]}, "not both"),
         (
             {"test": [{"log": "a.log", "region": [1.0, 0.0, 0.0, 1.0]}]},
-            "region must be the least x",
+            "region must be the minimum x",
         ),
         ({"steps": {"every": 0.1}}, r"unknown key 'steps.every'\. did you mean 'every_m'"),
     ],
@@ -228,7 +228,7 @@ def test_true_places_come_from_a_table_the_log_itself_or_a_labelled_map(folder: 
     assert by_map.geometry is not None and by_itself.geometry is None
     np.testing.assert_array_equal(by_map.labels, by_table.labels)
     np.testing.assert_array_equal(by_map.labels, by_itself.labels)
-    with pytest.raises(LabelError, match=r"nothing tells the true places of drive\.log\.gz"):
+    with pytest.raises(LabelError, match=r"the true places of drive\.log\.gz are missing"):
         loaded(folder, log="drive.log.gz", map="map.yaml")
 
 
@@ -258,7 +258,7 @@ def test_a_part_of_a_log_by_steps_or_by_region(folder: Path) -> None:
     halved = loaded(folder, **LOG, region=[-100.0, -100.0, x, 100.0])
     assert whole.labels is not None and halved.labels is not None
     np.testing.assert_array_equal(halved.labels, np.where(whole.poses[:, 0] <= x, whole.labels, -1))
-    with pytest.raises(LogError, match="from_step 9000 to to_step the end holds no step"):
+    with pytest.raises(LogError, match="from_step 9000 to to_step the end contains no step"):
         loaded(folder, **LOG, from_step=9000)
     with pytest.raises(LabelError, match=r"test\[0\] .* no step has a known place"):
         loaded(folder, **LOG, region=[900.0, 900.0, 901.0, 901.0])
