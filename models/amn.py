@@ -37,10 +37,12 @@ from pgm_places.models.decoding import Decoder, decode
 from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
+    REACHED,
     MaxMarginProblem,
     MaxMarginSolution,
     OnStep,
     joined,
+    reached,
     split_weights,
 )
 from pgm_places.solvers.max_margin_qp import QPSolver
@@ -276,8 +278,12 @@ class AssociativeMarkovNetwork:
         certified = solution.certified if self.certify_learning else None
         if self.certify_learning and certified is None:
             certified = certify_weights(task, solution.weights).objective
+        status = solution.status
+        tolerance = max(self.learning_tolerance, self.certified_tolerance)
+        if certified is not None and status in (*REACHED, "inaccurate"):
+            status = reached(certified, solution.lower_bound, tolerance)
         return LearningRecord(
-            status=solution.status,
+            status=status,
             penalty=task.penalty,
             objective=solution.objective,
             lower_bound=solution.lower_bound,

@@ -134,6 +134,7 @@ def learn(
             [graph_cut_oracle(problem.n_nodes, problem.edges) for problem in problems],
             tolerance=options.tolerance,
             max_passes=options.max_cuts,
+            exact=problems[0].n_labels <= 2,
             time_limit_s=options.time_limit_s,
             on_iteration=on_iteration,
         )
@@ -150,6 +151,7 @@ def learn(
         cuts=cuts,
         verifier=None if options.certified_tolerance is None else certify_weights,
         verified_tolerance=options.certified_tolerance or 0.0,
+        exact=problem.n_labels <= 2,
         on_iteration=on_iteration,
     )
 

@@ -7,18 +7,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.max_margin import LearningStep, relative_gap
+from pgm_places.solvers.max_margin import LearningStep, reached, relative_gap
 
 __all__ = ["LEARNING_STATUSES", "LearningRecord", "history_array"]
 
 LEARNING_STATUSES = (
     "optimal",
-    "optimal_inaccurate",
+    "inaccurate",
     "stalled",
     "iteration_limit",
     "time_limit",
     "stopped",
+    "within_tolerance",
+    "oracle_limit",
 )
+"""Words of :class:`~pgm_places.solvers.max_margin.MaxMarginSolution`; records hold their places
+here, so new ones come last."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +69,19 @@ class LearningRecord:
 
     @classmethod
     def from_array(cls, values: NDArray[np.float64]) -> "LearningRecord":
-        """The record that :meth:`to_array` wrote."""
+        """The record that :meth:`to_array` wrote.
+
+        Earlier versions called every closed gap optimal; here only a proved one is.
+        """
         named = dict(zip(_FIELDS[1:], (float(value) for value in values[1:]), strict=True))
         certified = named.pop("certified_objective")
+        rigorous = None if certified < 0 else certified
+        status = LEARNING_STATUSES[int(values[0])]
+        if status == "optimal":
+            status = reached(rigorous, named["lower_bound"], 0.0)
         return cls(
-            status=LEARNING_STATUSES[int(values[0])],
-            certified_objective=None if certified < 0 else certified,
+            status=status,
+            certified_objective=rigorous,
             **named,
         )
 

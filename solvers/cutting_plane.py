@@ -26,6 +26,7 @@ from pgm_places.solvers.max_margin import (
     augmented_potentials,
     cut_of,
     objective,
+    reached,
     relative_gap,
 )
 
@@ -50,6 +51,7 @@ def cutting_plane(
     thorough: Oracle | None = None,
     verifier: Verifier | None = None,
     verified_tolerance: float = 5e-3,
+    exact: bool = False,
     step: float = 0.4,
     master: str = "active-set",
     on_iteration: OnStep | None = None,
@@ -79,6 +81,9 @@ certify_weights` for one. Learning goes on with the labelling it found until the
         nothing new either.
     verified_tolerance : float
         See ``verifier``.
+    exact : bool
+        Whether the oracle misses nothing, as a graph cut with two labels: then the objective that
+        it finds is rigorous.
     step : float
         Where the next cut is taken: 1 at the master's minimiser, less between it and the best
         weights so far.
@@ -90,8 +95,9 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     Returns
     -------
     MaxMarginSolution
-        ``status`` is ``optimal``, ``stalled`` (the oracle finds no better labelling although the
-        gap is open), ``iteration_limit``, ``time_limit`` or ``stopped``.
+        Once the gap has closed ``status`` says what of that is proved: ``optimal``,
+        ``within_tolerance`` or ``oracle_limit``. Before that ``stalled``, ``iteration_limit``,
+        ``time_limit`` or ``stopped``.
 
     Examples
     --------
@@ -99,7 +105,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     >>> edges = np.array([[0, 1], [1, 2]], np.int32)
     >>> features, truth = np.array([[1.0], [0.2], [-1.0]]), np.array([0, 0, 1])
     >>> problem = MaxMarginProblem(features, edges, np.ones((2, 1)), truth, 2, np.ones(3), 10.0)
-    >>> found = cutting_plane(problem, graph_cut_oracle(3, edges), tolerance=1e-6)
+    >>> found = cutting_plane(problem, graph_cut_oracle(3, edges), tolerance=1e-6, exact=True)
     >>> found.status, round(found.objective, 3)
     ('optimal', 0.917)
     """
@@ -120,7 +126,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
         closed = record.gap <= tolerance
         ended = closed or exhausted
         if ended and not (search.take_over() or search.verify(verified_tolerance)):
-            status = "optimal" if closed else "stalled"
+            status = "closed" if closed else "stalled"
         elif stop:
             status = "stopped"
         elif time_limit_s is not None and seconds >= time_limit_s:
@@ -129,9 +135,15 @@ certify_weights` for one. Learning goes on with the labelling it found until the
             continue
         break
     search.take_over()  # the objective that is told is the thorough oracle's in any case
+    found = max(search.objective, search.lower_bound)
+    if exact and search.certified is None:
+        search.certified = found
+    if status == "closed":
+        allowed = tolerance if verifier is None else max(tolerance, verified_tolerance)
+        status = reached(search.certified, search.lower_bound, allowed)
     return MaxMarginSolution(
         search.weights,
-        search.objective,
+        found,
         search.lower_bound,
         status,
         len(history),

@@ -25,6 +25,7 @@ from pgm_places.solvers.max_margin import (
     Oracle,
     augmented_potentials,
     cut_of,
+    reached,
 )
 
 __all__ = ["frank_wolfe"]
@@ -161,6 +162,7 @@ def frank_wolfe(
     max_passes: int = 1_000,
     time_limit_s: float | None = None,
     seed: int = 0,
+    exact: bool = False,
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution:
     """The weights that minimise the max-margin objective over maps, to a relative gap.
@@ -180,13 +182,16 @@ def frank_wolfe(
         Wall-clock seconds, looked at after every pass.
     seed : int
         Of the order in which maps are visited.
+    exact : bool
+        Whether the oracles miss nothing, as a graph cut with two labels.
     on_iteration : callable, optional
         Called after every pass; True stops.
 
     Returns
     -------
     MaxMarginSolution
-        ``cuts`` is empty: the planes belong to single maps.
+        ``cuts`` is empty: the planes belong to single maps. ``status`` as of
+        :func:`pgm_places.solvers.cutting_plane.cutting_plane`.
     """
     if not problems or len(problems) != len(oracles):
         raise InputError(
@@ -226,7 +231,8 @@ def frank_wolfe(
         history.append(record)
         stop = on_iteration(record) if on_iteration is not None else False
         if record.gap <= tolerance:
-            status = "optimal"
+            rigorous = max(objective, record.lower_bound) if exact else None
+            status = reached(rigorous, record.lower_bound, tolerance)
         elif stop:
             status = "stopped"
         elif time_limit_s is not None and seconds >= time_limit_s:
@@ -235,6 +241,13 @@ def frank_wolfe(
             continue
         break
     last = history[-1]
+    found = max(objective, last.lower_bound)
     return MaxMarginSolution(
-        best, objective, last.lower_bound, status, last.iteration, tuple(history)
+        best,
+        found,
+        last.lower_bound,
+        status,
+        last.iteration,
+        tuple(history),
+        certified=found if exact else None,
     )

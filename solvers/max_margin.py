@@ -25,6 +25,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers._max_margin_kernels import add_feature_difference
 
 __all__ = [
+    "REACHED",
     "Cut",
     "LearningStep",
     "MaxMarginProblem",
@@ -38,6 +39,7 @@ __all__ = [
     "joint_features",
     "objective",
     "potentials_of",
+    "reached",
     "relative_gap",
     "relaxed_lower_bound",
     "split_weights",
@@ -150,6 +152,23 @@ class LearningStep:
         return relative_gap(self.objective, self.lower_bound)
 
 
+PROVED = 1e-6
+"""A relative gap up to this is what solvers of quadratic programs leave of nothing."""
+
+REACHED = ("optimal", "within_tolerance", "oracle_limit")
+"""How good weights are whose gap has closed: the rigorous gap to the lower bound is at most 1e-6;
+at most the tolerance that was asked for; or the oracle, which may miss labellings, finds the gap
+closed, and no rigorous bound confirms it."""
+
+
+def reached(rigorous: float | None, lower_bound: float, tolerance: float) -> str:
+    """The word of :data:`REACHED` for a rigorous value of the objective, None if there is none."""
+    gap = np.inf if rigorous is None else relative_gap(rigorous, lower_bound)
+    if gap <= PROVED:
+        return "optimal"
+    return "within_tolerance" if gap <= tolerance else "oracle_limit"
+
+
 OnStep = Callable[[LearningStep], bool | None]
 """Called once per iteration; a learner stops with the best weights so far when it says True."""
 
@@ -165,13 +184,14 @@ class MaxMarginSolution:
     objective : float
         f(weights). The QP's is the repaired, rigorously feasible value of the relaxation, an
         upper bound of f; the other learners evaluate H with their oracle, which may miss a
-        better labelling: certify them.
+        better labelling: certify them. Never below ``lower_bound``, which f is not either.
     lower_bound : float
         No weights reach less than this (rigorous).
     status : str
-        ``optimal`` (the tolerance was met), ``optimal_inaccurate``, ``iteration_limit``,
-        ``time_limit``, ``stopped`` (``on_iteration`` said so) or ``stalled`` (no further
-        progress at machine precision or by this oracle).
+        What was reached, as far as it is proved: a word of :data:`REACHED`, or why learning ended
+        before: ``iteration_limit``, ``time_limit``, ``stopped`` (``on_iteration`` said so),
+        ``stalled`` (the oracle finds nothing better, and the gap is open) or ``inaccurate`` (the
+        QP's solver ended with an open gap).
     iterations : int
     history : tuple of LearningStep
     cuts : tuple of Cut

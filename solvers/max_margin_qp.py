@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers.max_margin import (
+    PROVED,
     LearningStep,
     MaxMarginProblem,
     MaxMarginSolution,
     augmented_potentials,
     hinge,
     objective,
+    reached,
     relaxed_lower_bound,
 )
 
@@ -99,7 +101,7 @@ def max_margin_qp(
         status = _attempt(program, name, tolerance, time_limit_s)
         statuses.append(f"{name}: {status}")
         if status in _USABLE:
-            return _solution(problem, program, status, start, unit)
+            return _solution(problem, program, tolerance, start, unit)
         _logger.warning("the QP's solver %s ended with status %s", name, status)
     raise SolverError(f"no solver solved the learning QP ({'; '.join(statuses)})")
 
@@ -211,7 +213,7 @@ def _in_units(problem: MaxMarginProblem) -> tuple[float, MaxMarginProblem]:
 
 
 def _solution(
-    problem: MaxMarginProblem, program: _Program, status: str, start: float, unit: float
+    problem: MaxMarginProblem, program: _Program, tolerance: float, start: float, unit: float
 ) -> MaxMarginSolution:
     edge_weights = np.maximum(program.edge_weights.value, 0.0)
     weights = np.concatenate([program.node_weights.value.ravel(), edge_weights.ravel()])
@@ -219,5 +221,10 @@ def _solution(
     lower = relaxed_lower_bound(problem, np.asarray(program.node_rows.dual_value))
     weights, upper, lower = unit * weights, unit**2 * upper, unit**2 * lower
     iterations = int(program.problem.solver_stats.num_iters or 0)
+    status = reached(upper, lower, max(tolerance, PROVED))
+    if status == "oracle_limit":  # there is none here
+        status = "inaccurate"
     step = LearningStep(iterations, time.perf_counter() - start, upper, lower, 0)
-    return MaxMarginSolution(weights, upper, lower, status, iterations, (step,), certified=upper)
+    return MaxMarginSolution(
+        weights, max(upper, lower), lower, status, iterations, (step,), certified=max(upper, lower)
+    )

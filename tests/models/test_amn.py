@@ -14,7 +14,7 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.amn_learning import node_losses
 from pgm_places.models.amn_record import LEARNING_STATUSES, LearningRecord
-from pgm_places.solvers.max_margin import LearningStep
+from pgm_places.solvers.max_margin import REACHED, LearningStep
 
 NAMES = ("corridor", "room", "doorway")
 Sample = tuple[LabelingProblem, NDArray[np.int64]]
@@ -57,7 +57,7 @@ def test_it_learns_to_smooth() -> None:
     assert labeling.score == pytest.approx(
         score(fresh.graph, network.potentials(fresh), labeling.labels), rel=1e-12
     )
-    assert labeling.info["learning"]["status"] == "optimal"
+    assert labeling.info["learning"]["status"] in REACHED
 
 
 def test_it_is_a_backend_by_name_that_learns() -> None:
@@ -110,7 +110,7 @@ def test_learners_minimise_the_same_objective(learner: Any) -> None:
     options: dict[str, Any] = {"C": 5.0, "learning_tolerance": 1e-3}
     base = AssociativeMarkovNetwork(**options).fit([problem], [truth]).summary
     other = AssociativeMarkovNetwork(learner=learner, **options).fit([problem], [truth]).summary
-    assert other["status"] == "optimal"
+    assert other["status"] in ("optimal", "within_tolerance")
     assert other["objective"] == pytest.approx(base["objective"], rel=3e-3)
     assert other["lower_bound"] <= base["objective"]
     assert base["lower_bound"] <= other["objective"]
@@ -128,6 +128,18 @@ def test_the_summary_certifies_the_objective(learner: Any) -> None:
     without = replace(network, certify_learning=False).fit([problem], [truth]).summary
     assert without["certified_objective"] is None
     assert without["certified_gap"] is None
+
+
+@pytest.mark.parametrize("learner", ["cutting-plane", "qp", "frank-wolfe"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_status_says_no_more_than_the_certified_gap(learner: Any, seed: int) -> None:
+    """A hard problem: three labels, noisy features, a high C."""
+    problem, truth = sample(5, 6, seed=seed)
+    network = AssociativeMarkovNetwork(learner=learner, C=1000.0, max_cuts=200)
+    summary = network.fit([problem], [truth]).summary
+    assert summary["objective"] >= summary["lower_bound"]
+    highest = {"optimal": 1e-6, "within_tolerance": 5e-3}
+    assert summary["certified_gap"] <= highest.get(summary["status"], np.inf)
 
 
 def test_unlabelled_nodes_are_left_out() -> None:
@@ -309,6 +321,9 @@ def test_learned_arrays_bring_the_network_back() -> None:
 @pytest.mark.parametrize("certified", [None, 2.5])
 def test_records_survive_as_arrays(status: str, certified: float | None) -> None:
     record = LearningRecord(status, 10.0, 2.0, 1.5, certified, 7, 0.1, 0.2, 100, 300, 2)
+    if status == "optimal":  # which a gap of 0.5 is not, whatever an earlier version wrote
+        assert LearningRecord.from_array(record.to_array()).status == "oracle_limit"
+        record = replace(record, certified_objective=1.5)
     assert LearningRecord.from_array(record.to_array()) == record
 
 
