@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary
@@ -14,6 +15,9 @@ from pgm_places.models.decoding import Decoder, decode
 from pgm_places.options import Whole, check_options
 
 __all__ = ["PottsField"]
+
+NEIGHBOURHOOD = 2.0
+"""What the neighbours of a node earn together; docs/own_problem.md compares weights on graphs."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +29,12 @@ class PottsField:
 
     Parameters
     ----------
-    weight : float
+    weight : float or "auto"
         What a pair of neighbours earns by agreeing, in units of the unary log-probabilities. Eight
         neighbours earn eight times as much, and a map of half the cell size has twice as many
-        along every border: a good weight is one for a resolution.
+        along every border: a good weight is one for a resolution. ``"auto"`` is 2 over the mean
+        degree of the graph's nodes, so that all neighbours of a node together earn 2 whatever
+        their number: 1 on a chain, a quarter on a grid with diagonals.
     inference : str
         A decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``trw-s``, ...
     certify : bool
@@ -50,7 +56,7 @@ class PottsField:
 
     uses_node_features: ClassVar[bool] = False
 
-    weight: float = 1.0
+    weight: float | Literal["auto"] = "auto"
     inference: Decoder = "graph-cut"
     certify: bool = False
     edge_weights: Literal["equal", "given"] = "equal"
@@ -70,9 +76,10 @@ class PottsField:
             0).
         """
         unary = evident_unary(problem, "potts")
-        potentials = Potentials.potts(unary, self.weight)
+        weight = _by_degree(problem.graph) if self.weight == "auto" else self.weight
+        potentials = Potentials.potts(unary, weight)
         if self.edge_weights == "given":
-            earned = np.repeat(self.weight * _given(problem), problem.n_labels, axis=1)
+            earned = np.repeat(weight * _given(problem), problem.n_labels, axis=1)
             potentials = Potentials(unary, agreement=earned)
         return decode(
             problem.graph,
@@ -81,6 +88,12 @@ class PottsField:
             certify=self.certify,
             max_iterations=self.max_iterations,
         )
+
+
+def _by_degree(graph: LabelGraph) -> float:
+    """The weight with which all neighbours of a node of mean degree together earn 2."""
+    mean_degree = 2 * graph.n_edges / max(graph.n_nodes, 1)
+    return NEIGHBOURHOOD / max(mean_degree, 1.0)
 
 
 def _given(problem: LabelingProblem) -> NDArray[np.float64]:

@@ -52,6 +52,34 @@ def test_specks_go_and_regions_stay() -> None:
     assert not wrong[:, 12:].any()
 
 
+@pytest.mark.parametrize(
+    ("graph", "weight"),
+    [
+        (LabelGraph.from_edges(4, [(0, 1), (1, 2), (2, 3), (0, 3)]), 1.0),
+        (LabelGraph.from_edges(5, [(i, j) for i in range(5) for j in range(i)]), 0.5),
+        (LabelGraph.from_edges(9, [(i, j) for i in range(9) for j in range(i)]), 0.25),
+        (LabelGraph.from_edges(9, [(0, 1)]), 2.0),
+    ],
+)
+def test_the_default_weight_follows_the_degree(graph: LabelGraph, weight: float) -> None:
+    """A ring, and graphs of degree 4 and 8; sparser ones are not weighed beyond 2."""
+    unary = np.random.default_rng(1).normal(size=(graph.n_nodes, 3))
+    problem = LabelingProblem(graph, ["a", "b", "c"], unary)
+    assert PottsField().infer(problem).score == PottsField(weight).infer(problem).score
+
+
+def test_the_default_does_not_drown_a_dense_graph_in_one_label() -> None:
+    """Every node of two groups has some 24 neighbours; a weight of 1 leaves one label."""
+    rng = np.random.default_rng(2)
+    truth = np.repeat([0, 1], 60)
+    near = rng.random((120, 120)) < np.where(truth[:, None] == truth, 0.3, 0.1)
+    graph = LabelGraph.from_edges(120, np.argwhere(np.triu(near, k=1)))
+    unary = np.eye(2)[truth] + rng.normal(scale=0.6, size=(120, 2))
+    problem = LabelingProblem(graph, ["a", "b"], unary)
+    assert len(set(PottsField(1.0).infer(problem).labels)) == 1
+    assert (PottsField().infer(problem).labels == truth).mean() > 0.9
+
+
 @given(models(("associative",)), st.integers(0, 5))
 def test_given_weights_weigh_each_edge(model: Model, seed: int) -> None:
     weights = np.random.default_rng(seed).uniform(0, 2, (len(model.edges), 1))
@@ -96,7 +124,7 @@ def test_iterations_may_be_limited() -> None:
     ("options", "text"),
     [
         ({"inference": "graph-cuts"}, "inference must be 'graph-cut', 'lp', 'trw-s', 'icm'"),
-        ({"weight": np.inf}, "weight must be a finite number, got inf"),
+        ({"weight": np.inf}, "weight must be a finite number or 'auto', got inf"),
         ({"wieght": 1.0}, "has no option 'wieght'. did you mean 'weight'"),
     ],
 )
