@@ -56,7 +56,7 @@ class HiddenMarkovModel:
     ----------
     mode : {"filter", "smooth", "viterbi"}
         Beliefs from the steps so far, as online; from all steps; or the most probable sequence.
-    observation : {"hard", "soft", "posterior"}
+    observation : {"posterior", "hard", "soft"}
         The likelihood ``P(z | l)`` of what the classifier says. ``hard`` looks up its best label in
         the confusions of training (the paper's); ``soft`` averages that over its probabilities z;
         ``posterior`` is z over the share of each label in training, which trusts z as it is.
@@ -97,7 +97,7 @@ class HiddenMarkovModel:
     chains_only: ClassVar[bool] = True
 
     mode: Mode = "filter"
-    observation: Literal["hard", "soft", "posterior"] = "hard"
+    observation: Literal["posterior", "hard", "soft"] = "posterior"
     start: Literal["uniform", "learned"] = "uniform"
     smoothing: AtLeastZero = 1.0
     stay_below_m: AtLeastZero = 0.0

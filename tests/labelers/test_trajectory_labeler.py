@@ -207,7 +207,7 @@ def test_scans_of_another_laser_are_refused_online() -> None:
 
 
 def test_impossible_observations_are_named_and_beliefs_stay_numbers() -> None:
-    model: Any = HiddenMarkovModel(smoothing=0.0).with_counts(
+    model: Any = HiddenMarkovModel(observation="hard", smoothing=0.0).with_counts(
         confusions=np.eye(3), moves=np.eye(3), first=[1, 0, 0]
     )
     model = replace(model, start="learned")

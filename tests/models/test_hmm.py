@@ -92,7 +92,7 @@ def test_the_past_improves_what_the_classifier_says(mode: Any, observation: Any)
 @pytest.mark.parametrize("start", ["uniform", "learned"])
 def test_beliefs_are_the_enumeration(start: str) -> None:
     problem, _ = a_walk(5, 6)
-    model = fitted(mode="smooth", start=start)
+    model = fitted(mode="smooth", observation="hard", start=start)
     assert model.transition is not None
     assert model.confusion is not None
     assert model.initial is not None
@@ -154,7 +154,7 @@ def test_standing_still_is_no_transition() -> None:
 def test_impossible_observations_are_reported(mode: Any, caplog: pytest.LogCaptureFixture) -> None:
     graph = LabelGraph.from_trajectory(np.zeros((4, 2)))
     learned_from = LabelingProblem(graph, ["a", "b"], unary=np.log(np.eye(2)[[0, 0, 1, 1]] + 0.1))
-    model = HiddenMarkovModel(mode, start="learned", smoothing=0.0)
+    model = HiddenMarkovModel(mode, "hard", start="learned", smoothing=0.0)
     model = model.fit([learned_from, learned_from], [np.array([0, 0, -1, -1]), np.array([-1] * 4)])
     with caplog.at_level(logging.WARNING):
         labeling = model.infer(learned_from)
@@ -200,7 +200,7 @@ def test_a_single_step_and_no_step() -> None:
     ("options", "message"),
     [
         ({"mode": "filtre"}, "mode must be 'filter', 'smooth' or 'viterbi', got 'filtre'"),
-        ({"observation": "firm"}, "observation must be 'hard', 'soft' or 'posterior', got 'firm'"),
+        ({"observation": "firm"}, "observation must be 'posterior', 'hard' or 'soft', got 'firm'"),
         ({"start": "anywhere"}, "start must be 'uniform' or 'learned'"),
         ({"smoothing": -1.0}, "smoothing"),
         ({"stay_below_m": float("inf")}, "stay_below_m"),
@@ -259,7 +259,7 @@ def test_counts_replace_only_what_they_name() -> None:
 
 def test_a_robot_that_stays_follows_the_transitions_learned_for_staying() -> None:
     stays = np.array([[3.0, 1.0], [0.0, 4.0]])
-    model = HiddenMarkovModel(stay_below_m=0.1).with_counts(
+    model = HiddenMarkovModel(observation="hard", stay_below_m=0.1).with_counts(
         confusions=np.eye(2), moves=np.ones((2, 2)), stays=stays
     )
     belief, possible = model.step(np.log([0.5, 0.5]), [1.0, 0.0], moved_m=0.0)
