@@ -84,6 +84,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
         (["export", "--to", "nav2"], "did you mean 'nav2-route'"),
         (["export", "--to", "keepout"], "needs values"),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
+        (["export", "--to", "keepout", "--set", "room=12345678901"], "NAME=NUMBER"),
         (["export", "--to", "keepout", "--set", "rom=3"], "there is no place 'rom'"),
         (["export", "--to", "keepout", "--set", "room=101"], "must be 0 to 100, got 101"),
         (["export", "--to", "dot", "--set", "room=1"], "takes no values"),

@@ -9,6 +9,9 @@ from pathlib import Path
 from tests.fuzz.loop import run
 from tests.fuzz.readers import READERS, seeds
 
+PIECE = 100
+"""Inputs of one seed."""
+
 
 def main() -> None:
     """Run the readers in turn; a line for each, and the inputs that found something as files."""
@@ -30,8 +33,8 @@ def main() -> None:
 def _fuzz(name: str, folder: Path, options: argparse.Namespace) -> int:
     start, done, read, bad = time.monotonic(), 0, 0, 0
     while done < options.count and time.monotonic() - start < options.seconds:
-        piece = min(500, options.count - done)
-        found = run(READERS[name], folder, options.seed * 1_000_000 + done // 500, piece)
+        piece = min(PIECE, options.count - done)
+        found = run(READERS[name], folder, options.seed * 1_000_000 + done // PIECE, piece)
         done, read = done + piece, read + found.n_read
         for problem, data in found.bad:
             bad += 1

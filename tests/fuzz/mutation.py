@@ -82,9 +82,11 @@ def mutated_json(content: Any, rng: random.Random) -> Any:
         elif change == 2:
             holder[key] = _nested(holder[key], rng.choice((1, 5, 100)), rng.random() < 0.5)
         elif change == 3 and isinstance(holder, dict):
-            holder[rng.choice(("", "unknown", "\x1b", key + "_"))] = rng.choice(VALUES)
+            holder[rng.choice(("", "unknown", "\x1b", key + "_"))] = copy.deepcopy(
+                rng.choice(VALUES)
+            )
         else:
-            holder[key] = rng.choice(VALUES)
+            holder[key] = copy.deepcopy(rng.choice(VALUES))
         if not any(True for _ in _places(changed)):
             break
     return changed
