@@ -43,6 +43,8 @@ class LabelGraph:
         How node values go back to where they came from.
     node_names : tuple of N, or None
         What the nodes are called elsewhere, each name once; messages then name them so.
+    node_kind : (N,) int8 or None
+        A :class:`~pgm_places.graph.node_kind.NodeKind` per node; None where all are of one kind.
 
     Use the named constructors; the plain one checks and refuses, it does not repair.
 
@@ -60,6 +62,7 @@ class LabelGraph:
     points_m: NDArray[np.float64] | None = None
     layout: GridLayout | StepLayout | None = None
     node_names: tuple[Hashable, ...] | None = None
+    node_kind: NDArray[np.int8] | None = None
 
     def __post_init__(self) -> None:
         if self.n_nodes < 0:
@@ -72,6 +75,9 @@ class LabelGraph:
             if points.shape[1] not in (2, 3):
                 raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
             object.__setattr__(self, "points_m", frozen(points))
+        if self.node_kind is not None:
+            kinds = integer_array("node_kind", self.node_kind, (self.n_nodes,), low=0, high=128)
+            object.__setattr__(self, "node_kind", frozen(kinds.astype(np.int8)))
         if isinstance(self.layout, GridLayout) and len(self.layout.cells_rc) != self.n_nodes:
             raise InputError(
                 f"the layout has {len(self.layout.cells_rc)} cells "
@@ -109,6 +115,7 @@ class LabelGraph:
         edge_kind: ArrayLike | None = None,
         positions_m: ArrayLike | None = None,
         layout: GridLayout | StepLayout | None = None,
+        node_kind: ArrayLike | None = None,
     ) -> Self:
         """A graph from node pairs (E, 2) in any order and either direction.
 
@@ -136,6 +143,7 @@ class LabelGraph:
             EdgeList(pairs[order].astype(np.int32), None if kind is None else kind[order]),
             None if positions_m is None else number_array("positions_m", positions_m),
             layout,
+            node_kind=None if node_kind is None else np.asarray(node_kind),
         )
 
     @classmethod
@@ -382,6 +390,7 @@ class LabelGraph:
             None if self.points_m is None else self.points_m[keep],
             self.layout.part(keep) if isinstance(self.layout, GridLayout) else None,
             None if self.node_names is None else tuple(compress(self.node_names, keep)),
+            None if self.node_kind is None else self.node_kind[keep],
         )
 
     # ------------------------------------------------------------------ derived

@@ -5,7 +5,8 @@ docstring is their reference. Fields that learning fills carry ``metadata={"lear
 are NumPy arrays or None; they are saved with the model and are no options. One that never looks at
 a problem's node features says so with a class attribute ``uses_node_features = False``, one that
 labels nothing but chains with ``chains_only = True``, and one whose ``fit`` looks at labels alone,
-not at what classifiers say of the nodes, with ``learns_from_labels = True``.
+not at what classifiers say of the nodes, with ``learns_from_labels = True``. One that labels the
+gates and places of a map together with its cells says so with ``labels_spaces = True``.
 """
 
 import dataclasses
@@ -36,6 +37,7 @@ BACKENDS: Mapping[str, str] = {
     "relaxation": "pgm_places.models.relaxation:Relaxation",
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",
     "potts": "pgm_places.models.mrf:PottsField",
+    "space_field": "pgm_places.models.space_field:SpaceField",
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 

@@ -1,7 +1,7 @@
 """The result of every method: labels, beliefs, score, bound, and status."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
@@ -87,6 +87,11 @@ class Labeling:
         if self.beliefs is not None:
             parts.append("with beliefs")
         return f"Labeling({', '.join(parts)})"
+
+    def part(self, nodes: NDArray[np.int64] | slice) -> "Labeling":
+        """The labels and beliefs of some nodes, by number or slice; score and bound stay."""
+        beliefs = None if self.beliefs is None else self.beliefs[nodes]
+        return replace(self, labels=self.labels[nodes], beliefs=beliefs)
 
     @property
     def gap(self) -> float | None:

@@ -1,6 +1,6 @@
 """The cells of a map and the steps of a drive as one graph, and labellings of it taken apart."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -156,13 +156,7 @@ class JointGraph:
         cells = steps = None
         n = self.n_cells
         if self.cells is not None:
-            cells = _part(whole, np.arange(n))
+            cells = whole.part(np.arange(n))
         if self.segments is not None:
-            steps = _part(whole, n + self.segments.of_step)
+            steps = whole.part(n + self.segments.of_step)
         return JointLabeling(whole, cells, steps)
-
-
-def _part(whole: Labeling, nodes: NDArray[np.int64]) -> Labeling:
-    """The labels and beliefs of some nodes; score and bound are of the whole."""
-    beliefs = None if whole.beliefs is None else whole.beliefs[nodes]
-    return replace(whole, labels=whole.labels[nodes], beliefs=beliefs)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
+from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.labelers.place_learning import map_problem
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.refinement import refine
@@ -131,11 +131,11 @@ def _labelled(
     if model is not None and model.gates is not None:
         doorways = (spaces or model.spaces(grid, n_threads=n_threads)).doorways
     method = labeler.method(name)
-    problem = map_problem(graph, labeler.learned_names, scores, method.unary)
+    problem = labeler.problem_of(graph, scores, method)
     scores = CellScores(None, None, None, None, hall=scores.hall)
     del spaces
     with progress.stage(f"labelling with {name}"):
-        labeling = labeler.with_halls(method.backend.infer(problem), scores)
+        labeling = labeler.with_halls(infer(method.backend, problem), scores)
     assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
     return graph.layout, labeling, doorways
 

@@ -5,9 +5,11 @@ import inspect
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from pgm_places.errors import ConfigError
+from pgm_places.graph.node_kind import NodeKind
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
@@ -20,8 +22,10 @@ __all__ = [
     "as_backend",
     "check_labels_any_graph",
     "check_labels_maps",
+    "check_sees_doorways",
     "infer",
     "labels_chains_only",
+    "labels_spaces",
     "unfitted",
     "with_edge_kinds",
 ]
@@ -87,6 +91,11 @@ def labels_chains_only(backend: Any) -> bool:
     return bool(getattr(backend, "chains_only", False))
 
 
+def labels_spaces(backend: Any) -> bool:
+    """Whether a backend labels the gates and places of a map together with its cells."""
+    return bool(getattr(backend, "labels_spaces", False))
+
+
 def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
     """Refuse a method for chains where the graph is none, before anything is learned.
 
@@ -120,9 +129,34 @@ def check_labels_maps(name: str, backend: Any) -> None:
         )
 
 
+def check_sees_doorways(name: str, method: PlaceMethod, doorway: int | None) -> None:
+    """Refuse a method that labels gates and places where its scores know none.
+
+    Raises
+    ------
+    ConfigError
+        The method labels gates, and its unary sees no spaces or no label is that of doorways.
+    """
+    if not labels_spaces(method.backend):
+        return
+    if method.unary != "space":
+        raise ConfigError(
+            f"{name} labels gates and places, so it needs unary = 'space', got {method.unary!r}"
+        )
+    if doorway is None:
+        raise ConfigError(
+            f"{name} labels gates and places, so one of the labels must be that of doorways; name "
+            "it in the options of the list with spaces (doorway_label)"
+        )
+
+
 def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
-    """A backend's labelling of a problem; with ``truth`` it records its accuracy if it can."""
+    """A backend's labelling of a problem; with ``truth`` it records its accuracy if it can.
+
+    Of a problem with nodes of several kinds that of the cells, which come first.
+    """
     follows = truth is not None and "truth" in inspect.signature(backend.infer).parameters
     options = {"truth": truth} if follows else {}
     found: Labeling = backend.infer(problem, **options)
-    return found
+    kinds = problem.graph.node_kind
+    return found if kinds is None else found.part(slice(np.count_nonzero(kinds == NodeKind.CELL)))

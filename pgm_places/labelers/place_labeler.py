@@ -16,7 +16,13 @@ from pgm_places.inference.backends import uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import PlaceMethod, Unary, check_labels_maps, infer
+from pgm_places.labelers.method import (
+    PlaceMethod,
+    Unary,
+    check_labels_maps,
+    check_sees_doorways,
+    infer,
+)
 from pgm_places.labelers.place_learning import (
     LabelledNodes,
     common_resolution,
@@ -165,8 +171,11 @@ class PlaceLabeler(Labeler):
         """
         super().check_options()
         as_features(self.features)
+        names = tuple(self.label_names)
+        doorway = None if self.space is None else self.space.doorway(names)
         for name, method in self.resolved_methods().items():
             check_labels_maps(f"method {name!r}", method.backend)
+            check_sees_doorways(f"method {name!r}", method, doorway)
 
     def fit(
         self,
@@ -314,7 +323,7 @@ class PlaceLabeler(Labeler):
             n_threads=n_threads,
             progress=progress,
         )
-        return map_problem(graph, self.learned_names, scores, chosen.unary)
+        return self.problem_of(graph, scores, chosen)
 
     def label(
         self,
@@ -347,7 +356,7 @@ class PlaceLabeler(Labeler):
         history; the labels are the same.
         """
         chosen = self.method(method)
-        problem = map_problem(graph, self.learned_names, scores, chosen.unary)
+        problem = self.problem_of(graph, scores, chosen)
         return self.with_halls(infer(chosen.backend, problem, truth), scores)
 
     def with_halls(self, labeling: Labeling, scores: CellScores) -> Labeling:
@@ -355,6 +364,14 @@ class PlaceLabeler(Labeler):
         if scores.hall is None:
             return labeling
         return HallNames((*self.learned_names, "hall")).split(labeling, scores.hall, self.halls)
+
+    def problem_of(
+        self, graph: LabelGraph, scores: CellScores, method: PlaceMethod
+    ) -> LabelingProblem:
+        """The labelling problem of given scores: of cells, and of gates and places if wanted."""
+        space = self.unary_model_.space
+        doorway = None if space is None or space.gates is None else space.doorway
+        return map_problem(graph, self.learned_names, scores, method, doorway)
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

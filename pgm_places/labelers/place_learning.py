@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelers.method import PlaceMethod, labels_spaces
 from pgm_places.labelers.movement import learn_movement
+from pgm_places.labelers.space_problem import space_problem
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Stage
 from pgm_places.unary.halls import HallNames
@@ -29,6 +31,7 @@ if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does w
 
 __all__ = [
     "LabelledNodes",
+    "cells_problem",
     "common_resolution",
     "learn_from_scores",
     "learn_methods",
@@ -77,7 +80,7 @@ class LabelledNodes:
     def problems(self, unary: str) -> list[LabelingProblem]:
         """One per map, with that unary."""
         return [
-            map_problem(graph, self.label_names, part, unary)
+            cells_problem(graph, self.label_names, part, unary)
             for graph, part in zip(self.graphs, self.scores, strict=True)
         ]
 
@@ -133,9 +136,39 @@ def shown_names(names: tuple[str, ...], model: UnaryModel, halls: HallsAs) -> tu
 
 
 def map_problem(
+    graph: LabelGraph,
+    label_names: tuple[str, ...],
+    scores: CellScores,
+    method: PlaceMethod,
+    doorway: int | None,
+) -> LabelingProblem:
+    """The problem that a method is given: of the cells alone, or of gates and places, too.
+
+    Parameters
+    ----------
+    graph : LabelGraph
+        Of the cells.
+    label_names : tuple of K str
+    scores : CellScores
+    method : PlaceMethod
+    doorway : int, optional
+        The label that the model's gates stand for.
+    """
+    cells = cells_problem(graph, label_names, scores, method.unary)
+    if not labels_spaces(method.backend):
+        return cells
+    if scores.spaces is None or doorway is None or not isinstance(graph.layout, GridLayout):
+        raise InputError(
+            f"{type(method.backend).__name__} labels gates and places, and these scores have none: "
+            "it takes unary = 'space' of a model that has learned doorways, on the cells of a map"
+        )
+    return space_problem(cells, graph.layout, scores.spaces, doorway)
+
+
+def cells_problem(
     graph: LabelGraph, label_names: tuple[str, ...], scores: CellScores, unary: str
 ) -> LabelingProblem:
-    """The problem that a method is given: ``unary`` is ``laser``, ``context`` or ``space``."""
+    """The problem of the cells; ``unary`` is ``laser``, ``context`` or ``space``."""
     values = getattr(scores, unary)
     if values is None:
         raise InputError(f"the scores hold no {unary!r}; ask for those of a method that uses them")

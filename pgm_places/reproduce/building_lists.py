@@ -118,7 +118,10 @@ class _GateRows:
 
 
 def scored_maps(
-    setting: Setting, samples: Sequence[Sample], fold: NDArray[np.int64]
+    setting: Setting,
+    samples: Sequence[Sample],
+    fold: NDArray[np.int64],
+    recipes: Mapping[str, Recipe] = RECIPES,
 ) -> list[Scored]:
     """Every map that is tested, scored by lists that have not seen its building.
 
@@ -131,10 +134,12 @@ def scored_maps(
     samples : sequence of Sample
     fold : (M,) int64
         The fold of each map; the last one is never tested.
+    recipes : mapping of str to Recipe
+        How lists are learned.
     """
     kept = KeptArrays(setting.kept)
     stems = [each.stem for each in samples]
-    run = fingerprint(__version__, RECIPES, ClassifierOptions(), SpaceOptions(), stems, fold)
+    run = fingerprint(__version__, recipes, ClassifierOptions(), SpaceOptions(), stems, fold)
     tested = range(int(fold.max()))
     names = {number: f"{run}-fold-{number}" for number in tested}
     missing = [number for number in tested if not kept.has(names[number])]
@@ -147,21 +152,25 @@ def scored_maps(
                 number: int = number, stage: Stage = stage, rows: "_Rows | None" = rows
             ) -> Arrays:
                 assert rows is not None  # some fold is missing
-                return rows.score(number, setting.n_threads, stage)
+                return rows.score(number, recipes, setting.n_threads, stage)
 
             arrays = kept.arrays(names[number], make)
-        found += _scored(samples, fold, number, arrays)
+        found += _scored(samples, fold, number, recipes, arrays)
     return found
 
 
 def _scored(
-    samples: Sequence[Sample], fold: NDArray[np.int64], number: int, arrays: Arrays
+    samples: Sequence[Sample],
+    fold: NDArray[np.int64],
+    number: int,
+    recipes: Mapping[str, Recipe],
+    arrays: Arrays,
 ) -> list[Scored]:
     return [
         Scored(
             samples[k],
             number,
-            {name: arrays[f"{k} {name}"].astype(np.float64) for name in RECIPES},
+            {name: arrays[f"{k} {name}"].astype(np.float64) for name in recipes},
             arrays[f"{k} at gate"],
             arrays[f"{k} gate"],
         )
@@ -215,18 +224,24 @@ class _Rows:
             np.repeat(np.arange(len(samples)), [len(part) for part in parts]),
         )
 
-    def score(self, number: int, n_threads: int | None, stage: Stage) -> dict[str, NDArray[Any]]:
-        """The scores of a fold's maps by every recipe, from lists that have not seen them."""
+    def score(
+        self,
+        number: int,
+        recipes: Mapping[str, Recipe],
+        n_threads: int | None,
+        stage: Stage,
+    ) -> dict[str, NDArray[Any]]:
+        """The scores of a fold's maps by some recipes, from lists that have not seen them."""
         values = np.concatenate([self.values, self.of_places[number]], axis=1)
         lists = {}
-        for count, (name, recipe) in enumerate(RECIPES.items(), start=1):
+        for count, (name, recipe) in enumerate(recipes.items(), start=1):
             lists[name] = self._learned(recipe, values, number, n_threads)
-            stage.update(count / (len(RECIPES) + 1), name)
+            stage.update(count / (len(recipes) + 1), name)
         judge = self.gates.without({number}, n_threads)
         found: dict[str, NDArray[Any]] = {}
         for k in np.flatnonzero(self.fold == number).tolist():
             gate = gate_probabilities(judge, self.gates.values[self.gates.map == k])
-            scores = _scores_of_map(self.samples[k], lists, gate, n_threads)
+            scores = _scores_of_map(self.samples[k], recipes, lists, gate, n_threads)
             found |= {f"{k} {name}": array for name, array in scores.items()}
         return found
 
@@ -304,6 +319,7 @@ def _spaces_of_examples(
 
 def _scores_of_map(
     sample: Sample,
+    recipes: Mapping[str, Recipe],
     lists: Mapping[str, BoostedList],
     gate: NDArray[np.float64],
     n_threads: int | None,
@@ -314,7 +330,7 @@ def _scores_of_map(
     around = spaces.features.lookup(cells)
     values = np.concatenate([sample.lattice_features(n_threads), around], axis=1)
     found: dict[str, NDArray[Any]] = {"gate": gate}
-    for name, recipe in RECIPES.items():
+    for name, recipe in recipes.items():
         some = np.ascontiguousarray(values[:, : recipe.n_columns])
         log_z = aligned_log_proba(lists[name], some, len(NAMES) + recipe.halls, n_threads)
         found[name] = log_z.astype(np.float32)

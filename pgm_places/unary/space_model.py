@@ -17,7 +17,7 @@ from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 
-__all__ = ["N_SPACE_COLUMNS", "AtGates", "MapSpaces", "SpaceModel", "with_gates"]
+__all__ = ["N_SPACE_COLUMNS", "AtGates", "MapSpaces", "SpaceModel", "with_gates", "without_gates"]
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
 """Columns that cells get from segments and places."""
@@ -74,17 +74,22 @@ class MapSpaces:
         A node lies at a gate where it is in its rectangle, 0.1 m wider at either end and at least
         0.6 m deep on either side.
         """
+        node, gate = self.nodes_and_gates(layout).T
+        probability = self.probability[gate]
+        order = np.lexsort((-probability, node))
+        kept, first = np.unique(node[order], return_index=True)
+        return AtGates(kept, probability[order][first].astype(np.float32))
+
+    def nodes_and_gates(self, layout: GridLayout) -> NDArray[np.int64]:
+        """(M, 2) each node of a layout that lies at a gate, and that gate; gate after gate."""
         grid = self.gates.segmentation.watershed.grid
         cells = [np.empty((0, 2), np.int64)]
         for gate in self.gates:
             deeper_m = max(_REACH_M - gate.depth_m / 2, 0.0)
             cells.append(gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m))
-        node = layout.nodes_at(np.concatenate(cells))
-        probability = np.repeat(self.probability, [len(item) for item in cells[1:]])
-        order = np.lexsort((-probability, node))
-        kept, first = np.unique(node[order], return_index=True)
-        strongest = probability[order][first].astype(np.float32)
-        return AtGates(kept[kept >= 0], strongest[kept >= 0])
+        number = np.repeat(np.arange(len(cells) - 1), [len(item) for item in cells[1:]])
+        found = np.stack([layout.nodes_at(np.concatenate(cells)), number], axis=1)
+        return np.asarray(found[found[:, 0] >= 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,4 +171,11 @@ def with_gates(
         found[some] = log_z[some]
         found[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
         found[some] -= np.logaddexp.reduce(found[some].T, axis=0)[:, None]
+    return found
+
+
+def without_gates(log_z: NDArray[np.float64], nodes: AtGates, doorway: int) -> NDArray[np.float64]:
+    """(N, K) what :func:`with_gates` gave, at gates as if there were none, up to a constant."""
+    found = log_z.copy()
+    found[nodes.node, doorway] -= np.log(np.maximum(_GAIN * nodes.strength / _FLOOR, 1.0))
     return found

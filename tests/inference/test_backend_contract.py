@@ -24,6 +24,7 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "amn": ("amn", {}),
     "amn, trw-s": ("amn", {"inference": "trw-s"}),
     "amn, no class weights": ("amn", {"class_weight": "none", "edge_features": ("constant",)}),
+    "space_field": ("space_field", {}),
     **{name: ("potts", {"weight": WEIGHT, "inference": name}) for name in DECODERS},
 }
 
@@ -154,7 +155,7 @@ def same_where_proved(first: Labeling, second: Labeling, *, proved_only: bool) -
     return bool(np.array_equal(first.labels, second.labels))
 
 
-LOCAL = {"graph-cut", "trw-s", "icm", "mean-field", "max-product", "sum-product", "lp"}
+LOCAL = {*DECODERS, "space_field"}
 """Methods whose local optimum may depend on the order of nodes or labels."""
 
 
