@@ -3,7 +3,8 @@
 ``PGM_PLACES_DATA=DATA python -m experiments.space_field [--kept FOLDER]``
 
 The lists are those of ``pgm-places reproduce buildings`` that take halls as corridors; they have
-not seen the building that they score. Fields label the same lattice of cells. Their weights are chosen, or learned, on the other folds of buildings.
+not seen the building that they score. Fields label the same lattice of cells. Their weights are
+chosen, or learned, on the other folds of buildings.
 """
 
 import argparse
