@@ -331,6 +331,7 @@ def test_links_must_fit_the_nodes() -> None:
     with pytest.raises(InputError, match=r"links must be .* got list; LabelGraph.from_edges"):
         LabelGraph(3, [(0, 1)])  # type: ignore[arg-type]
 
+
 def test_kinds_of_nodes_follow_them_into_parts() -> None:
     graph = LabelGraph.from_edges(4, [(0, 2), (1, 3)], node_kind=[0, 0, 1, 2])
     assert graph.node_kind is not None
