@@ -85,7 +85,7 @@ def test_edges_of_cells_keep_their_kinds(connectivity: int) -> None:
     given = LabelingProblem(graph, NAMES, cells.unary)
     whole = space_problem(given, layout, spaces, DOORWAY)
     kinds = whole.graph.edge_kind
-    assert kinds is not None
+    assert kinds is not None and graph.edge_kind is not None
     among = (whole.graph.edges < graph.n_nodes).all(axis=1)
     assert np.array_equal(kinds[among], graph.edge_kind)
     assert set(np.unique(kinds[~among])) == {

@@ -1,5 +1,7 @@
 """The field over cells, gates and places against brute force, and what each weight does."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ def floor(seed: int) -> TinyFloor:
     )
 
 
-def weights(seed: int) -> dict[str, float]:
+def weights(seed: int) -> dict[str, Any]:
     names = ("weight", "place_weight", "doorway_weight", "gate_weight", "passage_weight")
     drawn = np.random.default_rng(100 + seed).uniform(0, 2, len(names)).tolist()
     threshold = (0.3, 0.5, 0.7)[seed % 3]
