@@ -385,3 +385,22 @@ def test_the_balance_is_fitted_together_with_the_weight_of_the_evidence() -> Non
     beliefs = model.infer(problems[0]).beliefs
     assert beliefs is not None
     np.testing.assert_array_equal(model.infer(problems[0]).labels, model.choose(beliefs))
+
+
+def test_counted_confusions_give_the_shares_of_the_true_labels() -> None:
+    """Rows are true, columns what the classifier said: 10 of the first, 30 of the second."""
+    model = HiddenMarkovModel(smoothing=0.0).with_counts(confusions=[[2, 8], [3, 27]])
+    np.testing.assert_allclose(known(model.prior), [0.25, 0.75], rtol=1e-12)
+
+
+def test_a_robot_that_moved_just_the_distance_has_moved() -> None:
+    """Half a metre is a power of two: nothing is rounded."""
+    graph = LabelGraph.from_trajectory([[0.0, 0.0], [0.5, 0.0], [0.75, 0.0]])
+    unary = np.log([[0.9, 0.1], [0.1, 0.9], [0.9, 0.1]])
+    model = HiddenMarkovModel(stay_below_m=0.5, smoothing=0.0).with_counts(
+        confusions=np.eye(2), moves=np.eye(2)[::-1], stays=np.eye(2)
+    )
+    found = model.infer(LabelingProblem(graph, ["a", "b"], unary))
+    first, second, third = found.labels
+    assert first != second
+    assert second == third
