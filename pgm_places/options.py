@@ -17,7 +17,7 @@ from typing import Annotated, Any, TypeVar, Union
 from annotated_types import Ge, Gt, Le
 
 from pgm_places._option_words import OrInfinite, arms, bare, marks_of, says_all, wanted
-from pgm_places.errors import ConfigError, InputError, nearest_name
+from pgm_places.errors import ConfigError, InputError, nearest_name, shown
 
 __all__ = [
     "AtLeastZero",
@@ -199,7 +199,7 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
             return _validator(hint).validate_python(given)
         except ValidationError as error:
             reason = "" if says_all(hint) else f" ({error.errors()[0]['msg']})"
-    raise OptionError(name, f"must be {wanted(hint)}, got {value!r}{reason}")
+    raise OptionError(name, f"must be {wanted(hint)}, got {shown(value)}{reason}")
 
 
 @functools.cache
