@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test fuzz lint types imports docs wheel bench clean
+.PHONY: demo test test-uncompiled fuzz faults lint types imports docs wheel bench clean
 
 # setuptools prints a page about every editable installation; it is how we mean to install.
 $(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
@@ -27,10 +27,22 @@ demo: $(VENV)/.package
 test: $(VENV)/.installed
 	$(BIN)/python -m pytest
 
+# The source of the kernels without compiling it, against references that need no larger graphs.
+UNCOMPILED := $(addprefix tests/solvers/test_,belief_propagation.py elimination.py forest.py \
+	local_search.py max_flow.py mean_field.py)
+test-uncompiled: $(VENV)/.installed
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest $(UNCOMPILED)
+
 # Spoiled files for every reader, N of them each; what finds something is kept in fuzz-findings/.
 N ?= 10000
 fuzz: $(VENV)/.installed
 	$(BIN)/python -m tests.fuzz --count $(N)
+
+# Kills of every command, KILLS of them each, at steps that SEED draws.
+KILLS ?= 25
+SEED ?= 0
+faults: $(VENV)/.installed
+	PGM_PLACES_KILLS=$(KILLS) PGM_PLACES_SEED=$(SEED) $(BIN)/python -m pytest -s tests/faults
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

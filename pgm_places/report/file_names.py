@@ -13,4 +13,5 @@ TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
 def label_names(labels: Iterable[str]) -> tuple[str, ...]:
     """The files of a labelled map with these labels, its places included."""
     probabilities = [f"probability_{label}.png" for label in labels]
-    return ("labels.png", "labels.yaml", "overview.png", "summary.json", *probabilities, *PLACES)
+    files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
+    return (*files, *probabilities, *PLACES)
