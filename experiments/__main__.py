@@ -125,6 +125,7 @@ def page() -> str:
         FOLDER / "space_field.md",
         FOLDER / "ablations.md",
         *(_section_file(name) for name in MAPS),
+        FOLDER / "room_kinds.md",
         FOLDER / "trajectories.md",
         FOLDER / "discussion.md",
     ]

@@ -80,4 +80,4 @@ def shared_walls(
         crossed = (here[1:] != here[:-1]) & same_line & (step <= reach)
         found.append(np.sort(np.column_stack([here[:-1], here[1:]])[crossed], axis=1))
     pairs, number = np.unique(np.concatenate(found), axis=0, return_counts=True)
-    return pairs, number * resolution_m
+    return pairs, number.astype(np.float64) * resolution_m
