@@ -218,3 +218,51 @@ def test_what_is_wrong_is_said_in_one_line(
     assert message in error
     assert len(error.strip().splitlines()) == 1
     assert not list(folder.glob("out/*"))
+
+
+DRIVES = """
+nodes = "steps"
+[labels]
+names = ["corridor", "room", "doorway"]
+[classifier]
+n_rounds = 3
+[steps]
+every_m = 0.3
+beams = { missing = "mirror" }
+[[train]]
+log = "train.log"
+truth = "train.csv"
+[[methods]]
+name = "hmm"
+mode = "smooth"
+"""
+
+
+def test_a_model_of_drives_is_trained_from_a_configuration_and_tracks(
+    folder: Path, run: Run
+) -> None:
+    for suffix in ("log", "csv"):
+        write_trajectory(folder / f"train.{suffix}", drive(0))
+    config = folder / "drives.toml"
+    config.write_text(DRIVES)
+    code, out, err = run("train", config, "--out", folder / "tracker", "--quiet")
+    assert code == 0, err
+    assert "method: hmm" in out
+    labeler = load(folder / "tracker")
+    assert isinstance(labeler, TrajectoryLabeler)
+    assert (labeler.every_m, labeler.beams.missing, labeler.method_.mode) == (
+        0.3,
+        "mirror",
+        "smooth",
+    )
+    code, out, err = run(
+        "track", folder / "drive.log", "--model", folder / "tracker", "--out", folder / "tracked"
+    )
+    assert code == 0, err
+    assert len(rows_of(folder / "tracked" / "beliefs.csv")) == 60
+
+    config.write_text(DRIVES + '[[methods]]\nname = "relaxation"\n')
+    code, out, err = run("train", config, "--out", folder / "another", "--quiet")
+    assert code == 2
+    assert "a model of drives has one method, and the configuration has hmm, relaxation" in err
+    assert not (folder / "another").exists()
