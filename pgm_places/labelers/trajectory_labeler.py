@@ -50,7 +50,7 @@ REACH_M = 12.0
 """Longest range of completed scans: farther away, walls seen by a laser and walls of a map differ
 too much (glass, clutter, beams that are farther apart than things are wide)."""
 
-METHOD = HiddenMarkovModel(observation="soft", evidence_weight="fitted", balance="fitted")
+METHOD = HiddenMarkovModel(observation="soft", evidence_weight="fitted")
 SENSOR = Sensor(max_range_m=REACH_M)
 BEAMS = BeamOptions()
 
