@@ -92,9 +92,10 @@ class SpaceField:
             The problem has no unary, forbids every label at some node, or has nodes of several
             kinds without edges of known kinds.
         """
+        potentials = self.potentials(problem)
         return decode(
             problem.graph,
-            self.potentials(problem),
+            potentials,
             self.inference,
             certify=self.certify,
             max_iterations=self.max_iterations,
@@ -106,7 +107,8 @@ class SpaceField:
         Unary rows of gates hold log p of the doorway and log (1 - p) of every other label; labels
         that no place may have are those of doorways.
         """
-        graph, unary = problem.graph, evident_unary(problem, "space_field")
+        unary = evident_unary(problem, "space_field")
+        graph = problem.graph
         if graph.node_kind is None:
             return Potentials.potts(unary, self.weight)
         if graph.edge_kind is None:

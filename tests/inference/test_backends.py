@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
-from pgm_places.errors import ConfigError, InputError
+from pgm_places.errors import ConfigError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, backend_names, build
 from pgm_places.models.decoding import Decoder
 from pgm_places.options import AtLeastZero, Positive, Whole, option_hints, option_values
@@ -92,10 +92,3 @@ def test_independent_takes_the_best_label() -> None:
     assert labeling.beliefs is not None
     np.testing.assert_allclose(labeling.beliefs, probabilities, rtol=0, atol=1e-12)
     assert labeling.gap == 0.0
-
-
-def test_independent_needs_a_possible_label() -> None:
-    graph = LabelGraph.from_edges(2, [])
-    problem = LabelingProblem(graph, ["a"], unary=np.array([[0.0], [-np.inf]]))
-    with pytest.raises(InputError, match="forbids every label at node 1"):
-        build("independent").infer(problem)
