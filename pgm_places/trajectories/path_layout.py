@@ -24,7 +24,7 @@ LONGEST_STROKE_M = 1.5
 class PathLayout:
     """The steps of a drive painted along its path, as wide as a narrow robot.
 
-    The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for steps: later passes are
+    The counterpart of :class:`~pgm_places.graph.layout.GridLayout` for steps: later steps are
     painted over earlier ones, and walls and unknown space stay as they are.
 
     Parameters
@@ -69,7 +69,7 @@ class PathLayout:
             at = cells + offset
             inside = ((at >= 0) & (at < self.shape)).all(axis=1)
             rows, columns = at[inside].T
-            raster[rows, columns] = steps[inside]
+            np.maximum.at(raster, (rows, columns), steps[inside])  # the latest step wins
         raster[~self.grid.free] = -1
         return sealed(raster)
 

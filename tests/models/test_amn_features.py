@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import ConfigError, InputError
+from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_features import (
@@ -144,9 +145,16 @@ def test_the_kinds_of_edges_are_told_apart_where_asked() -> None:
     joined = LabelGraph.joined(cells, chain, [[0, 1]])
     problem = LabelingProblem(joined, ["a", "b"], unary=np.zeros((7, 2)))
     columns = edge_features(problem, ("kind",))
-    assert columns.sum(axis=0).tolist() == [4.0, 2.0, 2.0, 1.0, 0.0]  # side, corner, time, link
+    of_kind = dict(zip(EdgeKind, columns.sum(axis=0), strict=True))
+    present = {kind: count for kind, count in of_kind.items() if count}
+    assert present == {
+        EdgeKind.AXIS: 4,
+        EdgeKind.DIAGONAL: 2,
+        EdgeKind.TIME: 2,
+        EdgeKind.LINK: 1,
+    }
     assert (columns.sum(axis=1) == 1).all()
-    assert edge_feature_count(problem, ("constant", "kind")) == 6
+    assert edge_feature_count(problem, ("constant", "kind")) == 1 + len(EdgeKind)
     plain = LabelGraph.from_edges(2, [(0, 1)])
     with pytest.raises(InputError, match="needs the kinds of the graph's edges; it has none"):
         edge_features(LabelingProblem(plain, ["a"], unary=np.zeros((2, 1))), ("kind",))

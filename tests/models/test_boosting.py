@@ -273,7 +273,7 @@ def test_scores_depend_neither_on_layout_nor_on_company() -> None:
         ({"n_rounds": 0}, "n_rounds must be a whole number from 1 to 100000, got 0"),
         ({"n_rounds": 2.5}, "n_rounds must be a whole number from 1 to 100000, got 2.5"),
         ({"tolerance": -1.0}, "tolerance must be a number of at least 0 and below 1, got -1.0"),
-        ({"n_threads": 0}, "the number of threads must be at least 1, got 0"),
+        ({"n_threads": 0}, "the number of threads must be from 1 to 1024, got 0"),
     ],
 )
 def test_options_out_of_range_are_refused(options: dict[str, Any], text: str) -> None:

@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, InputError, NotFittedError
-from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.evidence_weight import best_weights
 from pgm_places.models.hmm import HiddenMarkovModel
 from tests.reference.chains import joint, marginals
 
@@ -359,48 +359,44 @@ def test_rare_labels_are_chosen_by_belief_over_share() -> None:
     assert replace(model, balance=0.0).choose(beliefs).tolist() == [0, 0, 0]
 
 
-def test_the_balance_is_fitted_together_with_the_weight_of_the_evidence() -> None:
-    rng = np.random.default_rng(3)
-    problems, truths = [], []
-    for _ in range(4):
-        truth = np.repeat([0, 1, 0, 1, 0], [40, 3, 40, 3, 40])
-        heard = np.where(rng.random(len(truth)) < 0.75, truth, 1 - truth)
-        graph = LabelGraph.from_trajectory(np.arange(2.0 * len(truth)).reshape(-1, 2))
-        unary = np.log(np.eye(2)[heard] * 0.5 + 0.25)
-        problems.append(LabelingProblem(graph, ["room", "doorway"], unary=unary))
-        truths.append(truth)
-    plain = HiddenMarkovModel("smooth", evidence_weight="fitted").fit(problems, truths)
-    model = HiddenMarkovModel("smooth", evidence_weight="fitted", balance="fitted")
-    model = model.fit(problems, truths)
-    assert model.fitted_balances is not None and plain.fitted_balances is None
-    assert model.fitted_balances[1] > 0
-    assert model.fitted_balances[2] == 0  # Viterbi's sequence is one answer
-
-    def quality(fitted: HiddenMarkovModel) -> float:
-        found = np.concatenate([fitted.infer(item).labels for item in problems])
-        table = confusion_matrix(np.concatenate(truths), found)
-        return float(accuracy(table) + balanced_accuracy(table))
-
-    assert quality(model) > quality(plain)
-    beliefs = model.infer(problems[0]).beliefs
-    assert beliefs is not None
-    np.testing.assert_array_equal(model.infer(problems[0]).labels, model.choose(beliefs))
-
-
-def test_counted_confusions_give_the_shares_of_the_true_labels() -> None:
-    """Rows are true, columns what the classifier said: 10 of the first, 30 of the second."""
-    model = HiddenMarkovModel(smoothing=0.0).with_counts(confusions=[[2, 8], [3, 27]])
-    np.testing.assert_allclose(known(model.prior), [0.25, 0.75], rtol=1e-12)
-
-
-def test_a_robot_that_moved_just_the_distance_has_moved() -> None:
-    """Half a metre is a power of two: nothing is rounded."""
-    graph = LabelGraph.from_trajectory([[0.0, 0.0], [0.5, 0.0], [0.75, 0.0]])
-    unary = np.log([[0.9, 0.1], [0.1, 0.9], [0.9, 0.1]])
-    model = HiddenMarkovModel(stay_below_m=0.5, smoothing=0.0).with_counts(
-        confusions=np.eye(2), moves=np.eye(2)[::-1], stays=np.eye(2)
+def test_the_balance_names_rare_labels_where_that_costs_no_accuracy() -> None:
+    truth = np.array([0] * 8 + [1] * 2)
+    problem = LabelingProblem(
+        LabelGraph.from_trajectory(np.zeros((10, 2))), ["room", "doorway"], unary=np.zeros((10, 2))
     )
-    found = model.infer(LabelingProblem(graph, ["a", "b"], unary))
-    first, second, third = found.labels
-    assert first != second
-    assert second == third
+    answers = {
+        (1.0, 0.0): [0] * 10,  # 0.8 right, 0.5 balanced
+        (1.0, 0.5): [0] * 8 + [1, 0],  # 0.9 right: better in both
+        (1.0, 1.0): [0] * 5 + [1] * 5,  # 0.7 right: balanced best of all, but at a cost
+        (0.5, 0.0): [0] * 7 + [1] * 2 + [0],
+        (0.5, 0.5): [0] * 8 + [1, 0],
+        (0.5, 1.0): [1] * 10,
+    }
+
+    def labels_at(weight: float, balance: float, _: LabelingProblem) -> NDArray[np.int64]:
+        return np.array(answers[weight, balance])
+
+    tried = {"weights": (0.5, 1.0), "balances": (0.0, 0.5, 1.0)}
+    assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 0.5)
+    answers[1.0, 1.0] = [0] * 6 + [1] * 4  # 0.8 right as well: it is free now
+    assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 1.0)
+    tried["balances"] = (0.0,)
+    assert best_weights(labels_at, [problem], [truth], **tried) == (0.5, 0.0)
+
+
+def test_weights_are_fitted_for_each_mode_as_far_as_they_are_to_be() -> None:
+    truth = np.repeat([0, 1, 0], 10)
+    graph = LabelGraph.from_trajectory(np.arange(60.0).reshape(30, 2))
+    problem = LabelingProblem(
+        graph, ["room", "doorway"], unary=np.log(np.eye(2)[truth] * 0.5 + 0.25)
+    )
+    for weight, balance in (("fitted", "fitted"), ("fitted", 0.5), (0.7, "fitted"), (0.7, 0.5)):
+        model = HiddenMarkovModel("smooth", evidence_weight=weight, balance=balance)  # type: ignore[arg-type]
+        model = model.fit([problem], [truth])
+        assert (model.fitted_weights is not None) == (weight == "fitted")
+        assert (model.fitted_balances is not None) == (balance == "fitted")
+        if model.fitted_balances is not None:
+            assert model.fitted_balances[2] == 0  # Viterbi's sequence is one answer
+        found = model.infer(problem)
+        assert found.beliefs is not None
+        np.testing.assert_array_equal(found.labels, model.choose(found.beliefs))

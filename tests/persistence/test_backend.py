@@ -76,7 +76,7 @@ def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
     [
         ("kind", "cake", "holds a 'cake' model"),
         ("backend", "os:system", "no method 'os:system' is installed"),
-        ("options", {"weight": "much"}, "weight must be a finite number, got 'much'"),
+        ("options", {"weight": "much"}, "weight must be a finite number or 'auto', got 'much'"),
         ("learned", 3, "manifest"),
     ],
 )

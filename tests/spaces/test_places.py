@@ -114,8 +114,8 @@ def test_cells_look_places_up(gates: Gates) -> None:
 @pytest.mark.parametrize(
     ("accepted", "message"),
     [
-        ([True], "boolean or a probability per gate"),
-        ([1, 0, 1], "boolean or a probability per gate"),
+        ([True], "one boolean or probability per gate"),
+        ([1, 0, 1], "one boolean or probability per gate"),
         ([0.5, 1.5, 0.0], "probabilities from 0 to 1"),
         ([0.5, np.nan, 0.0], "probabilities from 0 to 1"),
     ],

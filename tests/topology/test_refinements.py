@@ -154,7 +154,9 @@ def test_rules_that_cannot_be_met_are_refused() -> None:
     labels = two_rooms()
     cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
     rules = CorrectionRules(split_rooms_m=1.0, doorway_label="door")
-    with pytest.raises(InputError, match="without the label 'door'"):
+    with pytest.raises(
+        InputError, match="correcting doorways needs the label 'door', got corridor, room, doorway"
+    ):
         topological_map(OccupancyGrid(cells, CELL_M), labels, NAMES, rules=rules)
 
 
