@@ -20,7 +20,8 @@ class PlaceCheck:
     second_label : str or None
         The most probable other label; None where no other is known.
     second_probability : float or None
-        Of that label, by the mean over the place's cells.
+        Of that label: its part of the doubt, as the mean over the place's cells divides it among
+        the other labels. A gate's own probability may differ from that of its cells.
     """
 
     place: Region
@@ -82,6 +83,9 @@ def doubtful_share(topology: TopologicalMap) -> float | None:
 def _second(place: Region, label_names: tuple[str, ...]) -> tuple[str | None, float | None]:
     """The most probable label other than the place's own, and its probability."""
     known = zip(label_names, place.probabilities or (), strict=False)
-    others = [(probability, name) for name, probability in known if name != place.label]
-    probability, name = max(others, key=lambda item: item[0], default=(None, None))
-    return name, probability
+    others = {name: probability for name, probability in known if name != place.label}
+    total = sum(others.values())
+    if not total or place.confidence is None:
+        return None, None
+    name = max(others, key=lambda label: others[label])
+    return name, others[name] / total * (1.0 - place.confidence)

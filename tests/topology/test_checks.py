@@ -96,6 +96,7 @@ def test_a_gate_is_in_doubt_by_its_own_probability() -> None:
     checks = {check.place.name: check for check in places_to_check(found)}
     assert checks["doorway 1"].doubt == pytest.approx(0.4)
     assert checks["doorway 1"].second_label == "room"
+    assert checks["doorway 1"].second_probability == pytest.approx(0.4)  # not its cells' 0.75
     assert checks["room 1"].doubt == pytest.approx(0.25)
 
 
