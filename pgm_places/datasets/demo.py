@@ -18,11 +18,13 @@ resolution_m = 0.1  # a quarter of the map's own cells: quicker; take the line o
 names = [{names}]
 
 [[train]]
+name = "left part"
 map = "map.yaml"
 labels = "labels.png"
 columns = [0, {split}]
 
 [[test]]
+name = "right part"
 map = "map.yaml"
 labels = "labels.png"
 columns = [{split}, "end"]
