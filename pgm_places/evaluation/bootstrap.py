@@ -1,6 +1,6 @@
 """Block bootstrap: confidence intervals of scores whose samples are correlated."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +80,18 @@ def block_bootstrap(
         "accuracy": interval(accuracy),
         "balanced_accuracy": interval(balanced_accuracy),
     }
+
+
+def numbered_apart(parts: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """(N,) block numbers of several maps or drives together, so that no two share a block.
+
+    Examples
+    --------
+    >>> numbered_apart([np.array([0, 0, 1]), np.array([0, 2])]).tolist()
+    [0, 0, 1, 2, 4]
+    """
+    ends = np.cumsum([0, *(int(part.max(initial=-1)) + 1 for part in parts)])
+    return np.concatenate([part + first for part, first in zip(parts, ends[:-1], strict=True)])
 
 
 def square_blocks(cells_rc: ArrayLike, side_cells: int) -> NDArray[np.int64]:

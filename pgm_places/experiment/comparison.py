@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.bootstrap import numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, square_blocks
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
@@ -30,6 +31,7 @@ __all__ = [
     "learning_of",
     "passage_scores",
     "score_intervals",
+    "stretches",
 ]
 
 BLOCK_M = 2.0
@@ -126,11 +128,16 @@ class TestDrive:
 
     def blocks(self) -> NDArray[np.int64]:
         """(T,) number of the stretch of ``STRETCH_M`` that holds each step."""
-        way = np.concatenate([[0.0], np.cumsum(self.trajectory.step_lengths_m)])
-        return (way[: len(self.trajectory)] // STRETCH_M).astype(np.int64)
+        return stretches(self.trajectory)
 
 
 TestItem = TestMap | TestDrive
+
+
+def stretches(drive: Trajectory) -> NDArray[np.int64]:
+    """(T,) number of the stretch of ``STRETCH_M`` along the path that holds each step."""
+    way = np.concatenate([[0.0], np.cumsum(drive.step_lengths_m)])[: len(drive)]
+    return (way // STRETCH_M).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,15 +206,10 @@ def score_intervals(
     A block bootstrap over squares of ``BLOCK_M`` of maps, and stretches of ``STRETCH_M`` of drives
     (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
     """
-    blocks, first = [], 0
-    for item in maps:
-        numbers = item.blocks() + first
-        blocks.append(numbers)
-        first = int(numbers.max(initial=first - 1)) + 1
     return block_bootstrap(
         np.concatenate([item.node_truth for item in maps]),
         np.concatenate([labeling.labels for labeling in labelings]),
-        np.concatenate(blocks),
+        numbered_apart([item.blocks() for item in maps]),
         n_labels=n_labels,
     )
 

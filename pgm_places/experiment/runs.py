@@ -25,11 +25,12 @@ from pgm_places.experiment.comparison import (
     score_intervals,
 )
 from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.selection import select
 from pgm_places.experiment.setup import make_labeler, resolved_config, step_methods
-from pgm_places.experiment.step_runs import label_drives, load_test_drives, train_steps
+from pgm_places.experiment.step_runs import label_drives, train_steps
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
@@ -119,7 +120,7 @@ def compare_fitted(
 def _compare_drives(experiment: Experiment) -> Comparison:
     """All methods on the steps of the test drives, joined with the cells of their maps or alone."""
     step_methods(experiment.config)  # refuses bad options before anything is read
-    drives = load_test_drives(experiment)
+    drives = load_drives(experiment, "test")
     labelers = train_steps(experiment)
     found = label_drives(experiment, labelers, drives)
     names = tuple(experiment.config.labels.names)

@@ -19,7 +19,7 @@ from pgm_places.labelers.tracking import map_of_scans
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.trajectories.mapped_drive import MappedDrive
 
-__all__ = ["LabelledItems", "label_drives", "load_test_drives", "train_steps"]
+__all__ = ["LabelledItems", "label_drives", "train_steps"]
 
 StepLabeler = TrajectoryLabeler | JointLabeler
 
@@ -66,11 +66,6 @@ def train_steps(experiment: Experiment) -> dict[str, StepLabeler]:
                 progress=progress,
             )
         )
-
-
-def load_test_drives(experiment: Experiment) -> list[SourceDrive]:
-    """The test drives of the configuration."""
-    return load_drives(experiment, "test")
 
 
 def label_drives(

@@ -235,7 +235,7 @@ class JointLabeler(Labeler):
             n_threads=n_threads,
             progress=progress,
         )
-        examples = self._examples(drives, known, of_cells, of_steps)
+        examples = self._examples(places, steps, drives, known, of_cells, of_steps)
         found: dict[str, Self] = {}
         for name, method in methods.items():
             with progress.stage(f"method {name}".rstrip()):
@@ -281,42 +281,36 @@ class JointLabeler(Labeler):
 
     def _examples(
         self,
+        places: PlaceLabeler,
+        steps: TrajectoryLabeler,
         drives: Sequence[MappedDrive],
         known: Sequence[LabelledMap],
         of_cells: Sequence[CellScores],
         of_steps: Sequence[NDArray[np.float64]],
     ) -> list[_Example]:
         """A problem per drive with its map, and per map without one."""
-        places, _ = self._parts()
         unary = next(iter(places.resolved_methods().values())).unary
         number = {id(item): index for index, item in enumerate(known)}
+
+        def example(
+            item: LabelledMap, drive: Trajectory | None, scores: NDArray[np.float64] | None
+        ) -> _Example:
+            cells = item.graph(connectivity=places.connectivity, labelled_only=True)
+            graph = JointGraph.of(
+                cells, item.grid, drive, every_m=steps.every_m, loop_m=steps.loop_m
+            )
+            of_drive = None if drive is None else drive.labels
+            truth = graph.truth(item.truth(cells), of_drive, len(tuple(self.label_names)))
+            return _Example(graph, getattr(of_cells[number[id(item)]], unary), scores, truth)
+
         found = []
         for driven, scores in zip(drives, of_steps, strict=True):
             assert driven.drive.labels is not None  # fit_with_scores has checked
             part = driven.drive.subset(driven.drive.labels >= 0)
-            cell_scores = getattr(of_cells[number[id(driven.map)]], unary)
-            found.append(self._example(driven.map, part, cell_scores, scores))
+            found.append(example(driven.map, part, scores))
         with_drive = {id(item.map) for item in drives}
-        for item in known:
-            if id(item) not in with_drive:
-                cell_scores = getattr(of_cells[number[id(item)]], unary)
-                found.append(self._example(item, None, cell_scores, None))
+        found += [example(item, None, None) for item in known if id(item) not in with_drive]
         return found
-
-    def _example(
-        self,
-        item: LabelledMap,
-        drive: Trajectory | None,
-        cell_scores: NDArray[np.float64],
-        step_scores: NDArray[np.float64] | None,
-    ) -> _Example:
-        places, steps = self._parts()
-        cells = item.graph(connectivity=places.connectivity, labelled_only=True)
-        graph = JointGraph.of(cells, item.grid, drive, every_m=steps.every_m, loop_m=steps.loop_m)
-        truth = graph.truth(
-            item.truth(cells), None if drive is None else drive.labels, len(tuple(self.label_names))
-        )
-        return _Example(graph, cell_scores, step_scores, truth)
 
     def _link_weight(
         self, method: Any, examples: Sequence[_Example], names: tuple[str, ...]

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.evaluation.bootstrap import numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, evaluate
+from pgm_places.experiment.comparison import stretches
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.figures import finding_of
@@ -14,9 +16,6 @@ from pgm_places.reproduce.section import Finding
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["ALONE", "MODES", "ScoredSteps", "scored_modes", "scored_steps"]
-
-BLOCK_M = 5.0
-"""Stretch of path that the bootstrap resamples as a block: nearer steps err together."""
 
 ALONE = "single scans"
 MODES: Mapping[str, str] = {"filter": "filter", "smooth": "smoother", "viterbi": "Viterbi"}
@@ -73,16 +72,11 @@ def scored_modes(
 def scored_steps(
     drives: Sequence[Trajectory], labelings: Sequence[Labeling], names: tuple[str, ...]
 ) -> ScoredSteps:
-    """The labels of drives with true labels, scored; intervals by a bootstrap of ``BLOCK_M``."""
+    """The labels of drives with true labels, scored; intervals by a bootstrap over stretches."""
     truth = np.concatenate([_labels(drive) for drive in drives])
     labels = np.concatenate([item.labels for item in labelings])
-    blocks, first = [], 0
-    for drive in drives:
-        way = np.concatenate([[0.0], np.cumsum(drive.step_lengths_m)])
-        numbers = (way // BLOCK_M).astype(np.int64) + first
-        blocks.append(numbers)
-        first = int(numbers[-1]) + 1
-    intervals = block_bootstrap(truth, labels, np.concatenate(blocks), n_labels=len(names))
+    blocks = numbered_apart([stretches(drive) for drive in drives])
+    intervals = block_bootstrap(truth, labels, blocks, n_labels=len(names))
     return ScoredSteps(tuple(labelings), evaluate(truth, labels, names), intervals["accuracy"])
 
 
