@@ -50,7 +50,7 @@ class Registry:
         ConfigError
             There is none; the message offers the nearest name.
         """
-        target = self._targets().get(name) or (name if ":" in name else None)
+        target = self._target(name) or (name if ":" in name else None)
         if target is None:
             known = self.names()
             hint = nearest_name(name, known) if known else f"None is installed ({self.group})"
@@ -120,13 +120,17 @@ class Registry:
         ModelFileError
             No class of that name is installed.
         """
-        if name not in self._targets():
+        if self._target(name) is None:
             raise ModelFileError(
                 f"no {self.kind} {name!r} is installed; install the package that adds it to the "
                 f"entry points of group {self.group!r}"
             )
         renamed = self.renamed.get(name, {})
         return self.build(name, {renamed.get(key, key): value for key, value in options.items()})
+
+    def _target(self, name: str) -> str | None:
+        """Where the class of that name is; entry points are read only for names not built in."""
+        return self.built_in.get(name) or self._targets().get(name)
 
     def _targets(self) -> dict[str, str]:
         installed = {point.name: point.value for point in entry_points(group=self.group)}

@@ -71,6 +71,19 @@ def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
     assert load(tmp_path / "model") == Unregistered()
 
 
+def test_a_built_in_method_is_found_without_reading_the_entry_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are read from every installed distribution, which takes most of loading a model."""
+
+    def refuse(group: str) -> list[EntryPoint]:
+        raise AssertionError(f"entry points of {group} were read")
+
+    save(build("potts", {"weight": 0.5}), tmp_path / "model")
+    monkeypatch.setattr("pgm_places.plugins.entry_points", refuse)
+    assert load(tmp_path / "model") == build("potts", {"weight": 0.5})
+
+
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
