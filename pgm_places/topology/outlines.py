@@ -132,16 +132,20 @@ def _simple_loops(ring: Ring, stride: int) -> Iterator[NDArray[np.intp]]:
 
 def _polygons(loops: list[tuple[Ring, Ring]]) -> Iterator[tuple[Ring, ...]]:
     """Outlines with the holes inside them."""
-    shells = [loop for loop in loops if _area(loop[0]) > 0]
+    areas = np.array([_area(exact) for exact, _ in loops], np.int64)
+    shells = [loops[k] for k in np.flatnonzero(areas > 0)]
     holes: list[list[Ring]] = [[] for _ in shells]
-    for exact, simplified in loops:
-        if _area(exact) < 0:
-            owner = 0
-            if len(shells) > 1:
-                owner = next(
-                    k for k, (shell, _) in enumerate(shells) if _holds(shell, _cell_beside(exact))
-                )
-            holes[owner].append(_closed(simplified))
+    # A part may lie in a hole of another: the smallest outline around a hole is the one it is in.
+    by_area = np.argsort(areas[areas > 0], kind="stable")
+    lowest = np.array([shells[k][0].min(axis=0) for k in by_area])
+    highest = np.array([shells[k][0].max(axis=0) for k in by_area])
+    for k in np.flatnonzero(areas < 0):
+        exact, simplified = loops[k]
+        cell = _cell_beside(exact)
+        around = ((lowest < cell) & (highest > cell)).all(axis=1)
+        *others, last = by_area[around].tolist()
+        owner = next((n for n in others if _holds(shells[n][0], cell)), last)
+        holes[owner].append(_closed(simplified))
     for (_, simplified), inside in zip(shells, holes, strict=True):
         yield (_closed(simplified), *inside)
 

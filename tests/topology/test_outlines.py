@@ -155,6 +155,23 @@ def test_holes_and_corner_touches() -> None:
     assert [len(rings) for rings in outline.polygons] == [2]
 
 
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_hole_belongs_to_the_part_that_it_is_in(number: int) -> None:
+    """One piece of two parts, the inner in a hole of the outer; each has a hole of its own."""
+    nested = np.full((11, 11), number, np.int32)
+    nested[1:10, 1:10] = -1
+    nested[3:8, 3:8] = number
+    nested[5, 5] = -1
+    nested[0, 0] = 0
+    outline = outlines(nested, number + 1, tolerance=0)[number]
+    inner, outer = (
+        [abs(ring_area(ring)) for ring in rings]
+        for rings in sorted(outline.polygons, key=lambda rings: ring_area(rings[0]))
+    )
+    assert inner == [25, 1]
+    assert outer == [121 - number, 81]
+
+
 def test_a_negative_tolerance_is_refused() -> None:
     with pytest.raises(InputError, match="tolerance must be at least 0 cells, got -1"):
         outlines(np.zeros((2, 2), np.int32), 1, tolerance=-1)
