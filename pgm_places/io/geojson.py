@@ -1,5 +1,6 @@
 """GeoJSON files of polygons in a map's metres, checked feature by feature."""
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -45,11 +46,14 @@ class Region:
         )
 
 
-def read_regions(path: Path | str, property_name: str = "class") -> list[Region]:
+def read_regions(
+    path: Path | str, property_name: str = "class", *, line_width_m: float | None = None
+) -> list[Region]:
     """The polygons of a GeoJSON file, in its order.
 
     Coordinates are metres in the map frame, as map_server's origin defines it, not degrees. A
-    third coordinate is ignored.
+    third coordinate is ignored. With ``line_width_m`` lines are read, too: each of their segments
+    is a rectangle of that width, or of the feature's own property ``width_m``.
 
     Raises
     ------
@@ -67,7 +71,8 @@ def read_regions(path: Path | str, property_name: str = "class") -> list[Region]
     else:
         raise LabelError(f"{file}: not a GeoJSON FeatureCollection (its type is {shown(kind)})")
     return [
-        _region(f"{file}: feature {i}", i, item, property_name) for i, item in enumerate(features)
+        _region(f"{file}: feature {i}", i, item, property_name, line_width_m)
+        for i, item in enumerate(features)
     ]
 
 
@@ -77,6 +82,11 @@ _Ring: TypeAlias = Annotated[list[_Point], Field(min_length=4)]
 _Polygon: TypeAlias = Annotated[list[_Ring], Field(min_length=1)]
 _POLYGONS = TypeAdapter(Annotated[list[_Polygon], Field(min_length=1)])
 """Coordinates of a MultiPolygon in GeoJSON (RFC 7946, section 3.1.7)."""
+
+_LINES = TypeAdapter(
+    Annotated[list[Annotated[list[_Point], Field(min_length=2)]], Field(min_length=1)]
+)
+"""Coordinates of a MultiLineString."""
 
 _WANTED = (
     "a list of polygons",
@@ -88,7 +98,9 @@ _WANTED = (
 """What stands at each depth of these coordinates."""
 
 
-def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
+def _region(
+    where: str, index: int, feature: Any, property_name: str, line_width_m: float | None
+) -> Region:
     if not isinstance(feature, dict) or not isinstance(feature.get("geometry"), dict):
         raise LabelError(f"{where} has no geometry; remove it or draw its polygon")
     properties = feature.get("properties")
@@ -100,9 +112,14 @@ def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
             f"{shown(code)}"
         )
     kind, coordinates = (feature["geometry"].get(key) for key in ("type", "coordinates"))
+    if line_width_m is not None and kind in ("LineString", "MultiLineString"):
+        width_m = _width(where, feature["properties"].get("width_m", line_width_m))
+        lines = [coordinates] if kind == "LineString" else coordinates
+        return Region(index, str(code), _rectangles(where, lines, width_m))
     if kind not in ("Polygon", "MultiPolygon"):
+        lines_too = "" if line_width_m is None else ", or a LineString"
         raise LabelError(
-            f"{where} is a {shown(kind)}; a region must be a Polygon or a MultiPolygon"
+            f"{where} is a {shown(kind)}; a region must be a Polygon or a MultiPolygon{lines_too}"
         )
     single = kind == "Polygon"
     try:
@@ -112,6 +129,38 @@ def _region(where: str, index: int, feature: Any, property_name: str) -> Region:
     return Region(
         index, str(code), tuple(tuple(_ring(where, ring) for ring in item) for item in polygons)
     )
+
+
+def _width(where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e3:
+        raise LabelError(
+            f"{where}: property 'width_m' must be a width in metres, got {shown(value)}"
+        )
+    return float(value)
+
+
+def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...], ...]:
+    """A rectangle around each segment of some lines; a segment without length is a square."""
+    try:
+        checked = _LINES.validate_python(lines)
+    except ValidationError as error:
+        steps = "".join(f"[{step}]" for step in error.errors(include_url=False)[0]["loc"])
+        raise LabelError(
+            f"{where}: coordinates{steps}: a line needs at least two points [x, y] in metres"
+        ) from None
+    found = []
+    for line in checked:
+        points: NDArray[np.float64] = np.array([point[:2] for point in line], np.float64)
+        for start, end in itertools.pairwise(points):
+            length = float(np.hypot(*(end - start)))
+            along = (end - start) / length if length else np.array([1.0, 0.0])
+            ahead = along * (0.0 if length else width_m / 2)
+            side = np.array([-along[1], along[0]]) * width_m / 2
+            first, last = start - ahead, end + ahead
+            ring = np.array([first - side, last - side, last + side, first + side, first - side])
+            ring.setflags(write=False)
+            found.append((ring,))
+    return tuple(found)
 
 
 def _complaint(error: ValidationError, *, depth: int) -> str:

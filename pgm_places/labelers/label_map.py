@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import MapError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
+from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor
@@ -19,7 +20,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.unary.map_model import CellScores
 
-__all__ = ["LabelledPlaces", "label_map"]
+__all__ = ["LabelledPlaces", "at_model_resolution", "label_map", "on_own_raster"]
 
 SAME_RESOLUTION = 0.02
 """Resolutions that differ by less than this share are taken as equal."""
@@ -81,6 +82,7 @@ def label_map(
     grid: OccupancyGrid,
     *,
     method: str | None = None,
+    known: ArrayLike | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
@@ -90,72 +92,130 @@ def label_map(
     labelled, and its labels are painted back; one that is coarser is refined, labelled, and each
     cell takes the most frequent label of its parts. A warning says so.
 
+    Parameters
+    ----------
+    labeler : PlaceLabeler
+    grid : OccupancyGrid
+    method : str, optional
+        The labeler's default method if not given.
+    known : (H, W) int, optional
+        Index into ``labeler.label_names_`` of cells whose label is known, -1 elsewhere: every
+        method keeps these labels and labels the other cells by them. Gates take part: one that is
+        known to be a doorway, or not to be one, parts places accordingly.
+    n_threads, progress
+        Threads, and where stages are announced.
+
     Raises
     ------
     MapError
         The map has no free cell, or none that is left at the model's resolution.
+    LabelError
+        Known labels that do not fit the map or the labels.
     """
     progress = progress or Silent()
-    if not grid.free.any():
-        raise MapError(
-            "the map has no free cell to label; look at its thresholds ('pgm-places doctor MAP')"
-        )
-    used, warnings = _at_model_resolution(labeler, grid)
-    if not used.free.any():
-        raise MapError(
-            f"no free cell is left where the map's cells of {grid.resolution_m:g} m are joined to "
-            f"the model's of {used.resolution_m:g} m; look at its thresholds ('pgm-places doctor "
-            "MAP'), or use a model of a finer resolution"
-        )
+    used, warnings = at_model_resolution(labeler, grid)
+    pinned = None
+    if known is not None:
+        pinned = KnownCells.of(known, grid, used, labeler.label_names_, labeler.learned_names)
     name = method or labeler.default_method
-    layout, labeling, doorways = _labelled(labeler, used, name, n_threads, progress)
+    layout, labeling, doorways = _labelled(labeler, used, name, pinned, n_threads, progress)
+    return on_own_raster(
+        LabelledPlaces(
+            grid,
+            np.empty(0, np.int16),
+            layout,
+            labeling,
+            labeler.label_names_,
+            name,
+            tuple(warnings),
+            doorways,
+        ),
+        used,
+        pinned,
+    )
+
+
+def on_own_raster(
+    found: LabelledPlaces, used: OccupancyGrid, known: KnownCells | None = None
+) -> LabelledPlaces:
+    """What was found on the cells of ``used``, with labels on the raster of the map itself.
+
+    ``used`` is the map at the model's resolution, its cells those of ``found.layout``.
+    """
+    grid, layout, labeling = found.grid, found.layout, found.labeling
     if used.resolution_m < grid.resolution_m:
         cells, layout = layout, GridLayout.of_mask(grid.free, grid.occupied, grid)
         labeling = _brought_back(labeling, used, cells, layout)
     raster = layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
     painted = Coarsening.behind(layout, grid).paint(raster, -1)
-    names = labeler.label_names_
-    return LabelledPlaces(grid, painted, layout, labeling, names, name, tuple(warnings), doorways)
+    if known is not None:
+        np.copyto(painted, known.on_map, where=known.on_map >= 0)
+    return replace(found, labels=painted, layout=layout, labeling=labeling)
 
 
 def _labelled(
     labeler: PlaceLabeler,
     grid: OccupancyGrid,
     name: str,
+    known: KnownCells | None,
     n_threads: int | None,
     progress: Progress,
 ) -> tuple[GridLayout, Labeling, Doorways | None]:
     """What a method makes of a map, and its doorways; the scores behind both are freed."""
-    graph, scores = labeler.scores(grid, methods=[name], n_threads=n_threads, progress=progress)
+    raster = None if known is None else known.on_cells
+    graph, scores = labeler.scores(
+        grid, methods=[name], known=raster, n_threads=n_threads, progress=progress
+    )
+    assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
     model, spaces, doorways = labeler.unary_model_.space, scores.spaces, None
     if model is not None and model.gates is not None:
-        doorways = (spaces or model.spaces(grid, n_threads=n_threads)).doorways
+        doorways = (spaces or model.spaces(grid, known=raster, n_threads=n_threads)).doorways
     method = labeler.method(name)
-    problem = labeler.problem_of(graph, scores, method)
+    problem = labeler.problem_of(
+        graph, scores, method, known=None if known is None else known.of_nodes(graph.layout)
+    )
     scores = CellScores(None, None, None, None, hall=scores.hall)
     del spaces
     with progress.stage(f"labelling with {name}"):
         labeling = labeler.with_halls(infer(method.backend, problem), scores)
-    assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
+    if known is not None:
+        labeling = known.kept(labeling, graph.layout)
     return graph.layout, labeling, doorways
 
 
-def _at_model_resolution(
+def at_model_resolution(
     labeler: PlaceLabeler, grid: OccupancyGrid
 ) -> tuple[OccupancyGrid, Sequence[str]]:
-    """The map with the model's cells, and what there is to say about it."""
+    """The map with the model's cells, and what there is to say about it.
+
+    Raises
+    ------
+    MapError
+        The map has no free cell, or none that is left at the model's resolution.
+    """
+    if not grid.free.any():
+        raise MapError(
+            "the map has no free cell to label; look at its thresholds ('pgm-places doctor MAP')"
+        )
     wanted = labeler.resolution_m_
     if abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
         return grid, []
     note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "
     if wanted > grid.resolution_m:
         factor = float(coarsening_factor(grid, wanted))
-        return coarsen(grid, wanted), [f"{note}coarsened by {factor:g} and painted back"]
-    used = refine(grid, wanted)
-    factor = grid.resolution_m / used.resolution_m
-    return used, [
-        f"{note}split by {factor:g}, each cell takes the most frequent label of its parts"
-    ]
+        used = coarsen(grid, wanted)
+        note += f"coarsened by {factor:g} and painted back"
+    else:
+        used = refine(grid, wanted)
+        factor = grid.resolution_m / used.resolution_m
+        note += f"split by {factor:g}, each cell takes the most frequent label of its parts"
+    if not used.free.any():
+        raise MapError(
+            f"no free cell is left where the map's cells of {grid.resolution_m:g} m are joined to "
+            f"the model's of {used.resolution_m:g} m; look at its thresholds ('pgm-places doctor "
+            "MAP'), or use a model of a finer resolution"
+        )
+    return used, [note]
 
 
 def _brought_back(

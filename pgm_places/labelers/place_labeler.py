@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError
@@ -284,12 +284,14 @@ class PlaceLabeler(Labeler):
         *,
         mask: ArrayLike | None = None,
         methods: Sequence[str] | None = None,
+        known: NDArray[np.int16] | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
         """The graph of the map's free cells (inside ``mask``) and what the lists say of each.
 
-        Only what the methods want is computed.
+        Only what the methods want is computed. ``known`` (H, W), labels or -1, tells which gates
+        are doorways where it covers them.
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]
@@ -300,6 +302,7 @@ class PlaceLabeler(Labeler):
             unaries={method.unary for method in chosen},
             with_node_features=any(uses_node_features(method.backend) for method in chosen),
             with_halls=self.halls != "corridor",
+            known=known,
             n_threads=n_threads,
             progress=progress,
         )
@@ -366,12 +369,20 @@ class PlaceLabeler(Labeler):
         return HallNames((*self.learned_names, "hall")).split(labeling, scores.hall, self.halls)
 
     def problem_of(
-        self, graph: LabelGraph, scores: CellScores, method: PlaceMethod
+        self,
+        graph: LabelGraph,
+        scores: CellScores,
+        method: PlaceMethod,
+        *,
+        known: NDArray[np.int64] | None = None,
     ) -> LabelingProblem:
-        """The labelling problem of given scores: of cells, and of gates and places if wanted."""
+        """The labelling problem of given scores: of cells, and of gates and places if wanted.
+
+        ``known`` (N,) holds the learned labels of cells that are known, -1 elsewhere.
+        """
         space = self.unary_model_.space
         doorway = None if space is None or space.gates is None else space.doorway
-        return map_problem(graph, self.learned_names, scores, method, doorway)
+        return map_problem(graph, self.learned_names, scores, method, doorway, known)
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

@@ -141,6 +141,7 @@ def map_problem(
     scores: CellScores,
     method: PlaceMethod,
     doorway: int | None,
+    known: NDArray[np.int64] | None = None,
 ) -> LabelingProblem:
     """The problem that a method is given: of the cells alone, or of gates and places, too.
 
@@ -153,8 +154,10 @@ def map_problem(
     method : PlaceMethod
     doorway : int, optional
         The label that the model's gates stand for.
+    known : (N,) int, optional
+        Labels of the cells that are known, -1 elsewhere.
     """
-    cells = cells_problem(graph, label_names, scores, method.unary)
+    cells = cells_problem(graph, label_names, scores, method.unary, known)
     if not labels_spaces(method.backend):
         return cells
     if scores.spaces is None or doorway is None or not isinstance(graph.layout, GridLayout):
@@ -166,7 +169,11 @@ def map_problem(
 
 
 def cells_problem(
-    graph: LabelGraph, label_names: tuple[str, ...], scores: CellScores, unary: str
+    graph: LabelGraph,
+    label_names: tuple[str, ...],
+    scores: CellScores,
+    unary: str,
+    known: NDArray[np.int64] | None = None,
 ) -> LabelingProblem:
     """The problem of the cells; ``unary`` is ``laser``, ``context`` or ``space``."""
     values = getattr(scores, unary)
@@ -181,6 +188,7 @@ def cells_problem(
             if scores.node_features is None
             else sealed(np.asarray(scores.node_features, np.float64))
         ),
+        known=known,
     )
 
 

@@ -150,7 +150,8 @@ def coarsen_labels(
         shape = result[rows].shape
         areas = [block_areas(part == k, factor, shape) for k in (*range(n_labels), -1)]
         best = np.argmax(np.stack(areas), axis=0)  # the first of the largest
-        result[rows] = np.where(best == n_labels, -1, best)
+        nothing = (best == n_labels) | (np.max(np.stack(areas), axis=0) == 0)
+        result[rows] = np.where(nothing, -1, best)
     result[~coarse.free] = -1
     return result
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gates import Gates
+from pgm_places.spaces.gates import Gate, Gates
 
-__all__ = ["DoorMatch", "DoorScores", "match_doors", "match_painted"]
+__all__ = ["DoorMatch", "DoorScores", "match_doors", "match_painted", "unmatched_doors"]
 
 _LEAST_OVERLAP = 0.3  # the narrowest chord beside an open door leaf is oblique
 _LEAST_DOOR_M2 = 0.1
@@ -163,6 +163,43 @@ def match_painted(
     parts = np.split(cells[order], np.cumsum(size)[:-1])
     large = [part for part in parts if len(part) * grid.resolution_m**2 >= _LEAST_DOOR_M2]
     return _match(large, len(large), grid, labels, doorway)
+
+
+def unmatched_doors(
+    gates: Gates, match: DoorMatch, labels: ArrayLike, doorway: int
+) -> tuple[Gate, ...]:
+    """A gate for each door that no candidate matches: the rectangle around its cells.
+
+    One passes across the longer side of the rectangle, which lies along the main axis of the cells.
+
+    Parameters
+    ----------
+    gates : Gates
+    match : DoorMatch
+        Of these gates and labels.
+    labels : (H, W) int
+        Label of each cell, -1 where unknown.
+    doorway : int
+        The label of doorways.
+    """
+    grid = gates.segmentation.watershed.grid
+    piece, count = _door_pieces(label_raster("labels", labels, grid.shape), grid, doorway)
+    alone = np.setdiff1d(np.arange(count), match.door)
+    return tuple(_rectangle(np.argwhere(piece == number), grid) for number in alone)
+
+
+def _rectangle(cells: NDArray[np.int64], grid: OccupancyGrid) -> Gate:
+    """The rectangle around cells (n, 2), across whose longer side one passes."""
+    points = grid.cell_centres_m(cells)
+    centred = points - points.mean(axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1]  # by ascending spread: the passage, the width
+    along = centred @ axes
+    low, high = along.min(axis=0), along.max(axis=0)
+    x, y = (points.mean(axis=0) + axes @ ((low + high) / 2)).tolist()
+    heading = float(np.arctan2(axes[1, 0], axes[0, 0]))
+    depth_m, width_m = (high - low + grid.resolution_m).tolist()
+    turned = np.pi / 2 - np.mod(np.pi / 2 - heading, np.pi)  # in (-pi/2, pi/2]
+    return Gate((x, y), float(turned), width_m, depth_m)
 
 
 def _door_pieces(

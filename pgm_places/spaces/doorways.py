@@ -1,6 +1,7 @@
 """Doorways of a map: its accepted gates, and the places on either side."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -81,6 +82,11 @@ class Doorways:
             sealed(np.asarray(probability, np.float64)[taken]),
             sealed(places.segments.raster()),
         )
+
+    def with_known(self, gates: Sequence[Gate]) -> Self:
+        """These doorways and others that are certain."""
+        probability = np.append(self.probability, np.ones(len(gates)))
+        return replace(self, gates=(*self.gates, *gates), probability=sealed(probability))
 
     def place_on(self, grid: OccupancyGrid) -> NDArray[np.int32]:
         """(H, W) the place at each cell centre of the same map at another resolution, -1 for none.

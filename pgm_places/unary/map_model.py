@@ -104,6 +104,7 @@ class UnaryModel:
         unaries: Collection[str] = ("laser", "context", "space"),
         with_node_features: bool = True,
         with_halls: bool = False,
+        known: NDArray[np.int16] | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> CellScores:
@@ -123,6 +124,8 @@ class UnaryModel:
             Whether structured models want features of their own.
         with_halls : bool
             Whether halls are told apart, if the model can do so.
+        known : (H, W) int16, optional
+            Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
         """
         layout, n = _grid_layout(graph), graph.n_nodes
         progress = progress or Silent()
@@ -139,7 +142,7 @@ class UnaryModel:
         with_halls = with_halls and self.knows_halls
         if self.space is not None and ("space" in unaries or with_halls):
             with progress.stage("segments, gates and places"):
-                spaces = self.space.spaces(grid, n_threads=n_threads)
+                spaces = self.space.spaces(grid, known=known, n_threads=n_threads)
             around = SpaceList(
                 self.space, spaces, layout, n_own, self.n_labels, with_halls=with_halls
             )

@@ -11,9 +11,10 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
+from pgm_places.spaces.door_truth import match_doors, unmatched_doors
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.gates import Gate, Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 
@@ -46,23 +47,32 @@ class MapSpaces:
         Between those that are one rather than not.
     features : CellFeatures
         Columns of any cell.
+    known_gates : tuple of Gate
+        Doorways that are known to be where there is no candidate.
     """
 
     gates: Gates
     probability: NDArray[np.float64]
     places: Places
     features: CellFeatures
+    known_gates: tuple[Gate, ...] = ()
 
     @classmethod
-    def of(cls, gates: Gates, probability: NDArray[np.float64]) -> Self:
+    def of(
+        cls,
+        gates: Gates,
+        probability: NDArray[np.float64],
+        known_gates: tuple[Gate, ...] = (),
+    ) -> Self:
         """Those that follow from the probabilities of a map's gates."""
         places = places_between(gates, probability)
-        return cls(gates, probability, places, CellFeatures.of(gates.segmentation, places))
+        features = CellFeatures.of(gates.segmentation, places)
+        return cls(gates, probability, places, features, known_gates)
 
     @property
     def doorways(self) -> Doorways:
-        """The accepted gates, and the places that they part."""
-        return Doorways.of(self.places, self.probability)
+        """The accepted gates, those known to be doorways among them, and the places they part."""
+        return Doorways.of(self.places, self.probability).with_known(self.known_gates)
 
     def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
         """(N,) the largest probability of the gates that each node lies at, 0 for none."""
@@ -138,11 +148,36 @@ class SpaceModel:
     doorway: int | None
     corridor: int | None = None
 
-    def spaces(self, grid: OccupancyGrid, *, n_threads: int | None = None) -> MapSpaces:
-        """The spaces of a map."""
+    def spaces(
+        self,
+        grid: OccupancyGrid,
+        *,
+        known: NDArray[np.int16] | None = None,
+        n_threads: int | None = None,
+    ) -> MapSpaces:
+        """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover."""
         candidates = gate_candidates(Segmentation.of(grid))
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
-        return MapSpaces.of(candidates, probability)
+        return self.judged(candidates, probability, known)
+
+    def judged(
+        self,
+        candidates: Gates,
+        probability: NDArray[np.float64],
+        known: NDArray[np.int16] | None = None,
+    ) -> MapSpaces:
+        """The spaces between gates of some probability (G,), known labels judging those they cover.
+
+        A gate that matches a known doorway is one, a gate at least half of whose cells have other
+        known labels is none; a known doorway without any gate becomes one.
+        """
+        if known is None or self.doorway is None:
+            return MapSpaces.of(candidates, probability)
+        match = match_doors(candidates, known, self.doorway)
+        judged = np.where(match.known, 0.0, probability)
+        judged[match.is_doorway] = 1.0
+        others = unmatched_doors(candidates, match, known, self.doorway)
+        return MapSpaces.of(candidates, judged, others)
 
     def nodes_at_gates(self, spaces: MapSpaces, layout: GridLayout) -> AtGates | None:
         """The nodes of a layout at gates; None where scores are not weighed by gates."""

@@ -25,6 +25,7 @@ def load_regions(
     *,
     classes: Mapping[str, str] | None = None,
     property_name: str = "class",
+    line_width_m: float | None = None,
 ) -> NDArray[np.int16]:
     """(H, W) label of each cell whose centre lies in a region; -1 where there is none.
 
@@ -46,6 +47,8 @@ def load_regions(
         what is larger beneath them. Without a mapping the file's classes must be label names.
     property_name : str
         The property that holds the class.
+    line_width_m : float, optional
+        Reads lines, too, as wide as this: see :func:`~pgm_places.io.geojson.read_regions`.
 
     Raises
     ------
@@ -54,7 +57,7 @@ def load_regions(
         does not lead to a label, or no region touches the map.
     """
     names = [str(name) for name in label_names]
-    regions = read_regions(path, property_name)
+    regions = read_regions(path, property_name, line_width_m=line_width_m)
     labels = [_label(path, region, names, classes) for region in regions]
     _log_ignored(path, regions, labels)
     raster = np.full(grid.shape, -1, np.int16)

@@ -1,0 +1,95 @@
+"""What teaching gives back: labels before and after the graph, places, and the labeler itself."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.spaces.gates import Gate
+from pgm_places.teaching.paint import Paint
+from pgm_places.topology.checks import PlaceCheck, places_to_check
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["Taught"]
+
+
+@dataclass(frozen=True, eq=False)
+class Taught:
+    """A map labelled by what a labeler knows and by paint.
+
+    Parameters
+    ----------
+    found : LabelledPlaces
+        The labels and probabilities after the graph.
+    unary : LabelledPlaces
+        Those of each cell alone, before the graph; painted cells have the label of their paint.
+    topology : TopologicalMap
+        Regions with names and probabilities, and how they are connected.
+    paint : Paint
+        What was painted.
+    labeler : PlaceLabeler
+        What labelled the map: the given labeler, or the one that has learned the paint.
+    seconds : float
+        From the call to the result.
+    """
+
+    found: LabelledPlaces
+    unary: LabelledPlaces
+    topology: TopologicalMap
+    paint: Paint
+    labeler: PlaceLabeler
+    seconds: float
+
+    def __repr__(self) -> str:
+        return f"Taught({self.paint}; {self.topology}; {self.seconds:.1f} s)"
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """The K classes that labels and probabilities stand for."""
+        return self.found.label_names
+
+    @property
+    def labels(self) -> NDArray[np.int16]:
+        """(H, W) label of each free cell, -1 elsewhere; painted cells as painted."""
+        return self.found.labels
+
+    @property
+    def unary_labels(self) -> NDArray[np.int16]:
+        """(H, W) the label that each cell gets alone, before the graph."""
+        return self.unary.labels
+
+    @cached_property
+    def probabilities(self) -> NDArray[np.float32] | None:
+        """(H, W, K) probability of each label after the graph, 0 outside free cells.
+
+        None if the method gives none. For single cells of a huge map use ``found.labeling.beliefs``
+        with ``found.layout``.
+        """
+        return _raster(self.found)
+
+    @cached_property
+    def unary_probabilities(self) -> NDArray[np.float32] | None:
+        """(H, W, K) probability of each label before the graph, 0 outside free cells."""
+        return _raster(self.unary)
+
+    @property
+    def gates(self) -> tuple[tuple[Gate, float], ...]:
+        """The doorways found as gates, each with its probability; painted ones are certain."""
+        doorways = self.found.doorways
+        if doorways is None:
+            return ()
+        return tuple(zip(doorways.gates, doorways.probability.tolist(), strict=True))
+
+    @cached_property
+    def checks(self) -> list[PlaceCheck]:
+        """Where to look: places by doubt times area, those with most of it first."""
+        return places_to_check(self.topology)
+
+
+def _raster(found: LabelledPlaces) -> NDArray[Any] | None:
+    beliefs = found.labeling.beliefs
+    return None if beliefs is None else found.on_map(beliefs.astype(np.float32), np.float32(0))

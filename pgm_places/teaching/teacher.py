@@ -1,0 +1,199 @@
+"""Teacher: labels a map by a labeler and by paint, and teaches the labeler what was painted."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pgm_places._checks import plain_names
+from pgm_places.errors import LabelError
+from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.labeling import Labeling
+from pgm_places.labelers.known_cells import KnownCells
+from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
+from pgm_places.labelers.method import infer
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.independent import Independent
+from pgm_places.progress import Progress, Silent
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.taught import Taught
+from pgm_places.teaching.turns import Turns
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.naming import KnownPlaces
+from pgm_places.topology.rules import TopologyOptions
+
+__all__ = ["Teacher"]
+
+
+class Teacher:
+    """Labels one map again and again, as fast as a person paints on it.
+
+    Calls supersede each other: while one runs, a newer one from another thread ends it with
+    :class:`~pgm_places.teaching.turns.SupersededError` at its next stage, and takes its place.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map.
+    labeler : PlaceLabeler or None
+        A fitted labeler to build on; None to learn from nothing but the paint.
+    classes : sequence of str, optional
+        What may be painted: the labeler's labels by default.
+    method : str, optional
+        The labeler's method; its default one if not given.
+    rules : TopologyOptions, optional
+        Of the topological map.
+    known_places : KnownPlaces, optional
+        Earlier places, which keep their ids and names; those of each result are known to the next.
+    n_threads : int, optional
+        All cores by default.
+
+    Raises
+    ------
+    LabelError
+        No classes, or classes that the labeler's labels are not among.
+
+    Examples
+    --------
+    >>> from pgm_places import trained_labeler
+    >>> from pgm_places.datasets import generate_building
+    >>> building = generate_building(size="small", resolution_m=0.1)
+    >>> teacher = Teacher(building.grid, trained_labeler())
+    >>> first = teacher.label(teacher.blank())
+    >>> place = first.checks[0].place
+    >>> paint = first.paint.with_cells(first.topology.cells(place.id), "room")
+    >>> bool((teacher.label(paint).labels[paint.painted] == 1).all())
+    True
+    """
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        labeler: PlaceLabeler | None = None,
+        *,
+        classes: Sequence[str] | None = None,
+        method: str | None = None,
+        rules: TopologyOptions | None = None,
+        known_places: KnownPlaces | None = None,
+        n_threads: int | None = None,
+    ) -> None:
+        if labeler is None and classes is None:
+            raise LabelError("without a labeler, 'classes' must say what may be painted")
+        own = () if labeler is None else labeler.label_names_
+        self.classes = plain_names("classes", list(own if classes is None else classes))
+        missing = [name for name in own if name not in self.classes]
+        if missing:
+            raise LabelError(
+                f"{missing[0]!r} is a label of the labeler and must be among the classes, got "
+                f"{', '.join(self.classes)}"
+            )
+        self.grid, self.labeler, self.method = grid, labeler, method
+        self.rules = rules or TopologyOptions()
+        self.known_places, self.n_threads = known_places, n_threads
+        self._turns = Turns()
+
+    def blank(self) -> Paint:
+        """No paint on this map."""
+        return Paint.blank(self.grid.shape, self.classes)
+
+    def label(self, paint: Paint, *, progress: Progress | None = None) -> Taught:
+        """The map labelled by the labeler; painted cells keep their labels in every method.
+
+        Raises
+        ------
+        SupersededError
+            A newer call came meanwhile.
+        LabelError
+            Paint that does not fit the map or the classes; without a labeler, paint of fewer than
+            two classes.
+        """
+        with self._turns.turn(progress or Silent()) as watched:
+            start = time.perf_counter()
+            labeler = self.labeler or self._learned(paint, watched)
+            return self._labelled(labeler, paint, watched, start)
+
+    def teach(self, paint: Paint, *, progress: Progress | None = None) -> Taught:
+        """The map labelled by a labeler that has learned the paint, which keeps its labels.
+
+        Raises
+        ------
+        SupersededError, LabelError
+            As :meth:`label`.
+        """
+        with self._turns.turn(progress or Silent()) as watched:
+            start = time.perf_counter()
+            return self._labelled(self._learned(paint, watched), paint, watched, start)
+
+    def cancel(self) -> None:
+        """End a call that is running in another thread at its next stage."""
+        self._turns.cancel()
+
+    def _learned(self, paint: Paint, progress: Progress) -> PlaceLabeler:
+        """A labeler that has learned the paint."""
+        if self.labeler is not None:
+            return self.labeler
+        used = [name for name, n in paint.counts.items() if n]
+        if len(used) < 2:
+            raise LabelError(
+                "learning from nothing but paint takes at least two classes, painted are: "
+                f"{', '.join(used) or 'none'}"
+            )
+        known = LabelledMap(self.grid, paint.with_classes(used).labels)
+        labeler = PlaceLabeler(used, ["potts"], learn_on="in-sample", max_examples_per_map=2000)
+        return labeler.fit([known], n_threads=self.n_threads, progress=progress)
+
+    def _labelled(
+        self, labeler: PlaceLabeler, paint: Paint, progress: Progress, start: float
+    ) -> Taught:
+        names, method = labeler.label_names_, self.method or labeler.default_method
+        used, warnings = at_model_resolution(labeler, self.grid)
+        known = KnownCells.of(
+            paint.with_classes(names).labels, self.grid, used, names, labeler.learned_names
+        )
+        graph, scores = labeler.scores(
+            used,
+            methods=[method],
+            known=known.on_cells,
+            n_threads=self.n_threads,
+            progress=progress,
+        )
+        layout = graph.layout
+        assert isinstance(layout, GridLayout)  # scores() made it from a grid
+        model, doorways = labeler.unary_model_.space, None
+        if scores.spaces is not None and model is not None and model.gates is not None:
+            doorways = scores.spaces.doorways
+        chosen = labeler.method(method)
+        pinned = known.of_nodes(layout)
+        problem = labeler.problem_of(graph, scores, chosen, known=pinned)
+        alone = replace(chosen, backend=Independent())
+        alone_problem = labeler.problem_of(graph, scores, alone, known=pinned)
+
+        def placed(labeling: Labeling, name: str) -> LabelledPlaces:
+            labeling = known.kept(labeler.with_halls(labeling, scores), layout)
+            nothing = np.empty(0, np.int16)
+            found = LabelledPlaces(
+                self.grid, nothing, layout, labeling, names, name, tuple(warnings), doorways
+            )
+            return on_own_raster(found, used, known)
+
+        unary = placed(infer(alone.backend, alone_problem), "independent")
+        with progress.stage(f"labelling with {method}"):
+            found = placed(infer(chosen.backend, problem), method)
+        with progress.stage("places"):
+            topology = topological_map(
+                self.grid,
+                found.labels,
+                names,
+                rules=self.rules,
+                correct=self.rules.correct,
+                min_width_m=self.rules.min_width_m,
+                beliefs=found.labeling.beliefs,
+                layout=found.layout,
+                known=self.known_places,
+                doorways=doorways if self.rules.doorways == "gates" else None,
+            )
+        self.known_places = topology.known_places
+        return Taught(found, unary, topology, paint, labeler, time.perf_counter() - start)
