@@ -20,6 +20,7 @@ UNFINISHED = ".pgm-places.swap"
 """What a stage is called from the moment on when its files are being moved one by one."""
 
 _REMOVED = "removed.json"
+_MAX_BYTES = 16 << 20
 
 
 def swap_in(stage: Path, target: Path, removed: Iterable[str] = (), *, in_place: bool) -> None:
@@ -54,15 +55,13 @@ def finish(target: Path) -> None:
     stage = target / UNFINISHED
     if not stage.is_dir() or stage.is_symlink():
         return
-    removed: list[str] = []
-    with contextlib.suppress(FileNotFoundError):  # it had come as far as removing the stage
-        removed = json.loads((stage / _REMOVED).read_text(encoding="utf-8"))
-    for name in sorted(file_names(stage / NEW)):
-        path = _inside(target, name)
+    # All names are checked before anything is moved or removed: the folder may be a stranger's.
+    removed = [_inside(target, name) for name in _removed(stage)]
+    moved = [(stage / NEW / name, _inside(target, name)) for name in file_names(stage / NEW)]
+    for new, path in sorted(moved):
         path.parent.mkdir(parents=True, exist_ok=True)
-        (stage / NEW / name).replace(path)
-    for name in removed:
-        path = _inside(target, name)
+        new.replace(path)
+    for path in removed:
         path.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # not empty
             if path.parent != target:
@@ -90,6 +89,28 @@ def file_names(folder: Path) -> set[str]:
         for path in folder.rglob("*")
         if path.is_symlink() or not path.is_dir()
     }
+
+
+def _removed(stage: Path) -> list[str]:
+    """The names that a swap has left to remove; none once it was removing its own stage."""
+    path = stage / _REMOVED
+    try:
+        is_small = path.stat().st_size <= _MAX_BYTES
+        names = json.loads(path.read_text(encoding="utf-8")) if is_small else None
+    except FileNotFoundError:
+        return []
+    except (ValueError, RecursionError):
+        names = None
+    if not (isinstance(names, list) and all(map(_can_be_a_file, names))):
+        raise OSError(f"{path} is damaged; remove {stage} to go on without it")
+    return names
+
+
+def _can_be_a_file(name: object) -> bool:
+    try:
+        return isinstance(name, str) and b"\0" not in os.fsencode(name)
+    except UnicodeEncodeError:  # half a character
+        return False
 
 
 def _inside(target: Path, name: str) -> Path:

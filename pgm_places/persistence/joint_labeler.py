@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pgm_places.errors import ModelFileError
+from pgm_places.errors import ModelFileError, shown
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.method import unfitted
 from pgm_places.persistence import place_labeler, trajectory_labeler
@@ -46,7 +46,7 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> JointLabeler:
     labeler.check_options()
     weight = manifest["link_weight"]
     if weight is not None and not (isinstance(weight, float) and weight > 0):
-        raise ModelFileError(f"link_weight must be a number above 0, got {weight!r}")
+        raise ModelFileError(f"link_weight must be a number above 0, got {shown(weight)}")
     return labeler.set_learned(
         places_=parts["places"],
         steps_=parts["steps"],

@@ -108,11 +108,16 @@ def readable(folder: Path | str) -> Iterator[None]:
     try:
         yield
     except PgmPlacesError as error:
-        raise ModelFileError(f"{folder}: {error}") from None
+        raise ModelFileError(f"{folder}: {_shortened(str(error))}") from None
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise ModelFileError(
             f"{folder}/{MANIFEST} is not what this version writes ({shown(error)}); train again"
         ) from None
+
+
+def _shortened(message: str) -> str:
+    """A message without its middle where it quotes a thousand numbers of a foreign file."""
+    return message if len(message) <= 1000 else f"{message[:700]} ... {message[-200:]}"
 
 
 def is_model(path: Path | str) -> bool:

@@ -14,10 +14,11 @@ from pathlib import Path
 from pgm_places.errors import PgmPlacesError
 from tests.fuzz.readers import Reader
 
-__all__ = ["Findings", "run"]
+__all__ = ["Findings", "peak_bytes", "problem_of", "run"]
 
 MOST_SECONDS = 1.0
 MOST_BYTES = 256 << 20
+MOST_CHARACTERS = 2000
 
 
 class _Hang(BaseException):
@@ -41,28 +42,30 @@ def run(reader: Reader, folder: Path, seed: int, count: int) -> Findings:
     original = target.read_bytes()
     others = {path: path.read_bytes() for path in target.parent.iterdir() if path.is_file()}
     reader.read(folder)  # imports are not counted
-    peak = _peak_bytes()
     for number in range(count):
         data = reader.spoil(original, random.Random(f"{seed} {number}"))
-        target.write_bytes(data)
-        reader.after(folder)
-        start = time.process_time()
-        problem = _outcome(reader, folder, found)
-        seconds = time.process_time() - start
-        if seconds > MOST_SECONDS:
-            problem = problem or f"took {seconds:.1f} s"
-        grown, peak = _peak_bytes() - peak, max(peak, _peak_bytes())
-        if grown > MOST_BYTES + len(data):
-            problem = problem or f"took {grown >> 20} MB"
-        if problem:
+        if problem := problem_of(reader, folder, data, found):
             found.bad.append((f"input {number} of seed {seed}: {problem}", data))
     for path, content in others.items():
         path.write_bytes(content)
     return found
 
 
+def problem_of(reader: Reader, folder: Path, data: bytes, found: Findings) -> str:
+    """What is wrong about how the reader takes these bytes; an empty text where all is well."""
+    (folder / reader.file).write_bytes(data)
+    reader.after(folder)
+    peak, start = peak_bytes(), time.process_time()
+    problem = _outcome(reader, folder, found)
+    seconds, grown = time.process_time() - start, peak_bytes() - peak
+    if seconds > MOST_SECONDS:
+        problem = problem or f"took {seconds:.1f} s"
+    if grown > MOST_BYTES + len(data):
+        problem = problem or f"took {grown >> 20} MB"
+    return problem
+
+
 def _outcome(reader: Reader, folder: Path, found: Findings) -> str:
-    """An empty text where all is well."""
     try:
         with _limited(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -70,7 +73,7 @@ def _outcome(reader: Reader, folder: Path, found: Findings) -> str:
         found.n_read += 1
     except PgmPlacesError as error:
         found.n_refused += 1
-        if len(str(error)) > 3000:
+        if len(str(error)) > MOST_CHARACTERS:
             return f"a message of {len(str(error))} characters"
     except _Hang:
         return "does not end"
@@ -93,5 +96,6 @@ def _limited() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _peak_bytes() -> int:
+def peak_bytes() -> int:
+    """The most memory that the process has had; in bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz.loop import run
-from tests.fuzz.readers import READERS, seeds
+from tests.fuzz.readers import READERS
+from tests.fuzz.seeds import seeds
 
 COUNT = 12
 

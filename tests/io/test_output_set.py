@@ -193,6 +193,17 @@ def test_an_unfinished_swap_from_a_stranger_reaches_no_file_outside(
     assert (out.parent / "victim").exists()
 
 
+@pytest.mark.parametrize("removed", ['["a"', "{}", "[1]", '["\\u0000"]', '["\\ud800"]', "[" * 9999])
+def test_an_unfinished_swap_that_is_damaged_changes_nothing(out: Path, removed: str) -> None:
+    write(out, "label", "a")
+    (out / UNFINISHED / "new").mkdir(parents=True)
+    (out / UNFINISHED / "new" / "a").write_text("other")
+    (out / UNFINISHED / "removed.json").write_text(removed)
+    with pytest.raises(OutputError, match=r"removed\.json is damaged; remove .* to go on without"):
+        write(out, "label", "a")
+    assert (out / "a").read_text() != "other"
+
+
 def test_leftovers_of_killed_runs_go_and_folders_like_them_stay(out: Path) -> None:
     for name in (".out.0123456789ab.tmp", ".out.0123456789ab.old", ".out.mine.tmp"):
         (out.parent / name).mkdir()

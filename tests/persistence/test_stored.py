@@ -274,3 +274,14 @@ def test_a_manifest_of_any_depth_is_one_message(tmp_path: Path) -> None:
     (folder / "manifest.json").write_text('{"a":' * 100_000)
     with pytest.raises(ModelFileError, match="nested too deep"):
         load(folder)
+
+
+def test_what_a_model_quotes_is_shortened(tmp_path: Path) -> None:
+    shutil.copytree(STORED / "place_labeler", tmp_path / "model")
+    path = tmp_path / "model" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["content"]["methods"][0]["options"] = {"a" * 5000: 0}
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(ModelFileError, match=r"has no option 'a+ \.\.\. a+'") as found:
+        load(tmp_path / "model")
+    assert len(str(found.value)) < 1300

@@ -1,0 +1,138 @@
+"""Small files of every format, which all readers take."""
+
+import gzip
+import shutil
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from pgm_places.datasets import generate_building
+from pgm_places.inference.backends import build
+from pgm_places.io.logs.trajectories import write_trajectory
+from pgm_places.io.maps.label_image import save_labels
+from pgm_places.io.maps.map_server import save_map
+from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.io.places.topology_files import save_topology
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.persistence.model_folder import load_folder, save_folder
+from pgm_places.persistence.stored import load, save
+from pgm_places.trained import model_folder
+from pgm_places.trajectories.scan import ScanGeometry
+from tests.fuzz.mutation import json_bytes
+from tests.io.logs.detection_files import detection_bag
+from tests.io.logs.log_files import HEADER, drive, flaser, robotlaser
+from tests.topology.floors import gated_floor_map
+
+__all__ = ["MODELS", "NAMES", "seeds"]
+
+STORED = Path(__file__).parents[1] / "data" / "stored"
+MODELS = (
+    *sorted(path.name for path in STORED.iterdir() if path.is_dir()),
+    "joint_labeler",
+    "space_model",
+)
+"""Folders of models."""
+NAMES = ("corridor", "room", "doorway")
+
+CONFIG = """\
+title = "a config"
+resolution_m = 0.1
+[labels]
+names = ["corridor", "room", "doorway"]
+[sensor]
+max_range_m = 20.0
+[classifier]
+n_rounds = 10
+[[train]]
+map = "map.yaml"
+labels = "labels.png"
+columns = [0, 12]
+[[test]]
+generated = 3
+half = "left"
+[[methods]]
+id = "adaboost"
+name = "independent"
+[[methods]]
+name = "relaxation"
+max_iterations = 5
+[topology]
+min_area_m2 = 1.5
+"""
+
+
+def seeds(folder: Path) -> None:
+    """Write a file of each kind."""
+    made = generate_building(size="small")
+    window = np.ascontiguousarray(made.grid.cells[:60, :80])
+    grid = type(made.grid)(window, made.grid.resolution_m)
+    save_map(grid, folder / "map")
+    save_labels(folder / "labels.png", np.where(window == 0, 1, -1), NAMES)
+    grey = np.asarray(Image.open(folder / "map.png"))
+    for kind in ("bmp", "tif", "pgm"):
+        packed = {"compression": "tiff_lzw"} if kind == "tif" else {}
+        Image.fromarray(grey).save(folder / f"map.{kind}", **packed)
+    square = [[0, 0], [2, 0], [2, 2.5], [0, 2], [0, 0]]
+    feature = {
+        "type": "Feature",
+        "properties": {"class": "room"},
+        "geometry": {"type": "Polygon", "coordinates": [square]},
+    }
+    collection = {"type": "FeatureCollection", "features": [feature, feature]}
+    (folder / "truth.geojson").write_bytes(json_bytes(collection))
+    (folder / "config.toml").write_text(CONFIG)
+    lines = [flaser([1.0, 2.0, 3.0], time=k) for k in range(3)] + [robotlaser([1.0, 2.0])]
+    log = HEADER + b"ODOM 1 0 0.1 0 0 0 5 host 1\n" + b"".join(lines)
+    (folder / "drive.log").write_bytes(log)
+    (folder / "drive.log.gz").write_bytes(gzip.compress(log))
+    path = drive(ScanGeometry.half_circle(4), 5)
+    for name in ("drive.bag", "drive.mcap", "ros2", "poses.csv"):
+        write_trajectory(folder / name, path)
+    (folder / "counts.csv").write_text("t_s,cup,person\n0.5,1,0\n1.5,2,3\n")
+    record = {"t_s": 1.5, "counts": {"cup": 2, "person": 1}}
+    (folder / "counts.json").write_bytes(json_bytes([record, record]))
+    save_topology(folder, gated_floor_map())
+    (folder / "place_names.yaml").write_text("1: kitchen\n2: lab\n")
+    detection_bag(folder / "detections", [("/left", 10.1, [("62", 0.9)]), ("/right", 10.2, [])])
+    record = {"by": "label", "sha256": "0" * 64}
+    (folder / "outputs").mkdir()
+    (folder / "outputs" / RECORD_FILE).write_bytes(
+        json_bytes({"format": "pgm-places output", "schema": 1, "files": {"a.txt": record}})
+    )
+    (folder / "removed.json").write_bytes(json_bytes(["a.txt", "bag/one"]))
+    _write_models(folder)
+
+
+def _write_models(folder: Path) -> None:
+    for model in STORED.iterdir():
+        if model.is_dir():
+            shutil.copytree(model, folder / model.name)
+    # The shipped model without the record of its training, which is nearly all of its manifest.
+    manifest, arrays = load_folder(model_folder("generated"))
+    save_folder(folder / "space_model", {**manifest, "record": {}}, arrays)
+    places, steps = (load(STORED / name) for name in ("place_labeler", "trajectory_labeler"))
+    joint = JointLabeler(places.label_names_, build("potts"), places=places, steps=steps)
+    joint.set_learned(
+        places_=places,
+        steps_=steps,
+        method_=build("potts"),
+        link_weight_=1.0,
+        label_names_=places.label_names_,
+    )
+    save(joint, folder / "joint_labeler")
+
+
+def remember_definitions() -> None:
+    """Compile what rosbags derives from a definition of messages once, not for every bag."""
+    from rosbags.serde import cdr, ros1
+
+    compiled = cdr.compile_lines
+
+    @lru_cache(1000)
+    def once(text: str) -> Any:
+        return compiled([text])
+
+    cdr.compile_lines = ros1.compile_lines = lambda lines: once("\n".join(lines))
