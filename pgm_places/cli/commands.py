@@ -111,7 +111,7 @@ def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: boo
 
 def _train_steps(experiment: "Experiment", out: Path) -> None:
     """Train a labeler of drives with the configuration's one method."""
-    from pgm_places.experiment.step_runs import train_steps
+    from pgm_places.experiment.runs import train_steps
     from pgm_places.labelers.place_labeler import PlaceMethod
     from pgm_places.persistence.stored import save
 
@@ -121,7 +121,8 @@ def _train_steps(experiment: "Experiment", out: Path) -> None:
             f"a model of drives has one method, and the configuration has {ids}; keep the one to "
             "train in a file of its own ('compare' takes them all)"
         )
-    [(name, labeler)] = train_steps(experiment).items()
+    experiment, labelers = train_steps(experiment)
+    [(name, labeler)] = labelers.items()
     method = {name: PlaceMethod(labeler.method_, "laser")}
     save(labeler, out, record=_training_record(experiment, method))
     say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; method: {name})")

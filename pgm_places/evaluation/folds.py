@@ -10,7 +10,14 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.labelled_map import LabelledMap
 
-__all__ = ["building_folds", "contiguous_blocks", "contiguous_parts", "fold_groups"]
+__all__ = [
+    "building_folds",
+    "contiguous_blocks",
+    "contiguous_parts",
+    "fold_groups",
+    "fold_of_buildings",
+    "map_buildings",
+]
 
 
 def contiguous_blocks(places: ArrayLike, n_blocks: int) -> NDArray[np.int64]:
@@ -74,9 +81,31 @@ def building_folds(
     A list is much more confident in another part of a known building than in a new one; a method
     meant for new buildings must learn from scores on new buildings.
     """
-    names = [item.building or f"map {index}" for index, item in enumerate(maps)]
-    buildings = list(dict.fromkeys(names))
-    if len(buildings) == 1:
+    folds = fold_of_buildings(map_buildings(maps), n_folds)
+    if folds[0] is None:
         return fold_groups(masks, n_folds)
-    fold = [buildings.index(name) % n_folds for name in names]
-    return np.repeat(fold, [int(mask.sum()) for mask in masks])
+    sizes = [int(mask.sum()) for mask in masks]
+    return np.repeat(np.array(folds, np.int64), sizes)
+
+
+def map_buildings(maps: Sequence[LabelledMap]) -> list[str]:
+    """The building of each map: one of its own where none is named."""
+    return [item.building or f"map {index}" for index, item in enumerate(maps)]
+
+
+def fold_of_buildings(buildings: Sequence[str | None], n_folds: int) -> list[int | None]:
+    """The fold of each source by its building; None for sources to be cut into contiguous parts.
+
+    These are all of them where fewer than two buildings are named, and those of no known building.
+
+    Examples
+    --------
+    >>> fold_of_buildings(["a", "b", None, "a", "c"], 2)
+    [0, 1, None, 0, 0]
+    >>> fold_of_buildings(["a", "a", None], 2)
+    [None, None, None]
+    """
+    named = list(dict.fromkeys(name for name in buildings if name is not None))
+    if len(named) < 2:
+        return [None] * len(buildings)
+    return [None if name is None else named.index(name) % n_folds for name in buildings]

@@ -75,7 +75,7 @@ class FeatureConfig:
 
 @dataclass(frozen=True)
 class SelectConfig:
-    """Options to choose on the training maps, whole buildings or contiguous blocks held out.
+    """Options to choose on the training maps or drives, whole buildings or stripes held out.
 
     ``options`` lists values by dotted key (``"classifier.n_rounds" = [100, 300]``,
     ``"methods.amn.C" = [10.0, 100.0]``); every combination is tried with ``method``, by default
@@ -166,8 +166,11 @@ def _check_methods(config: ExperimentConfig) -> None:
 def _check_nodes(config: ExperimentConfig) -> None:
     """Refuse sources and tables that do not fit the kind of nodes."""
     nodes = config.nodes
-    if nodes != "cells" and config.select is not None:
-        raise ConfigError(f"[select] chooses options for maps; take it out for nodes = {nodes!r}")
+    has_drive = any(item.is_drive for item in config.train)
+    if nodes != "cells" and config.select is not None and not has_drive:
+        raise ConfigError(
+            "[select] scores options on training drives that are held out; [[train]] has none"
+        )
     for part, sources in (("train", config.train), ("test", config.test)):
         for index, item in enumerate(sources):
             where = f"{part}[{index}]"
@@ -182,7 +185,7 @@ def _check_nodes(config: ExperimentConfig) -> None:
                 )
             if nodes == "both" and item.log is not None and item.map is None:
                 raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
-    if nodes == "both" and not any(item.is_drive for item in config.train):
+    if nodes == "both" and not has_drive:
         raise ConfigError("train: cells and steps are learned together from a drive at least")
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError, LogError
 from pgm_places.experiment.experiment import Experiment
@@ -40,6 +41,30 @@ class SourceDrive:
     def grid(self) -> OccupancyGrid | None:
         """The map without its labels."""
         return None if self.map is None else self.map.grid
+
+    @property
+    def labels(self) -> NDArray[np.int64]:
+        """(T,) true place of each step, -1 where unknown."""
+        assert self.trajectory.labels is not None  # load_drives has checked
+        return self.trajectory.labels
+
+    @property
+    def building(self) -> str | None:
+        """What is held out together."""
+        return self.trajectory.building
+
+    @property
+    def positions_m(self) -> NDArray[np.float64]:
+        """(T, 2) where the robot was."""
+        return self.trajectory.poses[:, :2]
+
+    def with_labels_at(self, steps: NDArray[np.int64]) -> "SourceDrive":
+        """The drive with the true places of these steps alone."""
+        labels = np.full(len(self.labels), -1, np.int64)
+        labels[steps] = self.labels[steps]
+        names = self.trajectory.label_names
+        assert names is not None
+        return replace(self, trajectory=self.trajectory.with_labels(labels, names))
 
 
 def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
@@ -78,10 +103,12 @@ def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> Source
         known.grid,
         spacing_m=drive.spacing_m,
         max_length_m=drive.length_m,
+        window=known.window,
         seed=drive.seed,
         name=f"drive {drive.seed} through {known.name}",
         n_threads=experiment.n_threads,
     )
+    path = replace(path, building=known.building)
     return SourceDrive(path.labelled_by(known, experiment.config.labels.names), known)
 
 
@@ -132,7 +159,8 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
             noise=_noise(source.laser),
             n_threads=experiment.n_threads,
         )
-    return SourceDrive(path, known)
+    building = str(log) if known is None else known.building
+    return SourceDrive(replace(path, building=building), known)
 
 
 def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDrive:
@@ -158,7 +186,8 @@ def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDri
             "to this drive, and its frame, steps and region"
         )
     path = path.with_labels(labels, path.label_names)
-    return replace(found, trajectory=replace(path, name=source.name or path.name))
+    named = replace(path, name=source.name or path.name, building=source.building or path.building)
+    return replace(found, trajectory=named)
 
 
 def _geometry(laser: LaserConfig) -> ScanGeometry:

@@ -28,9 +28,9 @@ from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
-from pgm_places.experiment.selection import select
+from pgm_places.experiment.selection import Sources, select
 from pgm_places.experiment.setup import make_labeler, resolved_config, step_methods
-from pgm_places.experiment.step_runs import label_drives, train_steps
+from pgm_places.experiment.step_runs import StepLabeler, label_drives, learn_steps
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
@@ -39,7 +39,15 @@ from pgm_places.options import option_values
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.halls import HallNames
 
-__all__ = ["Trained", "compare", "compare_fitted", "train", "versions"]
+__all__ = [
+    "Trained",
+    "TrainedSteps",
+    "compare",
+    "compare_fitted",
+    "train",
+    "train_steps",
+    "versions",
+]
 
 REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "cvxpy", "osqp", "networkx")
 
@@ -51,6 +59,13 @@ class Trained(NamedTuple):
     labeler: PlaceLabeler
 
 
+class TrainedSteps(NamedTuple):
+    """A fitted labeler per method, and the experiment with the options they were fitted with."""
+
+    experiment: Experiment
+    labelers: Mapping[str, StepLabeler]
+
+
 def train(experiment: Experiment) -> Trained:
     """The labeler of the configuration, fitted on its training maps.
 
@@ -60,17 +75,30 @@ def train(experiment: Experiment) -> Trained:
     """
     make_labeler(experiment.config)  # refuses bad options before the maps are read
     maps = load_maps(experiment, "train")
-    if experiment.config.select is not None:
-        experiment = _with_chosen_options(experiment, maps)
+    experiment = _with_chosen_options(experiment, Sources(maps))
     labeler = make_labeler(experiment.config)
     with experiment.timed("learn"):
         labeler = labeler.fit(maps, n_threads=experiment.n_threads, progress=experiment.progress)
     return Trained(experiment, labeler)
 
 
-def _with_chosen_options(experiment: Experiment, maps: Sequence[LabelledMap]) -> Experiment:
+def train_steps(experiment: Experiment) -> TrainedSteps:
+    """A labeler per method of a configuration of drives, fitted on its training maps and drives.
+
+    Options are first chosen as for :func:`train`, on the training drives.
+    """
+    step_methods(experiment.config)  # refuses bad options before anything is read
+    sources = Sources(load_maps(experiment, "train"), load_drives(experiment, "train"))
+    experiment = _with_chosen_options(experiment, sources)
+    return TrainedSteps(experiment, learn_steps(experiment, *sources))
+
+
+def _with_chosen_options(experiment: Experiment, sources: Sources) -> Experiment:
+    """The experiment with the options that ``[select]`` chooses, if there is such a table."""
+    if experiment.config.select is None:
+        return experiment
     with experiment.timed("select"):
-        found = select(experiment, maps)
+        found = select(experiment, sources)
     config = changed_config(experiment.config, found.chosen.options)
     return replace(experiment, config=config, selection=found.to_dict())
 
@@ -121,7 +149,7 @@ def _compare_drives(experiment: Experiment) -> Comparison:
     """All methods on the steps of the test drives, joined with the cells of their maps or alone."""
     step_methods(experiment.config)  # refuses bad options before anything is read
     drives = load_drives(experiment, "test")
-    labelers = train_steps(experiment)
+    experiment, labelers = train_steps(experiment)
     found = label_drives(experiment, labelers, drives)
     names = tuple(experiment.config.labels.names)
     methods = {name: PlaceMethod(item.method_, "laser") for name, item in labelers.items()}

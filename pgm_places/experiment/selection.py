@@ -1,24 +1,27 @@
-"""Grid search over options on the training maps, holding out buildings or contiguous blocks."""
+"""Grid search over options on the training maps and drives, holding out buildings or stripes."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, LabelError
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.evaluation.folds import building_folds
+from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
 from pgm_places.experiment.config import ExperimentConfig, SelectConfig
 from pgm_places.experiment.config_changes import changed_config
+from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.setup import make_labeler
+from pgm_places.experiment.step_runs import label_drives, learn_steps
 from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.progress import Silent
 
-__all__ = ["Candidate", "Selection", "held_out_splits", "select"]
+__all__ = ["Candidate", "Selection", "Sources", "held_out_splits", "select"]
 
 MOST_CANDIDATES = 200
 """More combinations than this are probably a mistake: each is learned once per fold."""
@@ -26,14 +29,14 @@ MOST_CANDIDATES = 200
 
 @dataclass(frozen=True)
 class Candidate:
-    """A combination of options and its score on held-out cells.
+    """A combination of options and its score on held-out cells or steps.
 
     Parameters
     ----------
     options : dict
         Values by dotted key.
     score : float
-        The criterion over the held-out cells of all folds together.
+        The criterion over the held-out nodes of all folds together.
     by_fold : tuple of float
         The criterion of each fold.
     """
@@ -79,33 +82,57 @@ class Selection:
         }
 
 
-def select(experiment: Experiment, maps: Sequence[LabelledMap]) -> Selection:
+class Sources(NamedTuple):
+    """Maps and drives to learn from, or to be tested on.
+
+    Parameters
+    ----------
+    maps : sequence of LabelledMap
+    drives : sequence of SourceDrive
+    """
+
+    maps: Sequence[LabelledMap]
+    drives: Sequence[SourceDrive] = ()
+
+
+def select(experiment: Experiment, sources: Sources) -> Selection:
     """The options of ``[select]``, each combination learned and tested on held-out folds.
 
     Parameters
     ----------
     experiment : Experiment
         Its configuration has a table ``[select]``.
-    maps : sequence of LabelledMap
-        The training maps; test maps are never looked at.
+    sources : Sources
+        The training maps and drives; test data are never looked at. Where steps are labelled,
+        methods are scored on held-out drives alone.
 
     Raises
     ------
     ConfigError
         There is nothing to choose from or far too much, or an option does not exist.
     LabelError
-        Every fold leaves some label without training examples.
+        No fold can be held out.
     """
     settings = experiment.config.select
     if settings is None:
         raise ConfigError("nothing to select: the configuration has no table [select]")
     candidates = _candidates(experiment.config, settings)
+    if experiment.config.nodes == "both" and None in _building_folds(sources, settings.n_folds):
+        raise ConfigError(
+            "[select] with nodes = 'both' holds out whole buildings, but all training drives and "
+            "maps are of one; add those of others, or name them apart with building"
+        )
     method = settings.method or experiment.config.methods[-1].id
-    splits = list(held_out_splits(maps, settings.n_folds, len(experiment.config.labels.names)))
+    splits = list(held_out_splits(sources, settings.n_folds, len(experiment.config.labels.names)))
+    scored = _scored_cells if experiment.config.nodes == "cells" else _scored_steps
     found = []
     with experiment.progress.stage("selection") as stage:
         for number, (options, config) in enumerate(candidates, start=1):
-            parts = [_scored(experiment, config, method, *split) for split in splits]
+            alone = tuple(item for item in config.methods if item.id == method)
+            kept = replace(config, select=None, methods=alone)
+            # The stages of a candidate's training are no stages of the experiment.
+            trial = replace(experiment, config=kept, progress=Silent(), seconds={})
+            parts = [scored(trial, *split) for split in splits]
             figures = [float(getattr(part, settings.criterion)) for part in parts]
             whole = float(getattr(Evaluation.merged(parts), settings.criterion))
             found.append(Candidate(options, whole, tuple(figures)))
@@ -114,33 +141,30 @@ def select(experiment: Experiment, maps: Sequence[LabelledMap]) -> Selection:
 
 
 def held_out_splits(
-    maps: Sequence[LabelledMap], n_folds: int, n_labels: int
-) -> Iterator[tuple[list[LabelledMap], list[LabelledMap]]]:
-    """Training maps and test maps, fold by fold.
+    sources: Sources, n_folds: int, n_labels: int
+) -> Iterator[tuple[Sources, Sources]]:
+    """What to learn from and what to test on, fold by fold.
 
-    Whole buildings are held out if there are several, else contiguous blocks of the only one, never
-    single cells, because neighbours look alike. Folds that leave some label without training
-    examples are skipped.
+    Whole buildings are held out if there are several, else stripes of the only one, never single
+    cells or steps, because neighbours look alike. Folds that leave some label without training
+    examples are skipped, and where there are drives, so are those that hold none of them out.
 
     Raises
     ------
     LabelError
-        This is the case for every fold.
+        No fold is left.
     """
-    masks = [item.labelled_cells for item in maps]
-    sizes = [int(mask.sum()) for mask in masks]
-    fold_of = np.split(building_folds(maps, masks, n_folds), np.cumsum(sizes)[:-1])
-    labels = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
+    fold_of, labels = _folds(sources, n_folds), np.concatenate(_labels(sources))
     every = np.concatenate(fold_of)
     found = False
     for fold in np.unique(every):
         if len(np.unique(labels[every != fold])) < n_labels:
             continue
+        test = _parts(sources, [numbers == fold for numbers in fold_of])
+        if sources.drives and not test.drives:
+            continue
         found = True
-        yield (
-            _parts(maps, [numbers != fold for numbers in fold_of]),
-            _parts(maps, [numbers == fold for numbers in fold_of]),
-        )
+        yield _parts(sources, [numbers != fold for numbers in fold_of]), test
     if not found:
         raise LabelError(
             "no fold can be held out: each one leaves some label without examples; label more, or "
@@ -148,15 +172,50 @@ def held_out_splits(
         )
 
 
-def _parts(maps: Sequence[LabelledMap], chosen: Sequence[NDArray[np.bool_]]) -> list[LabelledMap]:
-    """The maps with their windows reduced to the chosen labelled cells."""
-    found = []
-    for item, kept in zip(maps, chosen, strict=True):
-        if kept.any():
-            window = np.zeros(item.grid.shape, np.bool_)
-            window[item.labelled_cells] = kept
-            found.append(replace(item, window=window))
-    return found
+def _folds(sources: Sources, n_folds: int) -> list[NDArray[np.int64]]:
+    """The folds of the labelled cells of each map and of the labelled steps of each drive."""
+    sizes = [len(item) for item in _labels(sources)]
+    folds = _building_folds(sources, n_folds)
+    if None not in folds:
+        return [np.full(size, fold, np.int64) for size, fold in zip(sizes, folds, strict=True)]
+    # The same stripes for maps and drives, so that no drive is tested where its map was learned.
+    places = [item.grid.cell_centres_m(np.argwhere(item.labelled_cells)) for item in sources.maps]
+    places += [item.positions_m[item.labels >= 0] for item in sources.drives]
+    return np.split(contiguous_blocks(np.concatenate(places), n_folds), np.cumsum(sizes)[:-1])
+
+
+def _building_folds(sources: Sources, n_folds: int) -> list[int | None]:
+    """The fold of each map and drive by its building; None where there is only one."""
+    buildings = [*map_buildings(sources.maps), *(item.building for item in sources.drives)]
+    return fold_of_buildings(buildings, n_folds)
+
+
+def _labels(sources: Sources) -> list[NDArray[np.int64]]:
+    """The known labels of the cells of each map and of the steps of each drive."""
+    of_maps = [item.labels[item.labelled_cells] for item in sources.maps]
+    return [*of_maps, *(item.labels[item.labels >= 0] for item in sources.drives)]
+
+
+def _parts(sources: Sources, chosen: Sequence[NDArray[np.bool_]]) -> Sources:
+    """Maps with windows, and drives with labels, reduced to the chosen cells and steps."""
+    n_maps = len(sources.maps)
+    maps = [
+        _windowed(item, item.labelled_cells, kept)
+        for item, kept in zip(sources.maps, chosen[:n_maps], strict=True)
+        if kept.any()
+    ]
+    drives = [
+        item.with_labels_at(np.flatnonzero(item.labels >= 0)[kept])
+        for item, kept in zip(sources.drives, chosen[n_maps:], strict=True)
+        if kept.any()
+    ]
+    return Sources(maps, drives)
+
+
+def _windowed(item: LabelledMap, cells: NDArray[np.bool_], kept: NDArray[np.bool_]) -> LabelledMap:
+    window = np.zeros(item.grid.shape, np.bool_)
+    window[cells] = kept
+    return replace(item, window=window)
 
 
 def _candidates(
@@ -176,19 +235,26 @@ def _candidates(
     return found
 
 
-def _scored(
-    experiment: Experiment,
-    config: ExperimentConfig,
-    method: str,
-    learn: list[LabelledMap],
-    test: list[LabelledMap],
-) -> Evaluation:
-    """A method trained on some maps and scored on others."""
-    kept = replace(config, select=None, methods=tuple(m for m in config.methods if m.id == method))
-    labeler = make_labeler(kept).fit(learn, n_threads=experiment.n_threads)
+def _scored_cells(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
+    """The one method of a configuration, trained on some maps and scored on others."""
+    labeler = make_labeler(trial.config).fit(learn.maps, n_threads=trial.n_threads)
     scored = []
-    for item in test:
-        graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=experiment.n_threads)
-        found = labeler.infer(graph, scores, method=method)
+    for item in test.maps:
+        graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=trial.n_threads)
+        found = labeler.infer(graph, scores)
         scored.append(evaluate(item.truth(graph), found.labels, labeler.label_names_))
     return Evaluation.merged(scored)
+
+
+def _scored_steps(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
+    """The one method of a configuration, trained on some sources and scored on other drives."""
+    labelers = learn_steps(trial, learn.maps, learn.drives)
+    found = label_drives(trial, labelers, test.drives)
+    [labelings] = found.labelings.values()
+    names = tuple(trial.config.labels.names)
+    return Evaluation.merged(
+        [
+            evaluate(item.node_truth, labeling.labels, names)
+            for item, labeling in zip(found.items, labelings, strict=True)
+        ]
+    )

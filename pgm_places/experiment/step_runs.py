@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pgm_places.experiment.comparison import TestDrive, TestItem, TestMap
-from pgm_places.experiment.drives import SourceDrive, load_drives
+from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.setup import joint_labeler, step_labeler, step_methods
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.tracking import map_of_scans
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.mapped_drive import MappedDrive
 
-__all__ = ["LabelledItems", "label_drives", "train_steps"]
+__all__ = ["LabelledItems", "StepLabeler", "label_drives", "learn_steps"]
 
 StepLabeler = TrajectoryLabeler | JointLabeler
 
@@ -39,14 +39,15 @@ class LabelledItems(NamedTuple):
     seconds: Mapping[str, float]
 
 
-def train_steps(experiment: Experiment) -> dict[str, StepLabeler]:
+def learn_steps(
+    experiment: Experiment, maps: Sequence[LabelledMap], drives: Sequence[SourceDrive]
+) -> dict[str, StepLabeler]:
     """A fitted labeler per method of a configuration with ``nodes = "steps"`` or ``"both"``.
 
     They share the lists, and each method learns from the same held-out scores.
     """
     config = experiment.config
     methods = step_methods(config)
-    maps, drives = load_maps(experiment, "train"), load_drives(experiment, "train")
     n_threads, progress = experiment.n_threads, experiment.progress
     with experiment.timed("learn"):
         if config.nodes == "both":

@@ -230,7 +230,7 @@ class JointLabeler(Labeler):
         of_cells = places.fit_with_scores(known, n_threads=n_threads, progress=progress)
         of_steps = steps.fit_with_scores(
             known,
-            [item.drive for item in drives],
+            [replace(item.drive, building=item.building) for item in drives],
             known_map=[item.map.grid for item in drives],
             n_threads=n_threads,
             progress=progress,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError, LabelError
-from pgm_places.evaluation.folds import building_folds, contiguous_blocks
+from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
@@ -118,7 +118,11 @@ def trajectory_examples(
     masks = [item.labelled_cells for item in maps]
     truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]
     parts = [training_features(maps, sensor, n_threads, progress, features)] if maps else []
-    groups = [building_folds(maps, masks, n_folds)] if maps else []
+    buildings = [*map_buildings(maps), *(item.building for item in trajectories)]
+    folds = fold_of_buildings(buildings, n_folds)
+    groups = [
+        _groups(fold, np.argwhere(mask), n_folds) for fold, mask in zip(folds, masks, strict=False)
+    ]
     steps = []
     with progress.stage("scans of trajectories") as stage:
         for number, item in enumerate(trajectories):
@@ -133,7 +137,8 @@ def trajectory_examples(
             )
             parts.append(np.concatenate([values, columns[known]], axis=1))
             truths.append(labels[known])
-            groups.append(contiguous_blocks(np.arange(len(known))[:, None], n_folds))
+            order = np.arange(len(known))[:, None]
+            groups.append(_groups(folds[len(maps) + number], order, n_folds))
             steps.append(known)
             stage.update((number + 1) / len(trajectories))
     truth = np.concatenate(truths)
@@ -249,6 +254,13 @@ def check_can_learn(method: Any, trajectories: Sequence[Trajectory]) -> None:
         f"{type(method).__name__} is trained on labelled trajectories; pass some, or use the "
         "method 'hmm', for which maps suffice"
     )
+
+
+def _groups(fold: int | None, places: NDArray[np.int64], n_folds: int) -> NDArray[np.int64]:
+    """The fold of each place: that of its building, or of the contiguous part that it is in."""
+    if fold is None:
+        return contiguous_blocks(places, n_folds)
+    return np.full(len(places), fold, np.int64)
 
 
 def _map_of(known: KnownMaps, number: int) -> OccupancyGrid | None:

@@ -3,7 +3,7 @@
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare
-from pgm_places.experiment.selection import Selection, select
+from pgm_places.experiment.selection import Selection, Sources, select
 from pgm_places.reproduce.figures import DOORWAY, finding, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
 from pgm_places.reproduce.setting import Setting
@@ -19,7 +19,7 @@ def run(setting: Setting) -> Outcome:
     tables = []
     for name, words in CHOICES.items():
         experiment = setting.experiment(name)
-        found = select(experiment, load_maps(experiment, "train"))
+        found = select(experiment, Sources(load_maps(experiment, "train")))
         rows = []
         for item in found.candidates:
             tested = setting.experiment(name, {**item.options, "select": None})

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.options import Positive, check_options
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.path_planning import PathPlanner
@@ -90,6 +90,7 @@ class SimulatedRobot:
         start_m: ArrayLike | None = None,
         spacing_m: float = 3.0,
         max_length_m: float | None = None,
+        window: ArrayLike | None = None,
         seed: int = 0,
         name: str = "simulated",
         n_threads: int | None = None,
@@ -106,6 +107,8 @@ class SimulatedRobot:
             How far places may be from the tour's nearest stop.
         max_length_m : float, optional
             The tour ends after so much way.
+        window : (H, W) bool, optional
+            The cells that the robot stays in; its laser sees the whole map all the same.
         seed : int
             Draws the start.
         name, n_threads
@@ -114,9 +117,9 @@ class SimulatedRobot:
         Raises
         ------
         InputError
-            The robot fits nowhere, or not at the start.
+            The robot fits nowhere, or not at the start, or the window has another shape.
         """
-        planner = PathPlanner(grid, radius_m=self.radius_m)
+        planner = PathPlanner(_inside(grid, window), radius_m=self.radius_m)
         rng = np.random.default_rng(seed)
         way = planner.tour(start_m=start_m, spacing_m=spacing_m, rng=rng)
         if max_length_m is not None:
@@ -161,6 +164,16 @@ class SimulatedRobot:
         x, y, heading = (np.interp(times, passed, values) for values in (*points.T, headings))
         heading = np.mod(heading + np.pi, 2 * np.pi) - np.pi
         return times, np.column_stack([x, y, heading])
+
+
+def _inside(grid: OccupancyGrid, window: ArrayLike | None) -> OccupancyGrid:
+    """The map with nothing known outside the window."""
+    if window is None:
+        return grid
+    kept = np.asarray(window, np.bool_)
+    if kept.shape != grid.shape:
+        raise InputError(f"window must have the map's shape {grid.shape}, got {kept.shape}")
+    return replace(grid, cells=np.where(kept, grid.cells, UNKNOWN))
 
 
 def _finely(points: NDArray[np.float64]) -> NDArray[np.float64]:

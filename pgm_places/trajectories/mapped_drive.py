@@ -22,3 +22,8 @@ class MappedDrive:
 
     map: LabelledMap
     drive: Trajectory
+
+    @property
+    def building(self) -> str | None:
+        """The building of the drive, or of its map if the drive names none."""
+        return self.drive.building or self.map.building

@@ -46,6 +46,9 @@ class Trajectory:
         What the robot's wheels told, where ``poses`` are better than that: corrected, or true.
     name : str
         What to call it in messages and tables.
+    building : str, optional
+        The building it is in: the drives and maps of one building are never on both sides of a
+        cross-validation. Without it, contiguous parts of the trajectory are held out.
 
     Raises
     ------
@@ -70,6 +73,7 @@ class Trajectory:
     label_names: tuple[str, ...] | None = None
     odometry: NDArray[np.float64] | None = None
     name: str = "trajectory"
+    building: str | None = None
 
     def __post_init__(self) -> None:
         times = finite_array("times_s", self.times_s, ("T",))
@@ -277,7 +281,14 @@ class Trajectory:
             labels[np.searchsorted(steps, way)] = self.labels
         times = np.interp(steps, way, self.times_s)
         poses = np.column_stack([xy, headings_along(xy)])
-        return type(self)(times, poses, labels=labels, label_names=self.label_names, name=self.name)
+        return type(self)(
+            times,
+            poses,
+            labels=labels,
+            label_names=self.label_names,
+            name=self.name,
+            building=self.building,
+        )
 
     def scan(self, step: int) -> Scan:
         """The scan of a step, with its pose and time.

@@ -14,8 +14,7 @@ from pgm_places.experiment.comparison import Comparison, TestDrive, passage_scor
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.runs import compare
-from pgm_places.experiment.step_runs import train_steps
+from pgm_places.experiment.runs import compare, train_steps
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
@@ -128,7 +127,13 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
         ({"nodes": "cells"}, r"train\[0\] is a drive, but cells of maps are labelled"),
         ({"test": [{"generated": 1}]}, r"test\[0\] is a map, but steps of drives are labelled"),
         ({"nodes": "both", "train": [{"generated": 1}]}, "are learned together from a drive"),
-        ({"select": {"options": {"steps.every_m": [0.1]}}}, r"\[select\] chooses options for maps"),
+        (
+            {
+                "train": [{"generated": 1}],
+                "select": {"options": {"steps.every_m": [0.1]}},
+            },
+            r"\[select\] scores options on training drives .* has none",
+        ),
         ({"nodes": "step"}, "nodes must be 'cells', 'steps' or 'both', got 'step'"),
         (
             {"nodes": "both", "test": [{"log": "a.log", "truth": "a.csv"}]},
@@ -190,6 +195,16 @@ def test_doorways_passed_through_are_counted_once_each() -> None:
     late = [0] * 17 + [2] + [0] * 32  # 0.3 m after the last step in the doorway
     found = passage_scores(labelled_drive(truth), Labeling(np.array(late), Status.EXACT), 2)
     assert (found.found, found.missed, found.invented) == (1, 1, 0)
+
+
+def test_a_simulated_drive_stays_in_the_window_of_its_map() -> None:
+    train = [simulated(0, half="left"), simulated(0, half="right")]
+    drives = load_drives(Experiment(config(train=train), Path()), "train")
+    for item in drives:
+        assert item.map is not None and item.map.window is not None
+        row, column = item.map.grid.cells_at_m(item.positions_m).T
+        assert item.map.window[row, column].all()
+    assert drives[0].building == drives[1].building  # two halves of one building
 
 
 # ---------------------------------------------------------------------- logs

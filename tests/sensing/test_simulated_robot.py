@@ -121,3 +121,23 @@ def test_sizes_and_speeds_are_positive(field: str) -> None:
 def test_a_way_leads_somewhere() -> None:
     with pytest.raises(InputError, match="two different points"):
         SimulatedRobot().follow(HALL, [[1.0, 1.0], [1.0, 1.0]])
+
+
+def test_it_stays_in_its_window_but_sees_the_whole_map(building: LabelledBuilding) -> None:
+    window = np.zeros(building.grid.shape, np.bool_)
+    window[:, : window.shape[1] // 2] = True
+    robot = SimulatedRobot(ScanGeometry.full_circle(90))
+    path = robot.explore(building.grid, window=window)
+    row, column = building.grid.cells_at_m(path.poses[:, :2]).T
+    assert window[row, column].all()
+    free = scans_along(building.grid, path, robot.geometry)
+    np.testing.assert_array_equal(path.ranges_m, free.ranges_m)
+    assert path.ranges_m is not None
+    ends = path.poses[:, :1] + path.ranges_m * np.cos(path.poses[:, 2:] + robot.geometry.angles_rad)
+    border = building.grid.cell_centres_m(np.array([[0, window.shape[1] // 2]]))[0, 0]
+    assert (ends > border + 0.5).any()  # through a door
+
+
+def test_a_window_has_the_shape_of_the_map(building: LabelledBuilding) -> None:
+    with pytest.raises(InputError, match=r"window must have the map's shape \("):
+        SimulatedRobot().explore(building.grid, window=np.ones((3, 3), np.bool_))
