@@ -192,7 +192,7 @@ def _building_folds(sources: Sources, n_folds: int) -> list[int | None]:
 
 def _labels(sources: Sources) -> list[NDArray[np.int64]]:
     """The known labels of the cells of each map and of the steps of each drive."""
-    of_maps = [item.labels[item.labelled_cells] for item in sources.maps]
+    of_maps = [item.labels[item.labelled_cells].astype(np.int64) for item in sources.maps]
     return [*of_maps, *(item.labels[item.labels >= 0] for item in sources.drives)]
 
 

@@ -1,5 +1,6 @@
 """Options are chosen on held-out training cells: whole buildings or contiguous blocks."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ def config(**select: Any) -> ExperimentConfig:
     )
 
 
-def labelled(maps: list[LabelledMap]) -> int:
+def labelled(maps: Sequence[LabelledMap]) -> int:
     return sum(int(item.labelled_cells.sum()) for item in maps)
 
 
