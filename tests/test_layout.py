@@ -1,5 +1,6 @@
 """The source layout: two links, one list of packages, nothing heavy on import."""
 
+import ast
 import subprocess
 import sys
 import tomllib
@@ -63,3 +64,21 @@ def test_help_needs_nothing_heavy(heavy: str) -> None:
         f"sys.exit({heavy!r} in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+SILENT = {"KeyboardInterrupt", "SystemExit", "ZeroDivisionError"}
+"""Exceptions that say nothing, or nothing of ours."""
+
+
+def test_every_expected_error_has_its_message_looked_at() -> None:
+    careless = []
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for item in node.items if isinstance(node, ast.With) else ():
+                call = item.context_expr
+                if not (isinstance(call, ast.Call) and ast.unparse(call.func) == "pytest.raises"):
+                    continue
+                is_matched = any(keyword.arg == "match" for keyword in call.keywords)
+                if not (is_matched or item.optional_vars or ast.unparse(call.args[0]) in SILENT):
+                    careless.append(f"{path.relative_to(ROOT)}:{call.lineno}")
+    assert not careless

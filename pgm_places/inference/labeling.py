@@ -28,7 +28,8 @@ class Status(StrEnum):
     """A relaxation was solved; its solution was fractional and has been rounded."""
     REPAIRED = "repaired"
     """The method ended at a labelling that breaks a rule (-inf); this one, found by a search from
-    there, breaks none, and no change of a single node improves it."""
+    there, breaks none, and no change of a single node improves it. Or a plug-in did not keep what
+    is known or forbidden at single nodes, and only their labels were put right."""
     INFEASIBLE = "infeasible"
     """The labelling breaks a rule (its score is -inf), and the search found none that does not,
     though there may be one."""

@@ -19,6 +19,7 @@ __all__ = ["MAX_VALUES", "CsvTable", "open_table", "plain_number"]
 
 MAX_VALUES = 20_000_000
 """Numbers of one table: 160 MB."""
+_MAX_NAME = 200
 _MAX_COLUMNS = 10_000
 _MAX_LINE = 1 << 20
 
@@ -44,6 +45,11 @@ class CsvTable:
         if len(self.names) > _MAX_COLUMNS:
             raise error(
                 f"{path} has {len(self.names)} columns, more than the {_MAX_COLUMNS} allowed"
+            )
+        if (longest := max(map(len, self.names))) > _MAX_NAME:
+            raise error(
+                f"{path} has a column name of {longest} characters, more than the {_MAX_NAME} "
+                "allowed; is the first line the heading?"
             )
         name, times = Counter(self.names).most_common(1)[0]
         if times > 1:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pgm_places.errors import ConfigError
 from pgm_places.graph.node_kind import NodeKind
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
+from pgm_places.inference.evidence import keep_evidence
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoding import FOREST_DECODERS
@@ -153,10 +154,11 @@ def check_sees_doorways(name: str, method: PlaceMethod, doorway: int | None) -> 
 def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
     """A backend's labelling of a problem; with ``truth`` it records its accuracy if it can.
 
-    Of a problem with nodes of several kinds that of the cells, which come first.
+    Evidence holds in it, also where a plug-in knows nothing of evidence. Of a problem with nodes of
+    several kinds it is the labelling of the cells, which come first.
     """
     follows = truth is not None and "truth" in inspect.signature(backend.infer).parameters
     options = {"truth": truth} if follows else {}
-    found: Labeling = backend.infer(problem, **options)
+    found = keep_evidence(problem, backend.infer(problem, **options))
     kinds = problem.graph.node_kind
     return found if kinds is None else found.part(slice(np.count_nonzero(kinds == NodeKind.CELL)))

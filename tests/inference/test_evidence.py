@@ -1,5 +1,6 @@
 """Evidence: labels that are known or forbidden hold in every method."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import networkx as nx
@@ -10,9 +11,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
 
-from pgm_places import LabelGraph, LabelingProblem, Potentials, Status, StructuredLabeler, build
+from pgm_places import (
+    LabelGraph,
+    Labeling,
+    LabelingProblem,
+    Potentials,
+    Status,
+    StructuredLabeler,
+    build,
+)
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import Backend
+from pgm_places.inference.evidence import keep_evidence
 from pgm_places.models.decoding import DECODERS, decode
 from pgm_places.models.hmm import MODES
 from tests.reference.energy import Model, labelings, score
@@ -133,6 +143,64 @@ def test_a_classifier_does_not_overwrite_what_is_known(backend: str) -> None:
     assert found.labels[20] != truth[20]
     again = labeler.infer(problem, labeler.scores(problem))
     np.testing.assert_array_equal(again.labels, found.labels)
+
+
+@dataclass(frozen=True)
+class Deaf:
+    """A plug-in that never looks at the problem's evidence."""
+
+    beliefs: bool
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        n, k = problem.graph.n_nodes, problem.n_labels
+        beliefs = np.tile(np.arange(k, 0, -1) / (k * (k + 1) / 2), (n, 1))
+        return Labeling(
+            np.zeros(n, np.int64), Status.EXACT, beliefs if self.beliefs else None, 7.0, 7.0
+        )
+
+
+@pytest.mark.parametrize("beliefs", [True, False])
+@pytest.mark.parametrize("with_unary", [True, False])
+def test_evidence_holds_in_a_plugin_that_knows_nothing_of_it(
+    beliefs: bool, with_unary: bool
+) -> None:
+    known = np.array([-1, 2, -1, 0])
+    unary = np.array([[0.0, 1.0, 2.0]] * 4)
+    unary[2, 0] = -np.inf
+    problem = LabelingProblem(
+        LabelGraph.from_lattice((4,)),
+        NAMES,
+        unary if with_unary else None,
+        np.zeros((4, 1)),
+        known=known,
+    )
+    labeler = StructuredLabeler(Deaf(beliefs)).fit([problem], [np.arange(4) % 3])
+    found = labeler.label(problem)
+    # Without beliefs the unary decides which of the labels left is taken, with them they do.
+    forbidden = (1 if beliefs else 2) if with_unary else 0
+    assert found.labels.tolist() == [0, 2, forbidden, 0]
+    assert (found.status, found.score, found.bound) == (Status.REPAIRED, None, None)
+    if beliefs:
+        assert found.beliefs is not None
+        free = np.array([1 / 2, 1 / 3, 1 / 6])
+        third = np.array([0, 2 / 3, 1 / 3]) if with_unary else free
+        wanted = np.array([free, [0, 0, 1], third, [1, 0, 0]])
+        np.testing.assert_allclose(found.beliefs.astype(float), wanted, rtol=0, atol=1e-12)
+
+
+def test_what_a_plugin_says_is_not_touched_where_it_keeps_the_evidence() -> None:
+    graph = LabelGraph.from_lattice((3,))
+    plain = LabelingProblem(graph, NAMES, np.zeros((3, 3)))
+    said = Deaf(beliefs=False).infer(plain)
+    assert keep_evidence(plain, said) is said
+    known = LabelingProblem(graph, NAMES, known=np.array([0, -1, -1]))
+    assert keep_evidence(known, said) is said
+    sure = Labeling(np.array([1, 0]), Status.EXACT, np.eye(3)[[2, 0]])
+    both = LabelingProblem(LabelGraph.from_lattice((2,)), NAMES, known=np.array([1, -1]))
+    found = keep_evidence(both, sure)  # no belief is left: those allowed share it
+    assert (found.status, found.labels.tolist()) == (Status.EXACT, [1, 0])
+    assert found.beliefs is not None
+    assert found.beliefs.tolist() == [[0, 1, 0], [1, 0, 0]]
 
 
 def test_known_labels_alone_are_a_problem() -> None:

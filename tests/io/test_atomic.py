@@ -32,9 +32,9 @@ def test_an_interrupted_file_leaves_what_was_there(
     tmp_path: Path, error: type[BaseException]
 ) -> None:
     path = write_text(tmp_path / "x.txt", "old")
-    with pytest.raises(error), atomic_file(path) as temporary:
+    with pytest.raises(error, match=r"^stop$"), atomic_file(path) as temporary:
         temporary.write_text("half")
-        raise error
+        raise error("stop")
     assert path.read_text() == "old"
     assert names(tmp_path) == ["x.txt"]
 
@@ -47,11 +47,11 @@ def test_an_interrupted_folder_leaves_what_was_there(
     folder.mkdir()
     (folder / "old").write_text("old")
     with (
-        pytest.raises(error),
+        pytest.raises(error, match=r"^stop$"),
         atomic_folder(folder, replaces=lambda _: True) as temporary,
     ):
         (temporary / "new").write_text("half")
-        raise error
+        raise error("stop")
     assert names(tmp_path) == ["out"]
     assert names(folder) == ["old"]
 

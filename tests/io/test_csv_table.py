@@ -30,6 +30,7 @@ def test_columns_are_taken_in_the_wanted_order(tmp_path: Path, end: str) -> None
         ("", "is empty"),
         ("a,b,a\n", "the column 'a' appears twice"),
         (",".join(map(str, range(100_000))), "has 100000 columns, more than the 10000 allowed"),
+        ("a,b," + "c" * 5000, "a column name of 5000 characters, more than the 200 allowed"),
         ("a,b,c\n" + "1" * 200_000 + ",2,3\n", "field larger than field limit"),
         ("a,b,c\n" + "1" * 2_000_000, "a line of more than"),
         ("a,b,c\n1,2\n", "row 1 after the heading: 2 fields, but there are 3 columns"),

@@ -269,17 +269,17 @@ def test_a_robot_that_stays_follows_the_transitions_learned_for_staying() -> Non
 
 
 @pytest.mark.parametrize(
-    "counts",
+    ("counts", "message"),
     [
-        {"moves": [[1.0, -1.0], [0.0, 1.0]]},
-        {"moves": np.ones((2, 3))},
-        {"moves": np.eye(2), "confusions": np.eye(3)},
-        {"moves": np.eye(2), "first": [1.0, 1.0, 1.0]},
-        {"confusions": np.full((2, 2), np.nan)},
+        ({"moves": [[1.0, -1.0], [0.0, 1.0]]}, "moves must .* 0"),
+        ({"moves": np.ones((2, 3))}, r"moves must be square, got shape \(2, 3\)"),
+        ({"moves": np.eye(2), "confusions": np.eye(3)}, r"must have shape \(3, 3\), got \(2, 2\)"),
+        ({"moves": np.eye(2), "first": [1.0] * 3}, r"first must have shape \(2,\), got \(3,\)"),
+        ({"confusions": np.full((2, 2), np.nan)}, "confusions must hold finite numbers, got nan"),
     ],
 )
-def test_counts_that_cannot_be_are_refused(counts: dict[str, object]) -> None:
-    with pytest.raises(InputError):
+def test_counts_that_cannot_be_are_refused(counts: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         HiddenMarkovModel().with_counts(**counts)  # type: ignore[arg-type]
 
 
