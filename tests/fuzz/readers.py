@@ -141,6 +141,10 @@ READERS: dict[str, Reader] = {
     "drive.mcap": Reader(_of_folder(read_trajectory, "drive.mcap"), "drive.mcap", BYTES),
     "drive.db3": Reader(_of_folder(read_trajectory, "ros2"), "ros2/ros2.db3", BYTES),
     "metadata.yaml": Reader(_of_folder(read_trajectory, "ros2"), "ros2/metadata.yaml"),
+    "packed.bag": Reader(_of_folder(read_trajectory, "packed.bag"), "packed.bag", BYTES),
+    "packed.mcap.zstd": Reader(
+        _of_folder(read_trajectory, "packed"), "packed/packed.mcap.zstd", BYTES
+    ),
     "detections.mcap": Reader(
         _of_folder(read_detection_bag, "detections"), "detections/detections.mcap", BYTES
     ),

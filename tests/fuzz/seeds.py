@@ -23,7 +23,14 @@ from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.fuzz.mutation import json_bytes
 from tests.io.logs.detection_files import detection_bag
-from tests.io.logs.log_files import HEADER, drive, flaser, robotlaser
+from tests.io.logs.log_files import (
+    HEADER,
+    drive,
+    flaser,
+    packed_chunks,
+    packed_files,
+    robotlaser,
+)
 from tests.topology.floors import gated_floor_map
 
 __all__ = ["MODELS", "NAMES", "seeds"]
@@ -91,6 +98,10 @@ def seeds(folder: Path) -> None:
     path = drive(ScanGeometry.half_circle(4), 5)
     for name in ("drive.bag", "drive.mcap", "ros2", "poses.csv"):
         write_trajectory(folder / name, path)
+    with packed_chunks("BZ2"):
+        write_trajectory(folder / "packed.bag", path)
+    with packed_files("MCAP"):
+        write_trajectory(folder / "packed", path)
     (folder / "counts.csv").write_text("t_s,cup,person\n0.5,1,0\n1.5,2,3\n")
     record = {"t_s": 1.5, "counts": {"cup": 2, "person": 1}}
     (folder / "counts.json").write_bytes(json_bytes([record, record]))

@@ -13,6 +13,8 @@ from pgm_places._extras import needed
 from pgm_places.errors import LogError, PgmPlacesError, printable
 from pgm_places.io.input_file import file_kind, user_path
 from pgm_places.io.logs.mcap_sizes import check_mcap
+from pgm_places.io.logs.ros1_sizes import check_ros1
+from pgm_places.io.logs.unpacking import plain_storage
 
 __all__ = ["is_bag", "open_bag", "stamp_s"]
 
@@ -46,10 +48,11 @@ def open_bag(path: Path | str) -> Iterator[Any]:
         raise LogError(f"{path}: no such file or folder; expected a ROS bag")
     if path.suffix == ".db3" and file_kind(path.parent / "metadata.yaml") == "file":
         path = path.parent
-    for file in [path] if path.suffix == ".mcap" else sorted(path.glob("*.mcap")):
-        check_mcap(file)
     try:
-        with highlevel.AnyReader([path], default_typestore=definitions) as reader:
+        with (
+            _checked(path) as paths,
+            highlevel.AnyReader(paths, default_typestore=definitions) as reader,
+        ):
             yield reader
     except PgmPlacesError:
         raise
@@ -61,6 +64,20 @@ def open_bag(path: Path | str) -> Iterator[Any]:
             f"cannot read the bag {path}: {printable(reason)[:300]}; is it complete? "
             "'rosbag reindex', 'ros2 bag reindex' and 'mcap recover' repair truncated recordings"
         ) from error
+
+
+@contextlib.contextmanager
+def _checked(path: Path) -> Iterator[list[Path]]:
+    """The paths to open instead, once nothing in them states or unpacks to too much."""
+    is_folder = file_kind(path) == "folder"
+    with plain_storage(path) if is_folder else contextlib.nullcontext([path]) as paths:
+        for found in paths:
+            for file in sorted(found.glob("*.mcap")) if found.is_dir() else [found]:
+                if file.suffix == ".mcap":
+                    check_mcap(file)
+                elif file.suffix == ".bag":
+                    check_ros1(file)
+        yield paths
 
 
 def stamp_s(message: Any, recorded_ns: int) -> float:

@@ -1,22 +1,20 @@
 """The sizes that an MCAP file states, checked before anything is unpacked.
 
-The format is described at https://mcap.dev/spec. ``rosbags`` trusts these sizes, and unpacks chunks
-without a limit: a kilobyte of Zstandard can hold a gigabyte of zeros.
+The format is described at https://mcap.dev/spec. ``rosbags`` trusts these sizes.
 """
 
-import importlib
 import struct
-import sys
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from pgm_places.errors import LogError, printable
 from pgm_places.io.input_file import open_input
+from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES, unpacked_size, zstd_module
 
-__all__ = ["MAX_CHUNK_BYTES", "check_mcap"]
+__all__ = ["check_mcap"]
 
-MAX_CHUNK_BYTES = 256 << 20
-"""Of a chunk, unpacked; writers begin a new one after some megabytes."""
+_MOST_LZ4 = 255
+"""How many times as large LZ4 can make its data."""
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _CHUNK, _CHUNK_INDEX = 0x02, 0x06, 0x08
 
@@ -70,15 +68,15 @@ def _check_chunk(path: Path, file: IO[bytes], size: int) -> None:
         raise LogError(f"{where} states {packed} bytes, but has {size - 40 - name_length}")
     if compression == b"zstd":
         _check_frame(where, file.read(packed), unpacked)
+    elif compression == b"lz4" and packed * _MOST_LZ4 > MAX_CHUNK_BYTES:
+        _check_lz4(where, file.read(packed), unpacked)
     elif compression not in (b"", b"lz4"):
         raise LogError(f"{where} is compressed by {printable(compression.decode('latin-1'))}")
 
 
 def _check_frame(where: str, data: bytes, unpacked: int) -> None:
     """One frame that states its size, which the decoder then holds it to."""
-    # What rosbags itself unpacks with; other compressions do not grow without limit.
-    module = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
-    zstd: Any = importlib.import_module(module)
+    zstd = zstd_module()
     try:
         stated = zstd.get_frame_info(data).decompressed_size
         is_whole = zstd.get_frame_size(data) == len(data)
@@ -86,3 +84,12 @@ def _check_frame(where: str, data: bytes, unpacked: int) -> None:
         raise LogError(f"{where} is damaged: {error}") from None
     if stated != unpacked or not is_whole:
         raise LogError(f"{where} states {unpacked} bytes, but its data state {stated}")
+
+
+def _check_lz4(where: str, data: bytes, unpacked: int) -> None:
+    try:
+        found = unpacked_size("lz4", data, unpacked)
+    except ValueError as error:
+        raise LogError(f"{where} is damaged: {printable(str(error))}") from None
+    if found > unpacked:
+        raise LogError(f"{where} states {unpacked} bytes, but its data unpack to more")

@@ -1,6 +1,13 @@
 """Small trajectories and log lines for tests of readers and writers."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest.mock import patch
+
 import numpy as np
+from rosbags import rosbag1, rosbag2
+from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
 from pgm_places import ScanGeometry, Trajectory
 
@@ -40,3 +47,32 @@ def drive(geometry: ScanGeometry, n_steps: int = 6, *, odometry: bool = True) ->
         wheels if odometry else None,
         name="drive",
     )
+
+
+@contextmanager
+def packed_chunks(name: str) -> Iterator[None]:
+    """ROS 1 bags that are written meanwhile have chunks packed by ``BZ2`` or ``LZ4``."""
+    made = rosbag1.Writer
+
+    def packed(path: Any) -> Any:
+        writer = made(path)
+        writer.set_compression(made.CompressionFormat[name])
+        return writer
+
+    with patch.object(rosbag1, "Writer", packed):
+        yield
+
+
+@contextmanager
+def packed_files(plugin: str) -> Iterator[None]:
+    """ROS 2 bags that are written meanwhile are packed as a whole; ``SQLITE3`` or ``MCAP``."""
+    made = rosbag2.Writer
+
+    def packed(path: Any, **options: Any) -> Any:
+        storage = rosbag2.StoragePlugin[plugin]
+        writer = made(path, **{**options, "storage_plugin": storage})
+        writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+        return writer
+
+    with patch.object(rosbag2, "Writer", packed):
+        yield
