@@ -23,7 +23,7 @@ from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
-from pgm_places.unary.scan_model import BeamOptions, circles_along
+from pgm_places.unary.scan_model import BeamOptions, observed_along
 
 GEOMETRY = ScanGeometry.half_circle(360, range_max_m=80.0)
 WARM_UP = 20
@@ -61,7 +61,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     sensor, angles = model.sensor, GEOMETRY.angles_rad
     local, ranges = LocalMap(), path.ranges_m
     behind = sensor.angles_rad[91:270]
-    circles = circles_along(path, sensor, labeler.beams)
+    circles = observed_along(path, sensor, labeler.beams).circles_m
     columns = model.classifier.used_features
     count = len(columns)
     scores = model.log_proba(circles, n_threads=1)

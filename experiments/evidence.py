@@ -14,7 +14,7 @@ from pgm_places.progress import Silent
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, Building79
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.learning import RAREST_FIRST, held_out_scores, with_explicit_order
-from pgm_places.unary.scan_model import BeamOptions, ScanModel, circles_along
+from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
 MODES = ("filter", "smooth", "viterbi")
 HEAD = (
@@ -44,7 +44,7 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     held_out = held_out_scores(fitted, *given, n_labels, Silent(), "held-out scores")
     model = ScanModel(fitted.boosted_list_, n_labels, sensor)
     learned = path.subset(examples.steps[0])
-    scores = model.log_proba(circles_along(path, sensor, beams))
+    scores = model.log_proba(observed_along(path, sensor, beams).circles_m)
     for every_m in (0.1, 0.3, 0.5):
         unfitted_method = TrajectoryLabeler(names).method
         method = learn_method(

@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.models.hmm import HiddenMarkovModel
-from pgm_places.sensing.scan_completion import ScanCompletion
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
 from pgm_places.unary.scan_model import ScanModel, ScanScorer
+from pgm_places.unary.scan_observer import ScanObserver
 
 __all__ = ["BeliefFilter", "OnlineLabeler"]
 
@@ -88,11 +88,11 @@ class OnlineLabeler:
     def __init__(
         self,
         model: ScanModel,
-        circle: ScanCompletion,
+        observer: ScanObserver,
         belief_filter: BeliefFilter,
         label_names: tuple[str, ...],
     ) -> None:
-        self._scorer, self._circle, self._filter = ScanScorer(model), circle, belief_filter
+        self._scorer, self._observer, self._filter = ScanScorer(model), observer, belief_filter
         self.label_names = label_names
         self.n_steps = 0
 
@@ -119,15 +119,15 @@ class OnlineLabeler:
         InputError
             The scan has other beams.
         """
-        if scan.geometry is not self._circle.geometry and not scan.geometry.same_as(
-            self._circle.geometry
+        if scan.geometry is not self._observer.geometry and not scan.geometry.same_as(
+            self._observer.geometry
         ):
             raise InputError(
-                f"this labeler was made for {self._circle.geometry}, but the scan has "
+                f"this labeler was made for {self._observer.geometry}, but the scan has "
                 f"{scan.geometry}; make another with online(scan.geometry)"
             )
         where = scan.pose if pose is None else np.asarray(pose, np.float64)
-        circle = self._circle.add(where, scan.ranges_m)
-        log_z = self._scorer.log_proba(circle, extra)
+        seen = self._observer.add(where, scan.ranges_m)
+        log_z = self._scorer.log_proba(seen.circle_m, extra, seen.spaces)
         self.n_steps += 1
         return self._filter.step(float(where[0]), float(where[1]), log_z)

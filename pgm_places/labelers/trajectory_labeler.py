@@ -36,7 +36,7 @@ from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.options import NumberOfFolds
-from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, circles_along
+from pgm_places.unary.scan_model import BeamOptions, ScanModel, check_scan_features, observed_along
 
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
@@ -361,6 +361,7 @@ class TrajectoryLabeler(Labeler):
             classifier=self.classifier,
             extra_names=extra_names,
             features=features,
+            sees_spaces=self.beams.spaces_m > 0,
             progress=progress,
         )
         found: dict[str, Self] = {}
@@ -404,8 +405,8 @@ class TrajectoryLabeler(Labeler):
             Before :meth:`fit`.
         """
         self.check_fitted()
-        circle = self.beams.circle(geometry, self.scan_model_.sensor, known_map)
-        return OnlineLabeler(self.scan_model_, circle, self._filter(), self.label_names_)
+        observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map)
+        return OnlineLabeler(self.scan_model_, observer, self._filter(), self.label_names_)
 
     def scores(
         self,
@@ -420,10 +421,10 @@ class TrajectoryLabeler(Labeler):
         self.check_fitted()
         model = self.scan_model_
         with (progress or Silent()).stage("scans, features and list"):
-            circles = circles_along(
+            seen = observed_along(
                 trajectory, model.sensor, self.beams, known_map=known_map, n_threads=n_threads
             )
-            return model.log_proba(circles, extra, n_threads=n_threads)
+            return model.log_proba(seen.circles_m, extra, spaces=seen.spaces, n_threads=n_threads)
 
     def label(
         self,

@@ -31,7 +31,7 @@ from pgm_places.unary.scan_model import (
     ScanModel,
     check_extra,
     check_scan_features,
-    circles_along,
+    observed_along,
 )
 from pgm_places.unary.training_cells import training_features
 
@@ -115,6 +115,11 @@ def trajectory_examples(
     progress = progress or Silent()
     _require_sources(maps, trajectories, extra, extra_names, label_names)
     check_scan_features(features)
+    if maps and beams.spaces_m > 0:
+        raise InputError(
+            "spaces_m: a robot sees the spaces around it on its way, which cells of maps have not; "
+            "train on drives alone, such as simulated ones through these maps"
+        )
     masks = [item.labelled_cells for item in maps]
     truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]
     parts = [training_features(maps, sensor, n_threads, progress, features)] if maps else []
@@ -128,14 +133,14 @@ def trajectory_examples(
         for number, item in enumerate(trajectories):
             labels = _labels(item)
             known = np.flatnonzero(labels >= 0)
-            circles = circles_along(
+            seen = observed_along(
                 item, sensor, beams, known_map=_map_of(known_map, number), n_threads=n_threads
             )
             columns = check_extra(None if extra is None else extra[number], len(item), extra_names)
             values = feature_values(
-                circles[known], features, max_range_m=sensor.max_range_m, n_threads=n_threads
+                seen.circles_m[known], features, max_range_m=sensor.max_range_m, n_threads=n_threads
             )
-            parts.append(np.concatenate([values, columns[known]], axis=1))
+            parts.append(np.concatenate([values, seen.spaces[known], columns[known]], axis=1))
             truths.append(labels[known])
             order = np.arange(len(known))[:, None]
             groups.append(_groups(folds[len(maps) + number], order, n_folds))
@@ -160,6 +165,7 @@ def learn_list(
     classifier: "DecisionListClassifier | None" = None,
     extra_names: tuple[str, ...] = (),
     features: tuple[Any, ...] = (),
+    sees_spaces: bool = False,
     progress: Progress | None = None,
 ) -> tuple[ScanModel, NDArray[np.float64]]:
     """The list fitted on all examples, and (N, K) what lists say of examples held out."""
@@ -177,7 +183,8 @@ def learn_list(
     scores = held_out_scores(
         fitted, examples.features, truth, examples.groups, n_labels, progress, "held-out scores"
     )
-    return ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, features), scores
+    model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, features, sees_spaces)
+    return model, scores
 
 
 def learn_method(

@@ -18,6 +18,7 @@ from pgm_places.persistence.unary import (
     load_sensor,
 )
 from pgm_places.unary.scan_model import BeamOptions, ScanModel
+from pgm_places.unary.surroundings import N_SURROUNDINGS
 
 __all__ = ["KIND", "dump", "load"]
 
@@ -37,6 +38,7 @@ def dump(labeler: TrajectoryLabeler) -> tuple[dict[str, Any], Arrays]:
         "features": dump_features(model.features),
         "sensor": dataclasses.asdict(model.sensor),
         "extra_names": list(model.extra_names),
+        "sees_spaces": model.sees_spaces,
         "every_m": float(labeler.every_m),
         "beams": dataclasses.asdict(labeler.beams),
         "options": {name: getattr(labeler, name) for name in OPTIONS},
@@ -52,13 +54,14 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> TrajectoryLabeler:
     names = tuple(str(name) for name in manifest["label_names"])
     extra_names = tuple(str(name) for name in manifest["extra_names"])
     features = load_features(manifest)
-    n_all = n_columns(features) + len(extra_names)
+    sees_spaces = bool(manifest.get("sees_spaces", False))  # absent before it could be so
+    n_all = n_columns(features) + sees_spaces * N_SURROUNDINGS + len(extra_names)
     classifier = load_list(arrays, "classifier", manifest["classifier"], n_all, len(names))
     sensor = load_sensor(manifest["sensor"])
     labeler = TrajectoryLabeler.of_parts(
         names,
         load_backend(arrays, "method", manifest["method"]),
-        ScanModel(classifier, len(names), sensor, extra_names, features),
+        ScanModel(classifier, len(names), sensor, extra_names, features, sees_spaces),
         every_m=manifest["every_m"],
         beams=BeamOptions(**manifest["beams"]),
     )

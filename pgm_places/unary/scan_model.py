@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
-from pgm_places.errors import InputError
+from pgm_places.errors import ConfigError, InputError
 from pgm_places.features.extraction import ScanExtractor
 from pgm_places.features.own import MapFeature, feature_values, n_columns
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
-from pgm_places.options import AtLeastZeroOrInfinite, Positive, check_options
+from pgm_places.options import AtLeastZero, AtLeastZeroOrInfinite, Positive, check_options
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 from pgm_places.sensing.scan_completion import MissingBeams, ScanCompletion, check_missing
@@ -21,8 +21,10 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.cell_lists import aligned_log_proba
+from pgm_places.unary.scan_observer import Observations, ScanObserver, surroundings_along
+from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
 
-__all__ = ["BeamOptions", "ScanModel", "ScanScorer", "circles_along"]
+__all__ = ["BeamOptions", "ScanModel", "ScanScorer", "observed_along"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,10 @@ class BeamOptions:
         Side of the local map and of its cells in metres.
     through_unknown_m : float
         See :class:`pgm_places.sensing.local_map.LocalMap`.
+    spaces_m : float
+        Half the side in metres of the square around the robot, in the local map or the known one,
+        whose segments are features of the scan too (:mod:`pgm_places.unary.surroundings`); 0 for
+        none. What the list looks at is settled when it is trained.
     """
 
     missing: MissingBeams = "local-map"
@@ -47,10 +53,28 @@ class BeamOptions:
     local_size_m: Positive = 40.0
     local_resolution_m: Positive = 0.05
     through_unknown_m: AtLeastZeroOrInfinite = 0.3
+    spaces_m: AtLeastZero = 0.0
 
     def __post_init__(self) -> None:
         check_options(self)
         check_missing(self.missing, all_from_map=self.all_from_map)
+        if self.spaces_m > 0 and self.missing not in ("local-map", "known-map"):
+            raise ConfigError(
+                f"missing = {self.missing!r} makes no map, but spaces_m asks for the spaces around "
+                "the robot; use 'local-map' or 'known-map'"
+            )
+
+    def observer(
+        self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
+    ) -> ScanObserver:
+        """What sees the surroundings of one robot, with a fresh :meth:`circle`.
+
+        Raises
+        ------
+        InputError
+            As :meth:`circle`.
+        """
+        return ScanObserver(self.circle(geometry, sensor, known_map), self.spaces_m)
 
     def circle(
         self, geometry: ScanGeometry, sensor: Sensor, known_map: OccupancyGrid | None = None
@@ -98,9 +122,11 @@ class ScanModel:
     sensor : Sensor
         Beams and reach that the list learned with.
     extra_names : tuple of D str
-        Columns after the features, such as counts of objects seen by a camera.
+        Columns after all others, such as counts of objects seen by a camera.
     features : tuple
         Custom features of scans: see :mod:`pgm_places.features.own`.
+    sees_spaces : bool
+        Whether the features of the spaces around the robot follow those of its scan.
     """
 
     classifier: BoostedList
@@ -108,6 +134,7 @@ class ScanModel:
     sensor: Sensor
     extra_names: tuple[str, ...] = ()
     features: tuple[Any, ...] = ()
+    sees_spaces: bool = False
     needed: NDArray[np.int64] = field(init=False, repr=False)
     """The columns that the list looks at, ascending."""
     short_list: BoostedList = field(init=False, repr=False)
@@ -116,23 +143,30 @@ class ScanModel:
     def __post_init__(self) -> None:
         check_scan_features(self.features)
         n_own = n_columns(self.features)
-        if self.classifier.n_features != n_own + len(self.extra_names):
+        if self.classifier.n_features != n_own + self.n_spaces + len(self.extra_names):
             raise InputError(
                 f"the list wants {self.classifier.n_features} columns, but there are {n_own} "
-                f"features of scans and {len(self.extra_names)} extra columns"
+                f"features of scans, {self.n_spaces} of spaces and {len(self.extra_names)} extra "
+                "columns"
             )
         needed = self.classifier.used_features
         object.__setattr__(self, "needed", needed)
         object.__setattr__(self, "short_list", self.classifier.restricted(needed))
+
+    @property
+    def n_spaces(self) -> int:
+        """Columns of spaces."""
+        return N_SURROUNDINGS if self.sees_spaces else 0
 
     def log_proba(
         self,
         circles_m: ArrayLike,
         extra: ArrayLike | None = None,
         *,
+        spaces: ArrayLike | None = None,
         n_threads: int | None = None,
     ) -> NDArray[np.float64]:
-        """(T, K) log z of scans (T, n_beams) all around and their extra columns (T, D)."""
+        """(T, K) log z of scans (T, n_beams) all around, with their spaces and extra columns."""
         n_own = n_columns(self.features)
         own = self.needed[self.needed < n_own]
         values = feature_values(
@@ -142,11 +176,25 @@ class ScanModel:
             max_range_m=self.sensor.max_range_m,
             n_threads=n_threads,
         )
-        columns = check_extra(extra, len(values), self.extra_names)
+        columns = self.other_columns(spaces, extra, len(values))
         if len(own) < len(self.needed):
             chosen = columns[:, self.needed[len(own) :] - n_own]
             values = np.concatenate([values, chosen], axis=1)
         return aligned_log_proba(self.short_list, values, self.n_labels, n_threads)
+
+    def other_columns(
+        self, spaces: ArrayLike | None, extra: ArrayLike | None, n_steps: int
+    ) -> NDArray[np.float32]:
+        """(T, S + D) the columns of spaces (T, S) and the extra ones (T, D), checked."""
+        seen = np.empty((n_steps, 0), np.float32) if spaces is None else np.asarray(spaces)
+        if seen.shape != (n_steps, self.n_spaces):
+            wants = "looks" if self.sees_spaces else "does not look"
+            raise InputError(
+                f"this model {wants} at the spaces around the robot ({self.n_spaces} columns), but "
+                f"{seen.shape[-1]} columns are given; leave spaces_m of the beams as in training"
+            )
+        columns = check_extra(extra, n_steps, self.extra_names)
+        return np.concatenate([seen, columns], axis=1, dtype=np.float32)
 
 
 class ScanScorer:
@@ -165,29 +213,33 @@ class ScanScorer:
             self._laser = ScanExtractor(self._own, max_range_m=model.sensor.max_range_m)
 
     def log_proba(
-        self, circle_m: NDArray[np.float32], extra: ArrayLike | None = None
+        self,
+        circle_m: NDArray[np.float32],
+        extra: ArrayLike | None = None,
+        spaces: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float64]:
-        """(K,) log z of a scan (n_beams,) all around and its extra columns (D,)."""
+        """(K,) log z of a scan (n_beams,) all around, its extra columns (D,) and its spaces."""
         model = self._model
         row = None if extra is None else np.asarray(extra, np.float32)[None]
+        around = None if spaces is None else spaces[None]
         if self._laser is None:
-            return model.log_proba(circle_m[None], row, n_threads=1)[0]
+            return model.log_proba(circle_m[None], row, spaces=around, n_threads=1)[0]
         values = self._laser.features(circle_m)[None]
-        columns = check_extra(row, 1, model.extra_names)
+        columns = model.other_columns(around, row, 1)
         if len(self._extra):
             values = np.concatenate([values, columns[:, self._extra]], axis=1)
         return aligned_log_proba(model.short_list, values, model.n_labels, 1)[0]
 
 
-def circles_along(
+def observed_along(
     trajectory: Trajectory,
     sensor: Sensor,
     beams: BeamOptions,
     *,
     known_map: OccupancyGrid | None = None,
     n_threads: int | None = None,
-) -> NDArray[np.float32]:
-    """(T, n_beams) ranges all around at each step of a trajectory.
+) -> Observations:
+    """What a robot sees at each step of a trajectory.
 
     A trajectory without scans takes them all from the known map.
 
@@ -201,15 +253,17 @@ def circles_along(
             raise InputError(
                 f"{trajectory.name} has no scans; give the map in which they are to be cast"
             )
-        return cast_poses(
+        circles = cast_poses(
             known_map,
             trajectory.poses,
             sensor.angles_rad,
             max_range_m=sensor.max_range_m,
             n_threads=n_threads,
         )
-    circle = beams.circle(trajectory.geometry, sensor, known_map)
-    return circle.complete(trajectory.poses, trajectory.ranges_m)
+        around = Surroundings(known_map, beams.spaces_m) if beams.spaces_m > 0 else None
+        return Observations(circles, surroundings_along(around, trajectory.poses))
+    observer = beams.observer(trajectory.geometry, sensor, known_map)
+    return observer.along(trajectory.poses, trajectory.ranges_m)
 
 
 def check_scan_features(features: Sequence[Any]) -> None:

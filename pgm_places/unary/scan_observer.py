@@ -1,0 +1,98 @@
+"""What a robot sees of its surroundings, scan by scan: beams all around, and spaces."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.sensing.scan_completion import ScanCompletion
+from pgm_places.trajectories.scan import ScanGeometry
+from pgm_places.unary.surroundings import N_SURROUNDINGS, Surroundings
+
+__all__ = ["Observation", "Observations", "ScanObserver", "surroundings_along"]
+
+
+class Observation(NamedTuple):
+    """What is seen at one step.
+
+    Parameters
+    ----------
+    circle_m : (n_beams,) float32
+        Ranges all around.
+    spaces : (F,) float32
+        Features of the segments around, or none.
+    """
+
+    circle_m: NDArray[np.float32]
+    spaces: NDArray[np.float32]
+
+
+class Observations(NamedTuple):
+    """What is seen at the steps of a trajectory.
+
+    Parameters
+    ----------
+    circles_m : (T, n_beams) float32
+        Ranges all around.
+    spaces : (T, F) float32
+        Features of the segments around, or no columns.
+    """
+
+    circles_m: NDArray[np.float32]
+    spaces: NDArray[np.float32]
+
+
+class ScanObserver:
+    """Completes the scans of one robot, and describes the spaces around it if asked to.
+
+    Parameters
+    ----------
+    completion : ScanCompletion
+        Fresh, for one robot.
+    spaces_m : float
+        Half the side of the square that is divided into segments, of the known map or of the
+        rolling one; 0 for none.
+    """
+
+    def __init__(self, completion: ScanCompletion, spaces_m: float = 0.0) -> None:
+        self._completion = completion
+        self._surroundings: Surroundings | None = None
+        if spaces_m > 0:
+            source = completion.local_map or completion.known_map
+            assert source is not None  # BeamOptions has checked
+            self._surroundings = Surroundings(source, spaces_m)
+
+    @property
+    def geometry(self) -> ScanGeometry:
+        """The laser's beams."""
+        return self._completion.geometry
+
+    def add(self, pose: NDArray[np.float64], ranges_m: ArrayLike) -> Observation:
+        """What is seen after one more scan (M,) taken at a pose (3,)."""
+        circle = self._completion.add(pose, ranges_m)
+        if self._surroundings is None:
+            return Observation(circle, np.empty(0, np.float32))
+        return Observation(circle, self._surroundings.at(pose[:2]))
+
+    def along(self, poses: NDArray[np.float64], ranges_m: NDArray[np.float32]) -> Observations:
+        """What is seen at each of the poses (T, 3) with its scan (T, M), one after the other."""
+        if self._surroundings is None:
+            circles = self._completion.complete(poses, ranges_m)
+            return Observations(circles, np.empty((len(circles), 0), np.float32))
+        seen = [self.add(pose, row) for pose, row in zip(poses, ranges_m, strict=True)]
+        circles = np.array([item.circle_m for item in seen], np.float32)
+        spaces = np.array([item.spaces for item in seen], np.float32)
+        return Observations(
+            circles.reshape(len(seen), self._completion.n_beams),
+            spaces.reshape(len(seen), N_SURROUNDINGS),
+        )
+
+
+def surroundings_along(
+    source: Surroundings | None, poses: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """(T, F) features at the poses (T, 3) of a way; without surroundings, no columns."""
+    if source is None:
+        return np.empty((len(poses), 0), np.float32)
+    found = np.array([source.at(pose[:2]) for pose in poses], np.float32)
+    return found.reshape(len(poses), N_SURROUNDINGS)
