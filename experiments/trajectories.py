@@ -125,7 +125,8 @@ def main() -> None:
     building = load_building79(Path(data))
     parts: Mapping[str, Callable[[], str]] = {
         "PLACES": lambda: places_table(building),
-        "METHODS": methods_table,
+        "METHODS": lambda: methods_table("building79.toml"),
+        "FLOORS": lambda: methods_table("floors.toml"),
         "CATEGORIES": lambda: categories_table(building),
         "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),

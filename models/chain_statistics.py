@@ -1,12 +1,81 @@
 """Counts of labels, of consecutive labels, and of confusions, as probabilities."""
 
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-__all__ = ["count_table", "normalised"]
+__all__ = ["ChainCounts", "count_chains", "count_table", "normalised", "require_chain"]
+
+
+class ChainCounts(NamedTuple):
+    """What was counted along labelled chains."""
+
+    moves: NDArray[np.float64]
+    """(K, K) how often the column's label came after the row's, the robot having moved."""
+    confusions: NDArray[np.float64]
+    """(K, K) how often the classifier's best label was the column where the row was true."""
+    first: NDArray[np.float64]
+    """(K,) how often each label was the first that is known."""
+    shares: NDArray[np.float64]
+    """(K,) how many steps have each label."""
+
+
+def count_chains(
+    problems: Sequence[LabelingProblem],
+    labelings: Sequence[NDArray[np.int64]],
+    moved: Callable[[LabelGraph], NDArray[np.bool_]],
+    *,
+    smoothing: float,
+) -> ChainCounts:
+    """Counts over all chains, ``smoothing`` added to each.
+
+    Parameters
+    ----------
+    problems, labelings
+        Chains with unaries, and the true label (T,) of each step, -1 where it is unknown.
+    moved : function of a chain
+        (T - 1,) whether the robot moved between each step and the next.
+    smoothing : float
+
+    Raises
+    ------
+    InputError
+        A problem is no chain, has no unary, or other labels than the first; no step is labelled.
+    """
+    pairs = labelled_problems(problems, labelings)
+    n_labels = pairs[0][0].n_labels
+    moves = np.full((n_labels, n_labels), smoothing)
+    seen = moves.copy()
+    first = np.full(n_labels, smoothing)
+    share = first.copy()
+    for problem, truth in pairs:
+        require_chain(problem.graph)
+        if problem.unary is None:
+            raise InputError("'hmm' needs unary log-probabilities; the problem has none")
+        known = np.flatnonzero(truth >= 0)
+        pair = (truth[:-1] >= 0) & (truth[1:] >= 0) & moved(problem.graph)
+        np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), 1)
+        np.add.at(seen, (truth[known], problem.unary[known].argmax(axis=1)), 1)
+        np.add.at(share, truth[known], 1)
+        first[truth[known[:1]]] += 1
+    if share.sum() == smoothing * n_labels:
+        raise InputError("no step is labelled, so there is nothing to train on")
+    return ChainCounts(moves, seen, first, share)
+
+
+def require_chain(graph: LabelGraph) -> None:
+    """Refuse a graph that is no chain."""
+    if not graph.is_chain:
+        raise InputError(
+            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {graph!r} is none"
+        )
 
 
 def count_table(

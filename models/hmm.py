@@ -16,9 +16,9 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.potentials import Potentials, score
-from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
-from pgm_places.models.chain_statistics import count_table, normalised
+from pgm_places.inference.problem import LabelingProblem, evident_unary
+from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
+from pgm_places.models.chain_statistics import count_chains, count_table, normalised, require_chain
 from pgm_places.models.evidence_weight import BALANCES, WEIGHTS, best_weights
 from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import (
@@ -29,7 +29,6 @@ from pgm_places.solvers.forward import (
     smoothed_beliefs,
     viterbi,
 )
-from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["HiddenMarkovModel"]
 
@@ -38,10 +37,6 @@ logger = logging.getLogger(__name__)
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 MOVE, STAY = 0, 1
-
-LEAST = 1e-200
-"""Of a transition that was learned to be impossible, where labels are known that prove it wrong:
-so little that it is taken only there, and enough for floats when multiplied by a belief."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +92,7 @@ class HiddenMarkovModel:
     chains_only: ClassVar[bool] = True
 
     mode: Mode = "filter"
-    observation: Literal["posterior", "hard", "soft"] = "posterior"
+    observation: Observation = "posterior"
     start: Literal["uniform", "learned"] = "uniform"
     smoothing: AtLeastZero = 1.0
     stay_below_m: AtLeastZero = 0.0
@@ -137,42 +132,29 @@ class HiddenMarkovModel:
             A problem that is no chain, has no unary, or other labels than the first; no labelled
             step at all.
         """
-        pairs = labelled_problems(problems, labelings)
-        n_labels = pairs[0][0].n_labels
-        moves = np.full((n_labels, n_labels), float(self.smoothing))
-        seen = moves.copy()
-        first = np.full(n_labels, float(self.smoothing))
-        share = first.copy()
-        for problem, truth in pairs:
-            _require_chain(problem.graph)
-            if problem.unary is None:
-                raise InputError("'hmm' needs unary log-probabilities; the problem has none")
-            unary = problem.unary
-            known = np.flatnonzero(truth >= 0)
-            pair = (truth[:-1] >= 0) & (truth[1:] >= 0)
-            pair &= self._actions(problem.graph) == MOVE
-            np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), 1)
-            np.add.at(seen, (truth[known], unary[known].argmax(axis=1)), 1)
-            np.add.at(share, truth[known], 1)
-            first[truth[known[:1]]] += 1
-        if share.sum() == self.smoothing * n_labels:
-            raise InputError("no step is labelled, so there is nothing to train on")
+        counts = count_chains(
+            problems,
+            labelings,
+            lambda graph: self._actions(graph) == MOVE,
+            smoothing=float(self.smoothing),
+        )
         learned_now = replace(
             self,
-            transition=normalised(moves),
-            confusion=normalised(seen),
-            initial=normalised(first),
-            prior=normalised(share),
+            transition=normalised(counts.moves),
+            confusion=normalised(counts.confusions),
+            initial=normalised(counts.first),
+            prior=normalised(counts.shares),
         )
-        return learned_now.with_weight_for(problems, labelings)
+        return learned_now.with_sequences(problems, labelings)
 
-    def with_weight_for(
+    def with_sequences(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> Self:
-        """A new one with ``evidence_weight`` and ``balance`` fitted to labelled sequences.
+        """A new one with what labelled sequences teach beside counts: its fitted options.
 
-        As far as they are to be, and for each mode by itself: see
-        :func:`pgm_places.models.evidence_weight.best_weights`. Arguments as of :meth:`fit`.
+        That is ``evidence_weight`` and ``balance``, as far as they are to be fitted, and for each
+        mode by itself: see :func:`pgm_places.models.evidence_weight.best_weights`. Arguments as of
+        :meth:`fit`.
         """
         weight, balance = self.evidence_weight, self.balance
         if weight != "fitted" and balance != "fitted":
@@ -289,22 +271,18 @@ class HiddenMarkovModel:
         """
         begin = time.perf_counter()
         unary = evident_unary(problem, "hmm")
-        _require_chain(problem.graph)
+        require_chain(problem.graph)
         observed = self._log_likelihood(unary)
-        actions = self._actions(problem.graph)
-        chain = (self._start(), self._transitions, observed)
-        found = self._explained(chain, actions)
+        found = self._explained(problem.graph, observed)
         impossible = found.impossible
         contradicts = problem.evidence[impossible]
         if contradicts.any():
             observed[impossible[~contradicts]] = 0.0
-            chain = (_possible(chain[0]), _possible(chain[1]), observed)
-            found = self._explained(chain, actions)
+            found = self._explained(problem.graph, observed, everything_possible=True)
         info: dict[str, Any] = {}
         if isinstance(found, ChainPath):
             labels, beliefs, status = found.labels, None, Status.EXACT
-            potentials = _potentials(*chain, actions, found.impossible)
-            total: float | None = score(problem.graph, potentials, labels)
+            total: float | None = found.log_probability
         else:
             labels, beliefs, status = self.choose(found.beliefs), found.beliefs, Status.CONVERGED
             total = None
@@ -322,12 +300,30 @@ class HiddenMarkovModel:
         return Labeling(labels, status, beliefs=beliefs, score=total, bound=total, info=info)
 
     def _explained(
-        self, chain: tuple[NDArray[np.float64], ...], actions: NDArray[np.int64]
+        self,
+        graph: LabelGraph,
+        observed: NDArray[np.float64],
+        *,
+        everything_possible: bool = False,
     ) -> ChainBeliefs | ChainPath:
-        """What the mode's algorithm finds in start, transitions and log-likelihoods."""
+        """What the mode's algorithm finds; where everything is possible, nothing has weight 0."""
         methods: dict[str, Callable[..., ChainBeliefs | ChainPath]]
         methods = {"filter": filtered_beliefs, "smooth": smoothed_beliefs, "viterbi": viterbi}
-        return methods[self.mode](*chain, actions=actions)
+        start, tables = self._start(), self._transitions
+        if everything_possible:
+            start, tables = possible(start), possible(tables)
+        return methods[self.mode](start, tables, observed, actions=self._actions(graph))
+
+    def advance(
+        self, unary: ArrayLike, state: Any = None, *, moved_m: float | None = None
+    ) -> tuple[NDArray[np.float64], Any, bool]:
+        """The belief (K,) after one more observation, the state to go on from, and if possible.
+
+        Arguments as of :meth:`step`, but for the state, which is None at the first step: what the
+        model has to know of all before. Here that is the belief.
+        """
+        belief, was_possible = self.step(unary, state, moved_m=moved_m)
+        return belief, belief, was_possible
 
     def step(
         self, unary: ArrayLike, belief: ArrayLike | None = None, *, moved_m: float | None = None
@@ -366,23 +362,9 @@ class HiddenMarkovModel:
             raise InputError(
                 f"the hidden Markov model learned {len(confusion)} labels, but there are {n_labels}"
             )
-        found = np.full(unary.shape, -np.inf)
-        said = np.flatnonzero(unary.max(axis=1, initial=-np.inf) > -np.inf)
-        with np.errstate(divide="ignore"):
-            if self.observation == "hard":
-                found[said] = np.log(confusion.T)[unary[said].argmax(axis=1)]
-            elif self.observation == "soft":
-                found[said] = np.log(starting_beliefs(unary[said]) @ confusion.T)
-            else:
-                prior = finite_array("prior", self.prior, (n_labels,))
-                found[said] = unary[said] - np.log(np.where(prior > 0, prior, 1.0))
-        found *= self._fitted(self.evidence_weight, self.fitted_weights, 1.0)
-        allowed = unary > -np.inf
-        restricted = ~allowed.all(axis=1)
-        found[restricted] = np.where(allowed[restricted], found[restricted], -np.inf)
-        excluded = restricted & (found.max(axis=1, initial=-np.inf) == -np.inf)
-        found[excluded] = np.where(allowed[excluded], 0.0, -np.inf)
-        return found
+        weight = self._fitted(self.evidence_weight, self.fitted_weights, 1.0)
+        prior = finite_array("prior", self.prior, (n_labels,))
+        return log_likelihood(unary, self.observation, confusion, prior, weight)
 
     def _fitted(
         self,
@@ -414,7 +396,7 @@ class HiddenMarkovModel:
 
     @cached_property
     def _forward_of_possible(self) -> ForwardFilter:
-        return ForwardFilter(_possible(self._start()), _possible(self._transitions))
+        return ForwardFilter(possible(self._start()), possible(self._transitions))
 
     @cached_property
     def _transitions(self) -> NDArray[np.float64]:
@@ -437,33 +419,3 @@ class HiddenMarkovModel:
 
 def _tried(balance: float | Literal["fitted"]) -> tuple[float, ...]:
     return BALANCES if balance == "fitted" else (balance,)
-
-
-def _possible(probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same with the least probability in place of 0, for what evidence says has happened."""
-    return np.maximum(probabilities, LEAST)
-
-
-def _require_chain(graph: LabelGraph) -> None:
-    if not graph.is_chain:
-        raise InputError(
-            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {graph!r} is none"
-        )
-
-
-def _potentials(
-    start: NDArray[np.float64],
-    tables: NDArray[np.float64],
-    observed: NDArray[np.float64],
-    actions: NDArray[np.int64],
-    impossible: NDArray[np.int64],
-) -> Potentials:
-    """The chain as log-potentials, its impossible observations left out."""
-    unary = observed.copy()
-    unary[impossible] = 0.0
-    with np.errstate(divide="ignore"):
-        unary[:1] += np.log(start)
-        log_tables = np.log(tables)
-    if (actions == MOVE).all():
-        return Potentials(unary, pairwise=log_tables[MOVE])
-    return Potentials(unary, pairwise=log_tables[actions])

@@ -258,16 +258,23 @@ def _check_tables(
     initial: ArrayLike, transition: ArrayLike, n_labels: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Start (K,) and arrival (A, K, K), by label and label before."""
-    start = finite_array("initial", initial, (n_labels,))
+    start = check_start(initial, n_labels)
     tables = np.asarray(transition, np.float64)
     tables = tables[None] if tables.ndim == 2 else tables
     tables = finite_array("transition", tables, ("A", n_labels, n_labels))
-    _require_distributions("initial", start)
-    _require_distributions("transition", tables)
-    return np.array(start), np.ascontiguousarray(tables.transpose(0, 2, 1))
+    require_distributions("transition", tables)
+    return start, np.ascontiguousarray(tables.transpose(0, 2, 1))
 
 
-def _require_distributions(name: str, values: NDArray[np.float64]) -> None:
+def check_start(initial: ArrayLike, n_labels: int) -> NDArray[np.float64]:
+    """A copy of the probabilities (K,) at the first step."""
+    start = finite_array("initial", initial, (n_labels,))
+    require_distributions("initial", start)
+    return np.array(start)
+
+
+def require_distributions(name: str, values: NDArray[np.float64]) -> None:
+    """Refuse rows that hold no probabilities or do not sum to one."""
     if values.min(initial=0.0) < 0 or abs(values.sum(axis=-1) - 1.0).max(initial=0.0) > (
         SUM_TOLERANCE
     ):

@@ -1,4 +1,4 @@
-"""Every method on the log of building 79, from one configuration file, as a table."""
+"""Every method on the drives of one configuration file, as a table."""
 
 from pathlib import Path
 
@@ -7,12 +7,13 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
 from pgm_places.spaces.door_truth import DoorScores
 
-CONFIG = Path(__file__).with_name("building79.toml")
+FOLDER = Path(__file__).parent
 
 
-def methods_table() -> str:
-    """Accuracy, balanced accuracy, doorway recall and passages of each method."""
-    found = compare(Experiment(load_config(CONFIG), CONFIG.parent))
+def methods_table(name: str) -> str:
+    """Accuracy, balanced accuracy, doorway recall and passages of each method of a file here."""
+    config = FOLDER / name
+    found = compare(Experiment(load_config(config), FOLDER))
     lines = [
         "| method | accuracy | 95 % | balanced | doorway recall | passages found | invented |",
         "|---|---|---|---|---|---|---|",

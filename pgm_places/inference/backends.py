@@ -33,6 +33,7 @@ __all__ = [
 
 BACKENDS: Mapping[str, str] = {
     "hmm": "pgm_places.models.hmm:HiddenMarkovModel",
+    "semi_markov": "pgm_places.models.semi_markov:SemiMarkovModel",
     "independent": "pgm_places.models.independent:Independent",
     "relaxation": "pgm_places.models.relaxation:Relaxation",
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",

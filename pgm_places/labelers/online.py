@@ -1,5 +1,7 @@
 """Online tracking: the belief about the robot's place, updated scan by scan."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -32,8 +34,8 @@ class BeliefFilter:
     def __init__(self, model: HiddenMarkovModel, every_m: float) -> None:
         self._model = model
         self._gate = DistanceGate(every_m)
-        self._before: NDArray[np.float64] | None = None  # belief at the end of the segment before
-        self._belief: NDArray[np.float64] | None = None
+        self._before: Any = None  # the model's state at the end of the segment before
+        self._state: Any = None
         self._sum: NDArray[np.float64] | None = None
         self._count = 0
         self._moved_m = float("inf")
@@ -47,15 +49,17 @@ class BeliefFilter:
     ) -> tuple[NDArray[np.float64], bool]:
         moved = self._gate.opens(x, y)
         if moved is not None:
-            self._before, self._moved_m = self._belief, moved
+            self._before, self._moved_m = self._state, moved
             self._sum, self._count = np.zeros(len(log_z)), 0
         assert self._sum is not None  # the first step opens a segment
         self._sum = self._sum + np.exp(log_z)
         self._count += 1
         with np.errstate(divide="ignore"):
             mean = np.log(self._sum / self._count)
-        self._belief, possible = self._model.step(mean, self._before, moved_m=self._moved_m)
-        return self._belief, possible
+        belief, self._state, possible = self._model.advance(
+            mean, self._before, moved_m=self._moved_m
+        )
+        return belief, possible
 
     def choose(self, belief: NDArray[np.float64]) -> int:
         """The label that a step with this belief (K,) is given."""

@@ -221,7 +221,7 @@ def learn_method(
         learned = learn_movement(
             maps, truths, unaries, n_labels, model=method, n_runs=n_runs, seed=seed
         )
-        return learned.with_weight_for(problems, truths)
+        return learned.with_sequences(problems, truths)
     ends = np.cumsum(examples.n_of_map)[:-1]
     cells = np.split(examples.truth, ends)
     return learn_movement(maps, cells, of_cells, n_labels, model=method, n_runs=n_runs, seed=seed)

@@ -1,0 +1,158 @@
+"""How long places last: rates of leaving by age, counted on labelled drives."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.models.chain_statistics import normalised
+
+__all__ = ["EDGES_M", "Durations", "constant_durations", "learn_durations"]
+
+EDGES_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+"""Ages between which a rate is constant: fine where doorways end, coarse where rooms do."""
+
+GAP = 5.0
+"""Steps longer than this many usual ones are gaps in the labels, across which nothing is known."""
+
+
+class Durations(NamedTuple):
+    """How soon labels are left, and for which.
+
+    Parameters
+    ----------
+    rates : (K, B) float
+        Rate per metre at which each label is left, from each of the edges on.
+    leaving : (K, K) float
+        Probability of each label (column) after each other one (row).
+    """
+
+    rates: NDArray[np.float64]
+    leaving: NDArray[np.float64]
+
+
+class _Stay(NamedTuple):
+    """A stretch with one label."""
+
+    label: int
+    entered: bool  # whether its beginning was seen, so that its age is known
+    length_m: float  # until the last step that has it
+    exit_m: float  # from there to the next step
+    following: int  # the label then, -1 where unknown
+
+
+def learn_durations(
+    positions_m: Sequence[NDArray[np.float64]],
+    labelings: Sequence[NDArray[np.int64]],
+    n_labels: int,
+    *,
+    smoothing: float,
+) -> Durations:
+    """Rates by occurrence and exposure: how often a label was left at an age, per metre of it.
+
+    Stretches cut by the end of the drive, or by steps without a known label, count as far as they
+    go. To each rate, ``smoothing`` occurrences at the label's overall rate are added, and to that
+    as many at the overall rate of all labels.
+
+    Parameters
+    ----------
+    positions_m : sequence of (T, 2) float
+        Where the steps of each drive are.
+    labelings : sequence of (T,) int
+        Their labels, -1 where unknown.
+    n_labels : int
+    smoothing : float
+
+    Examples
+    --------
+    >>> line = np.stack([np.arange(0.0, 6.0, 0.5), np.zeros(12)], axis=1)
+    >>> labels = np.array([0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0])
+    >>> learn_durations([line], [labels], 2, smoothing=0.0).rates[1, :6].round(2).tolist()
+    [0.0, 0.0, 4.0, 1.33, 1.33, 1.33]
+    """
+    edges = np.array(EDGES_M)
+    occurrences, exposure = np.zeros((n_labels, len(edges))), np.zeros((n_labels, len(edges)))
+    left, metres = np.zeros(n_labels), np.zeros(n_labels)
+    following = np.zeros((n_labels, n_labels))
+    for places, labels in zip(positions_m, labelings, strict=True):
+        for stay in _stays(places, labels):
+            ends = stay.following >= 0
+            lasted = stay.length_m + (0.5 * stay.exit_m if ends else 0.0)
+            metres[stay.label] += lasted
+            if stay.entered:
+                exposure[stay.label] += _within(edges, lasted)
+            if ends:
+                left[stay.label] += 1
+                following[stay.label, stay.following] += 1
+                if stay.entered:
+                    occurrences[stay.label, _bin_of(edges, lasted)] += 1
+    total_m, all_left = max(float(metres.sum()), EDGES_M[-1]), max(float(left.sum()), 1.0)
+    overall = _over(left, metres, smoothing, np.full(n_labels, all_left / total_m))
+    rates = _over(occurrences, exposure, smoothing, overall[:, None] + np.zeros_like(exposure))
+    return Durations(rates, _other_labels(following + smoothing))
+
+
+def constant_durations(transition: NDArray[np.float64], step_m: float) -> Durations:
+    """Those of a Markov chain with that transition (K, K) every ``step_m`` metres."""
+    stays = np.clip(transition.diagonal(), 1e-9, 1.0)
+    rates = np.repeat(-np.log(stays)[:, None] / step_m, len(EDGES_M), axis=1)
+    return Durations(rates, _other_labels(transition))
+
+
+def _over(
+    occurrences: NDArray[np.float64],
+    exposure: NDArray[np.float64],
+    smoothing: float,
+    prior: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Occurrences over exposure, with ``smoothing`` further ones at the prior rate."""
+    metres = exposure + smoothing / prior if smoothing > 0 else exposure
+    return np.divide(occurrences + smoothing, metres, out=prior.copy(), where=metres > 0)
+
+
+def _other_labels(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows of weights without their diagonal, as probabilities; equal where nothing is left."""
+    others = weights * (1.0 - np.eye(len(weights)))
+    if len(weights) > 1:
+        others[others.sum(axis=1) == 0] = 1.0
+        np.fill_diagonal(others, 0.0)
+    return normalised(others)
+
+
+def _bin_of(edges: NDArray[np.float64], age_m: float) -> int:
+    """The rate's number at the end of a stretch: the one that has held until then."""
+    return max(int(np.searchsorted(edges, age_m)) - 1, 0)
+
+
+def _within(edges: NDArray[np.float64], length_m: float) -> NDArray[np.float64]:
+    """(B,) the metres of a stretch of that length between each edge and the next."""
+    return np.diff(np.minimum(np.append(edges, np.inf), length_m))
+
+
+def _stays(places: NDArray[np.float64], labels: NDArray[np.int64]) -> list[_Stay]:
+    """The stretches with one known label, gaps being unknown."""
+    if len(labels) < 2:
+        return []
+    moved = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    usual = np.median(moved[moved > 0]) if (moved > 0).any() else 0.0
+    gap = moved > GAP * usual
+    at_m = np.concatenate([[0.0], np.cumsum(moved)])
+    changes = np.flatnonzero((np.diff(labels) != 0) | gap) + 1
+    starts, ends = np.append(0, changes), np.append(changes, len(labels))
+    found = []
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        if labels[start] < 0:
+            continue
+        entered = start > 0 and not gap[start - 1] and labels[start - 1] >= 0
+        goes_on = end < len(labels) and not gap[end - 1]
+        found.append(
+            _Stay(
+                label=int(labels[start]),
+                entered=entered,
+                length_m=float(at_m[end - 1] - at_m[start]),
+                exit_m=float(moved[end - 1]) if goes_on else 0.0,
+                following=int(labels[end]) if goes_on else -1,
+            )
+        )
+    return found

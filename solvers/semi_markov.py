@@ -1,0 +1,223 @@
+"""Semi-Markov chains on arrays: how long a label lasts depends on how far it has lasted already.
+
+A label that was entered ``a`` metres ago is left at the rate ``r_l(a)`` per metre, so that it lasts
+longer than ``a`` with probability ``S_l(a) = exp(-integral of r_l from 0 to a)``; constant rates
+give a hidden Markov chain. Everything is exact for any distances between steps. A label that is
+left between two steps is followed by the next label at the second of them, at age 0.
+
+Filter and smoother after Yu and Kobayashi, "An efficient forward-backward algorithm for an
+explicit-duration hidden Markov model", IEEE Signal Processing Letters 10 (2003), with survival by
+distance in place of durations counted in steps. Time grows with the steps within the last edge of
+the rates, memory with the steps alone.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
+from pgm_places.solvers.forward import ChainBeliefs, ChainPath, check_start, require_distributions
+
+__all__ = ["SemiMarkovChain", "SemiMarkovState"]
+
+
+@dataclass(frozen=True, eq=False)
+class SemiMarkovState:
+    """A belief about the label and about how far ago it was entered.
+
+    Parameters
+    ----------
+    age_m : (W,) float
+        Distance driven since each of the last steps, oldest first.
+    recent : (W, K) float
+        Probability of a label that was entered at that step.
+    old : (K,) float
+        Probability of a label that was entered before.
+    """
+
+    age_m: NDArray[np.float64]
+    recent: NDArray[np.float64]
+    old: NDArray[np.float64]
+
+    @property
+    def belief(self) -> NDArray[np.float64]:
+        """(K,) probability of each label, however long it has lasted."""
+        return np.asarray(self.recent.sum(axis=0) + self.old)
+
+
+class SemiMarkovChain:
+    """A chain whose labels are left at a rate that depends on their age.
+
+    Parameters
+    ----------
+    initial : (K,) float
+        Probability of each label at the first step, where every label has just been entered.
+    leaving : (K, K) float
+        Probability of each label (column) after each (row), given that the row is left; its
+        diagonal is 0.
+    edges_m : (B,) float
+        Ages in metres from which on each rate holds, the first of them 0; the last rate holds for
+        ever.
+    rates : (K, B) float
+        Rate per metre at which each label is left.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit, edges do not rise from 0, a rate is negative, or rows do not sum to one.
+
+    Examples
+    --------
+    A doorway (1) is left within a metre; a room (0) takes some metres:
+
+    >>> chain = SemiMarkovChain([0.5, 0.5], [[0, 1], [1, 0]], [0.0, 1.0], [[0.2, 0.2], [0.1, 9.0]])
+    >>> seen = np.log([[0.9, 0.1], [0.3, 0.7], [0.4, 0.6], [0.6, 0.4], [0.8, 0.2]])
+    >>> chain.viterbi(np.full(4, 0.5), seen).labels.tolist()
+    [0, 1, 1, 0, 0]
+    """
+
+    def __init__(
+        self, initial: ArrayLike, leaving: ArrayLike, edges_m: ArrayLike, rates: ArrayLike
+    ) -> None:
+        from pgm_places.solvers._semi_markov_kernels import Rates
+
+        n_labels = len(np.asarray(initial))
+        self._start = check_start(initial, n_labels)
+        after = finite_array("leaving", leaving, (n_labels, n_labels))
+        require_distributions("leaving", after)
+        if n_labels > 1 and after.diagonal().any():
+            raise InputError("leaving must have a diagonal of 0: a label is not left for itself")
+        edges = finite_array("edges_m", edges_m, ("B",))
+        if not len(edges) or edges[0] != 0 or not (np.diff(edges) > 0).all():
+            raise InputError(f"edges_m must rise from 0, got {edges}")
+        by_age = finite_array("rates", rates, (n_labels, len(edges)))
+        if (by_age < 0).any():
+            raise InputError(f"rates must be at least 0, got {by_age.min()}")
+        sums = np.zeros(by_age.shape)
+        sums[:, 1:] = np.cumsum(by_age[:, :-1] * np.diff(edges), axis=1)
+        self._model = Rates(after, edges, by_age, sums)
+
+    def filtered(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
+        """Beliefs from the observations until each step.
+
+        Parameters
+        ----------
+        moved_m : (T - 1,) float
+            Distance driven from each step to the next.
+        log_likelihood : (T, K) float
+            ``log P(z_t | l)``; -inf forbids a label.
+
+        Raises
+        ------
+        InputError
+            Shapes do not fit, a distance is negative, a likelihood is NaN or +inf.
+        """
+        found, _ = self._filter(moved_m, log_likelihood)
+        return _beliefs(found)
+
+    def smoothed(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainBeliefs:
+        """Beliefs from the observations of all steps; arguments as of :meth:`filtered`."""
+        from pgm_places.solvers._semi_markov_kernels import smooth_steps
+
+        found, states = self._filter(moved_m, log_likelihood)
+        if len(found.beliefs):
+            smooth_steps(self._model, states, found)
+        return _beliefs(found)
+
+    def viterbi(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> ChainPath:
+        """The labels with the largest joint probability; arguments as of :meth:`filtered`."""
+        from pgm_places.solvers._semi_markov_kernels import Origins, viterbi_steps
+
+        states, observed = self._checked(moved_m, log_likelihood)
+        n_steps, n_labels = observed.shape
+        labels, impossible = np.zeros(n_steps, np.int64), np.zeros(n_steps, np.bool_)
+        origins = Origins(np.zeros(observed.shape, np.int64), np.zeros(observed.shape, np.int16))
+        if n_labels > np.iinfo(np.int16).max:
+            raise InputError(
+                f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}"
+            )
+        total = 0.0
+        if n_steps:
+            with np.errstate(divide="ignore"):
+                log_start, log_leaving = np.log(self._start), np.log(self._model.leaving)
+            total = viterbi_steps(
+                log_start, log_leaving, self._model, states, observed, origins, labels, impossible
+            )
+        return ChainPath(labels, float(total), np.flatnonzero(impossible))
+
+    def step(
+        self, log_likelihood: ArrayLike, state: SemiMarkovState | None = None, moved_m: float = 0.0
+    ) -> tuple[SemiMarkovState, bool]:
+        """The state one step on, and whether the observation was possible at all: online use.
+
+        Parameters
+        ----------
+        log_likelihood : (K,) float
+            Of the new observation.
+        state : SemiMarkovState, optional
+            That of the step before; None at the first.
+        moved_m : float
+            Distance driven since the step before.
+        """
+        from pgm_places.solvers._semi_markov_kernels import States, pass_on, weigh
+
+        rows = finite_array(
+            "log_likelihood", log_likelihood, (len(self._start),), allow_minus_inf=True
+        )
+        if not moved_m >= 0:
+            raise InputError(f"moved_m must be at least 0 metres, got {moved_m}")
+        factor = np.ones(len(rows))
+        if state is None:
+            age_m, recent, old = np.zeros(1), self._start[None].copy(), np.zeros(len(rows))
+            held = self._start
+        else:
+            age_m = np.append(state.age_m + moved_m, 0.0)
+            recent = np.concatenate([state.recent, np.zeros((1, len(rows)))])
+            old = state.old.copy()
+            states = States(age_m[0] - age_m, recent, old)
+            low, _, _, held = pass_on(self._model, states, len(age_m) - 1, 0, factor)
+            age_m, recent = age_m[low:], recent[low:]
+        total, _ = weigh(held, rows, factor)
+        return SemiMarkovState(age_m, recent * factor, old * factor), bool(total > 0.0)
+
+    def _filter(self, moved_m: ArrayLike, log_likelihood: ArrayLike) -> tuple[Any, Any]:
+        from pgm_places.solvers._semi_markov_kernels import Found, filter_steps
+
+        states, observed = self._checked(moved_m, log_likelihood)
+        shape = observed.shape
+        found = Found(
+            beliefs=np.zeros(shape),
+            factor=np.ones(shape),
+            left=np.zeros(shape),
+            entered=np.zeros(shape),
+            low=np.zeros(len(observed), np.int64),
+            total=np.zeros(len(observed)),
+            scale=np.zeros(len(observed)),
+        )
+        if len(observed):
+            filter_steps(self._start, self._model, states, observed, found)
+        return found, states
+
+    def _checked(self, moved_m: ArrayLike, observed: ArrayLike) -> tuple[Any, NDArray[np.float64]]:
+        """States to work on, and the log-likelihoods (T, K)."""
+        from pgm_places.solvers._semi_markov_kernels import States
+
+        n_labels = len(self._start)
+        rows = finite_array("log_likelihood", observed, ("T", n_labels), allow_minus_inf=True)
+        moved = finite_array("moved_m", moved_m, (max(len(rows) - 1, 0),))
+        if (moved < 0).any():
+            raise InputError(f"moved_m must be at least 0 metres, got {moved.min()}")
+        at_m = np.zeros(len(rows))
+        at_m[1:] = np.cumsum(moved)
+        return States(at_m, np.zeros(rows.shape), np.zeros(n_labels)), np.ascontiguousarray(rows)
+
+
+def _beliefs(found: Any) -> ChainBeliefs:
+    impossible = np.flatnonzero(found.total == 0.0)
+    evidence = -np.inf
+    if not len(impossible):
+        evidence = float(np.log(found.total).sum() + found.scale.sum())
+    return ChainBeliefs(found.beliefs, evidence, impossible)
