@@ -85,6 +85,33 @@ class BoostedTrees:
         """The classifier of some of the trees."""
         return BoostedTrees(self.feature[span], self.cut[span], self.value[span])
 
+    @property
+    def depth(self) -> int:
+        """Levels of splits."""
+        return self.feature.shape[1].bit_length()
+
+    def deepened(self, depth: int) -> "BoostedTrees":
+        """The same classifier with trees of more levels, which split nothing."""
+        more = 2**depth - 1 - self.feature.shape[1]
+        n, apart = self.n_rounds, 2 ** (depth - self.depth)
+        value = np.zeros((n, 2**depth), np.float32)
+        value[:, ::apart] = self.value  # what splits nothing sends all to the left
+        return BoostedTrees(
+            np.concatenate([self.feature, np.full((n, more), -1, np.int32)], axis=1),
+            np.concatenate([self.cut, np.full((n, more), np.inf, np.float32)], axis=1),
+            value,
+        )
+
+    def then(self, other: "BoostedTrees", scale: float = 1.0) -> "BoostedTrees":
+        """The sum of these trees and ``scale`` times others, as deep as the deeper ones."""
+        depth = max(self.depth, other.depth)
+        first, second = self.deepened(depth), other.deepened(depth)
+        return BoostedTrees(
+            np.concatenate([first.feature, second.feature]),
+            np.concatenate([first.cut, second.cut]),
+            np.concatenate([first.value, (scale * second.value).astype(np.float32)]),
+        )
+
     def scores(
         self, X: NDArray[np.float32], *, n_threads: int | None = None
     ) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from pgm_places.errors import InputError
 from pgm_places.models.sorted_features import SortedFeatures
@@ -25,6 +26,7 @@ def boost(
     tolerance: float = 1e-6,
     shrinkage: float = 1.0,
     sample_weight: NDArray[np.float64] | None = None,
+    margin: NDArray[np.float64] | None = None,
     n_threads: int | None = None,
     on_round: Callable[[int, float], None] | None = None,
 ) -> StrongClassifier:
@@ -46,6 +48,8 @@ def boost(
         Every alpha is multiplied by this; 1 is the paper's.
     sample_weight : (rows of X,) float64, optional
         Positive numbers that multiply the initial weights.
+    margin : (rows of X,) float64, optional
+        F of earlier rounds, from which boosting goes on: see :func:`initial_weights`.
     on_round : callable, optional
         Called after each round with the number of rounds so far and r.
 
@@ -55,7 +59,7 @@ def boost(
         One of the classes has no example.
     """
     segments = prepared.segments(positive, negative)
-    weights = initial_weights(prepared, segments, sample_weight)
+    weights = initial_weights(prepared, segments, sample_weight, margin)
     search = StumpSearch(prepared, segments, weights, n_threads)
     chosen: list[tuple[int, float, int, float]] = []
     while len(chosen) < n_rounds:
@@ -86,8 +90,14 @@ def initial_weights(
     prepared: SortedFeatures,
     segments: NDArray[np.int64],
     sample_weight: NDArray[np.float64] | None,
+    margin: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out."""
+    """Half of the weight for each class (step 2 of Fig. 2), zero for examples left out.
+
+    With a ``margin`` F of earlier rounds, the weights are in proportion to ``sample_weight / (1 +
+    exp(2 y F))``, however much of it each class has: the slope of the logistic loss, which no
+    example can dominate that the earlier rounds are sure about, and wrong.
+    """
     weights = np.zeros(len(prepared.rows))
     given = np.ones(len(prepared.X)) if sample_weight is None else sample_weight
     for side in (0, 1):
@@ -96,8 +106,12 @@ def initial_weights(
         if not mass > 0:
             raise InputError(f"no {'positive' if side else 'negative'} example carries weight")
         for span in spans:
-            weights[span] = given[prepared.rows[span]] / (2.0 * mass)
-    return weights
+            rows = prepared.rows[span]
+            if margin is None:
+                weights[span] = given[rows] / (2.0 * mass)
+            else:
+                weights[span] = given[rows] * expit((2 - 4 * side) * margin[rows])
+    return weights if margin is None else weights / weights.sum()
 
 
 def _strong_classifier(chosen: list[tuple[int, float, int, float]]) -> StrongClassifier:

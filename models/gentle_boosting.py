@@ -28,6 +28,7 @@ def boost_trees(
     least_weight: float = 1e-3,
     tolerance: float = 1e-6,
     sample_weight: NDArray[np.float64] | None = None,
+    margin: NDArray[np.float64] | None = None,
     n_threads: int | None = None,
     on_round: Callable[[int, float], None] | None = None,
 ) -> BoostedTrees:
@@ -56,6 +57,9 @@ def boost_trees(
         No split leaves a side with less than this part of all weight.
     sample_weight : (rows of X,) float64, optional
         Positive numbers that multiply the initial weights.
+    margin : (rows of X,) float64, optional
+        F of earlier rounds, from which boosting goes on: see
+        :func:`~pgm_places.models.boosting_rounds.initial_weights`.
     on_round : callable, optional
         Called after each round with the number of rounds so far and the correlation.
 
@@ -67,7 +71,7 @@ def boost_trees(
     from pgm_places.models._tree_kernels import gentle_masses, raise_weights
 
     segments = prepared.segments(positive, negative)
-    weights = initial_weights(prepared, segments, sample_weight)
+    weights = initial_weights(prepared, segments, sample_weight, margin)
     masses = np.zeros(len(weights), np.int64)
     search = TreeSearch(prepared, segments, max_depth, n_threads)
     least = max(1, int(least_weight * _WHOLE_MASS))

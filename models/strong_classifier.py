@@ -121,6 +121,15 @@ class StrongClassifier:
             self.feature[kept], self.threshold[kept], self.polarity[kept], self.alpha[kept]
         )
 
+    def then(self, other: "StrongClassifier", scale: float = 1.0) -> "StrongClassifier":
+        """The sum of these stumps and ``scale`` times others."""
+        return StrongClassifier(
+            np.concatenate([self.feature, other.feature]),
+            np.concatenate([self.threshold, other.threshold]),
+            np.concatenate([self.polarity, other.polarity]),
+            np.concatenate([self.alpha, scale * other.alpha]),
+        )
+
     def renumbered(self, place: NDArray[np.int64]) -> "StrongClassifier":
         """The same classifier where column j is found at ``place[j]``."""
         return StrongClassifier(place[self.feature], self.threshold, self.polarity, self.alpha)

@@ -285,13 +285,15 @@ class PlaceLabeler(Labeler):
         mask: ArrayLike | None = None,
         methods: Sequence[str] | None = None,
         known: NDArray[np.int16] | None = None,
+        own: NDArray[np.float32] | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
         """The graph of the map's free cells (inside ``mask``) and what the lists say of each.
 
         Only what the methods want is computed. ``known`` (H, W), labels or -1, tells which gates
-        are doorways where it covers them.
+        are doorways where it covers them; ``own`` (N, F) holds the nodes' laser and custom
+        features if they are known from before.
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]
@@ -303,6 +305,7 @@ class PlaceLabeler(Labeler):
             with_node_features=any(uses_node_features(method.backend) for method in chosen),
             with_halls=self.halls != "corridor",
             known=known,
+            own=own,
             n_threads=n_threads,
             progress=progress,
         )

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,13 +12,24 @@ from pgm_places.errors import LabelError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
+from pgm_places.labelers.label_map import (
+    SAME_RESOLUTION,
+    LabelledPlaces,
+    at_model_resolution,
+    on_own_raster,
+)
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.independent import Independent
 from pgm_places.progress import Progress, Silent
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.teaching.alone import learned_alone
+from pgm_places.teaching.cell_paint import CellPaint
+from pgm_places.teaching.cell_table import CellTable
+from pgm_places.teaching.learning import Learning
+from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.turns import Turns
@@ -26,6 +38,9 @@ from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["Teacher"]
+
+FINEST_M = 0.05
+"""Without a labeler to say at which resolution, finer maps are labelled at this one."""
 
 
 class Teacher:
@@ -46,6 +61,8 @@ class Teacher:
         The labeler's method; its default one if not given.
     rules : TopologyOptions, optional
         Of the topological map.
+    options : TeachingOptions, optional
+        How paint is learned on top of what the labeler knows.
     known_places : KnownPlaces, optional
         Earlier places, which keep their ids and names; those of each result are known to the next.
     n_threads : int, optional
@@ -77,6 +94,7 @@ class Teacher:
         classes: Sequence[str] | None = None,
         method: str | None = None,
         rules: TopologyOptions | None = None,
+        options: TeachingOptions | None = None,
         known_places: KnownPlaces | None = None,
         n_threads: int | None = None,
     ) -> None:
@@ -91,7 +109,7 @@ class Teacher:
                 f"{', '.join(self.classes)}"
             )
         self.grid, self.labeler, self.method = grid, labeler, method
-        self.rules = rules or TopologyOptions()
+        self.rules, self.options = rules or TopologyOptions(), options or TeachingOptions()
         self.known_places, self.n_threads = known_places, n_threads
         self._turns = Turns()
 
@@ -112,6 +130,7 @@ class Teacher:
         """
         with self._turns.turn(progress or Silent()) as watched:
             start = time.perf_counter()
+            self._check_known(paint)
             labeler = self.labeler or self._learned(paint, watched)
             return self._labelled(labeler, paint, watched, start)
 
@@ -131,24 +150,42 @@ class Teacher:
         """End a call that is running in another thread at its next stage."""
         self._turns.cancel()
 
-    def _learned(self, paint: Paint, progress: Progress) -> PlaceLabeler:
-        """A labeler that has learned the paint."""
-        if self.labeler is not None:
-            return self.labeler
-        used = [name for name, n in paint.counts.items() if n]
-        if len(used) < 2:
+    def _check_known(self, paint: Paint) -> None:
+        known = self.classes if self.labeler is None else self.labeler.label_names_
+        new = [name for name, n in paint.counts.items() if n and name not in known]
+        if new:
             raise LabelError(
-                "learning from nothing but paint takes at least two classes, painted are: "
-                f"{', '.join(used) or 'none'}"
+                f"{new[0]!r} is painted, which the labeler does not know ({', '.join(known)}); "
+                "teach it"
             )
-        known = LabelledMap(self.grid, paint.with_classes(used).labels)
-        labeler = PlaceLabeler(used, ["potts"], learn_on="in-sample", max_examples_per_map=2000)
-        return labeler.fit([known], n_threads=self.n_threads, progress=progress)
+
+    def _learned(self, paint: Paint, progress: Progress) -> PlaceLabeler:
+        """A labeler that has learned the paint, on top of the given one or of nothing."""
+        table = self._table
+        known = KnownCells.of(paint.labels, self.grid, table.grid, paint.classes, paint.classes)
+        cells = CellPaint(known.on_cells, paint.classes)
+        if self.labeler is None:
+            return learned_alone(cells, table, self.options, progress)
+        method = self.method or self.labeler.default_method
+        return Learning(table, self.options, progress).taught(self.labeler, cells, method)
+
+    @cached_property
+    def _table(self) -> CellTable:
+        """The cells to label, at the labeler's resolution, with features once they are needed."""
+        if self.labeler is not None:
+            model = self.labeler.unary_model_
+            used, _ = at_model_resolution(self.labeler, self.grid)
+            return CellTable(used, model.sensor, model.features, self.n_threads)
+        fine = self.grid.resolution_m < FINEST_M * (1 - SAME_RESOLUTION)
+        used = coarsen(self.grid, FINEST_M) if fine else self.grid
+        return CellTable(used, Sensor(), (), self.n_threads)
 
     def _labelled(
         self, labeler: PlaceLabeler, paint: Paint, progress: Progress, start: float
     ) -> Taught:
         names, method = labeler.label_names_, self.method or labeler.default_method
+        if method not in labeler.methods_:  # one that knows other classes
+            method = labeler.default_method
         used, warnings = at_model_resolution(labeler, self.grid)
         known = KnownCells.of(
             paint.with_classes(names).labels, self.grid, used, names, labeler.learned_names
@@ -157,6 +194,7 @@ class Teacher:
             used,
             methods=[method],
             known=known.on_cells,
+            own=self._table.all(progress),
             n_threads=self.n_threads,
             progress=progress,
         )

@@ -105,6 +105,7 @@ class UnaryModel:
         with_node_features: bool = True,
         with_halls: bool = False,
         known: NDArray[np.int16] | None = None,
+        own: NDArray[np.float32] | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> CellScores:
@@ -126,6 +127,8 @@ class UnaryModel:
             Whether halls are told apart, if the model can do so.
         known : (H, W) int16, optional
             Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
+        own : (N, F) float32, optional
+            All laser and custom features of the nodes, where they are known from before.
         """
         layout, n = _grid_layout(graph), graph.n_nodes
         progress = progress or Silent()
@@ -158,7 +161,10 @@ class UnaryModel:
                 features[nodes] = values[:, np.searchsorted(needed, handed)]
 
         with progress.stage("scans, features and list") as stage:
-            self._stream(grid, layout, needed, take, n_threads, stage)
+            if own is None:
+                self._stream(grid, layout, needed, take, n_threads, stage)
+            else:
+                _from_table(own, needed, take, stage)
         found = {item.unary: item.found for item in lists}
         if second is not None:
             with progress.stage("spatial context"):
@@ -216,6 +222,19 @@ class UnaryModel:
             scores = context_part.scores(means)
             scores += context[nodes, : len(scores)].T
             context[nodes] = on_labels(second, second.log_histogram_of(scores), self.n_labels)
+
+
+def _from_table(
+    own: NDArray[np.float32],
+    columns: NDArray[np.int64],
+    take: Callable[[NDArray[np.int64], NDArray[np.float32]], None],
+    stage: Stage,
+) -> None:
+    """Hand the nodes and features of block after block of known features to ``take``."""
+    for first in range(0, len(own), _SCANS_AT_ONCE):
+        some = own[first : first + _SCANS_AT_ONCE]
+        take(np.arange(first, first + len(some)), some[:, columns])
+        stage.update((first + len(some)) / len(own))
 
 
 def _grid_layout(graph: LabelGraph) -> GridLayout:

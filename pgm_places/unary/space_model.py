@@ -157,20 +157,20 @@ class SpaceModel:
     ) -> MapSpaces:
         """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover."""
         candidates = gate_candidates(Segmentation.of(grid))
-        probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
-        return self.judged(candidates, probability, known)
+        return self.judged_candidates(candidates, known, n_threads)
 
-    def judged(
+    def judged_candidates(
         self,
         candidates: Gates,
-        probability: NDArray[np.float64],
         known: NDArray[np.int16] | None = None,
+        n_threads: int | None = None,
     ) -> MapSpaces:
-        """The spaces between gates of some probability (G,), known labels judging those they cover.
+        """The spaces between the candidates of a map, known labels judging those they cover.
 
         A gate that matches a known doorway is one, a gate at least half of whose cells have other
         known labels is none; a known doorway without any gate becomes one.
         """
+        probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
         if known is None or self.doorway is None:
             return MapSpaces.of(candidates, probability)
         match = match_doors(candidates, known, self.doorway)

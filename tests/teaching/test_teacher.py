@@ -1,13 +1,21 @@
 """The teacher: labels that follow the paint."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pgm_places import LabelledMap, PlaceLabeler
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
 from pgm_places.labelers.label_map import label_map
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.persistence.stored import load, save
+from pgm_places.teaching import cell_table
+from pgm_places.teaching.lesson import TeachingOptions
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 from pgm_places.trained import trained_labeler
 
@@ -65,3 +73,123 @@ def test_classes_must_hold_those_of_the_labeler() -> None:
         Teacher(building().grid, trained_labeler(), classes=NAMES[:2])
     with pytest.raises(LabelError, match="without a labeler, 'classes' must say"):
         Teacher(building().grid)
+
+
+def relabelled(share: float) -> Paint:
+    """Some cells of the west of the building: what is a room there is called a corridor."""
+    grid, truth = building().grid, building().labels
+    west = np.zeros(grid.shape, np.bool_)
+    west[:, : grid.shape[1] // 2] = True
+    chosen = west & grid.free & (np.random.default_rng(1).random(grid.shape) < share)
+    paint = Paint.blank(grid.shape, NAMES).with_mask(chosen & (truth == 1), "corridor")
+    return paint.with_mask(chosen & (truth == 0), "room")
+
+
+@cache
+def taught() -> Taught:
+    return Teacher(building().grid, trained_labeler()).teach(relabelled(0.05))
+
+
+def test_what_is_learned_in_one_half_is_applied_in_the_other() -> None:
+    grid, truth = building().grid, building().labels
+    east = grid.free & (truth == 1)
+    east[:, : grid.shape[1] // 2 + 20] = False
+    before = label_map(trained_labeler(), grid).labels
+    assert (before[east] == 1).mean() > 0.95
+    free = Teacher(grid, trained_labeler(), options=TeachingOptions(keep=0.0))
+    assert (free.teach(relabelled(0.05)).labels[east] == 0).mean() > 0.8
+
+
+def test_cells_that_are_kept_hold_the_labeler_to_what_it_says_elsewhere() -> None:
+    grid, truth = building().grid, building().labels
+    east = grid.free & (truth == 1)
+    east[:, : grid.shape[1] // 2 + 20] = False
+    held = Teacher(grid, trained_labeler(), options=TeachingOptions(keep=1.0))
+    assert (held.teach(relabelled(0.05)).labels[east] == 1).mean() > 0.8
+    painted = relabelled(0.05)
+    np.testing.assert_array_equal(taught().labels[painted.painted], painted.labels[painted.painted])
+
+
+def test_the_taught_labeler_is_a_model_like_any_other(tmp_path: Path) -> None:
+    """Stored, read, and used by label_map it labels as it did while it was taught."""
+    save(taught().labeler, tmp_path / "model")
+    found = label_map(load(tmp_path / "model"), building().grid, known=relabelled(0.05).labels)
+    np.testing.assert_array_equal(found.labels, taught().labels)
+    before = trained_labeler().unary_model_.space
+    after = taught().labeler.unary_model_.space
+    assert before is not None and after is not None
+    for old, new in zip(before.classifier.classifiers, after.classifier.classifiers, strict=True):
+        np.testing.assert_array_equal(new.feature[: old.n_rounds], old.feature)
+
+
+def test_the_given_labeler_is_as_before_and_no_paint_teaches_nothing() -> None:
+    labeler = trained_labeler()
+    teacher = Teacher(building().grid, labeler)
+    teacher.teach(relabelled(0.05))
+    np.testing.assert_array_equal(
+        teacher.teach(teacher.blank()).labels, label_map(trained_labeler(), building().grid).labels
+    )
+
+
+def test_maps_too_large_for_a_table_get_the_same_labels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cell_table, "MAX_BYTES", 1000)
+    found = Teacher(building().grid, trained_labeler()).teach(relabelled(0.05))
+    np.testing.assert_array_equal(found.labels, taught().labels)
+
+
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    one = Teacher(building().grid, trained_labeler(), n_threads=1).teach(relabelled(0.05))
+    assert one.probabilities is not None and taught().probabilities is not None
+    np.testing.assert_array_equal(one.probabilities, taught().probabilities)
+
+
+@pytest.mark.parametrize("halls", ["corridor", "hall"])
+def test_a_new_class_is_learned_beside_those_that_are_known(halls: str, tmp_path: Path) -> None:
+    grid = building().grid
+    labeler = trained_labeler().with_options(halls=halls)
+    classes = (*labeler.label_names_, "office")
+    teacher = Teacher(grid, labeler, classes=classes)
+    first = teacher.label(teacher.blank())
+    rooms = [region for region in first.topology.regions if region.label == "room"]
+    paint = teacher.blank()
+    for room in rooms[::2]:
+        paint = paint.with_cells(first.topology.cells(room.id), "office")
+    with pytest.raises(LabelError, match="'office' is painted, which the labeler does not know"):
+        teacher.label(paint)
+    found = teacher.teach(paint)
+    office = found.label_names.index("office")
+    assert {*found.label_names} == {*classes}
+    assert (found.labels[paint.painted] == office).all()
+    corridor = first.labels == 0
+    assert (found.labels[corridor] == 0).mean() > 0.9
+    save(found.labeler, tmp_path / "model")
+    known = paint.with_classes(found.label_names).labels
+    again = label_map(load(tmp_path / "model"), grid, known=known)
+    np.testing.assert_array_equal(again.labels, found.labels)
+
+
+def test_halls_can_be_painted() -> None:
+    grid = building().grid
+    teacher = Teacher(grid, trained_labeler().with_options(halls="hall"))
+    first = teacher.label(teacher.blank())
+    room = max(
+        (region for region in first.topology.regions if region.label == "room"),
+        key=lambda region: region.area_m2,
+    )
+    paint = teacher.blank().with_cells(first.topology.cells(room.id)[::3], "hall")
+    found = teacher.teach(paint)
+    inside = tuple(first.topology.cells(room.id).T)
+    assert (found.labels[inside] == found.label_names.index("hall")).mean() > 0.9
+
+
+def test_a_labeler_that_looks_at_scans_only_learns_by_stumps() -> None:
+    grid, truth = building().grid, building().labels
+    classifier = DecisionListClassifier(n_rounds=20, order="rarest-first")
+    labeler = PlaceLabeler(NAMES, ["independent"], classifier=classifier, space=None)
+    labeler.fit([LabelledMap(grid, truth)])
+    free = Teacher(grid, labeler, options=TeachingOptions(keep=0.0))
+    found = free.teach(relabelled(0.05))
+    assert found.labeler.unary_model_.classifier.classifiers[1].n_rounds == 50
+    free = grid.free & (truth == 1)
+    free[:, grid.shape[1] // 2 :] = False
+    assert (found.unary_labels[free] == 0).mean() > 0.6

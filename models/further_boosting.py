@@ -1,0 +1,230 @@
+"""Boosting goes on: a trained list learns from other examples without forgetting what it knows."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, integer_array
+from pgm_places.errors import InputError
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.boosted_trees import BoostedTrees
+from pgm_places.models.boosting_rounds import boost
+from pgm_places.models.gentle_boosting import boost_trees
+from pgm_places.models.sorted_features import SortedFeatures, prepare
+from pgm_places.models.strong_classifier import StrongClassifier
+
+__all__ = ["Examples", "FurtherRounds", "boosted_further", "own_opinion", "with_first_class"]
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """What a list goes on learning from.
+
+    Parameters
+    ----------
+    X : (n, F) float32
+        As many columns as the list knows.
+    labels : (n,) int64
+        Index into the list's classes.
+    weights : (n,) float64
+        Above 0.
+    """
+
+    X: NDArray[np.float32]
+    labels: NDArray[np.int64]
+    weights: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = len(self.X)
+        labels = integer_array("labels", self.labels, (n,), low=0, high=2**15)
+        weights = finite_array("weights", self.weights, (n,))
+        if not n or (weights <= 0).any():
+            raise InputError("further boosting takes at least one example, all of positive weight")
+        object.__setattr__(self, "labels", labels)
+        object.__setattr__(self, "weights", weights)
+
+    def where(self, chosen: NDArray[np.bool_]) -> "Examples":
+        """Some of these examples."""
+        return Examples(self.X[chosen], self.labels[chosen], self.weights[chosen])
+
+    def and_also(self, other: "Examples") -> "Examples":
+        """These examples and others."""
+        return Examples(
+            np.concatenate([self.X, other.X]),
+            np.concatenate([self.labels, other.labels]),
+            np.concatenate([self.weights, other.weights]),
+        )
+
+
+@dataclass(frozen=True)
+class FurtherRounds:
+    """How boosting goes on.
+
+    Parameters
+    ----------
+    n_rounds : int
+        Stumps or trees that each classifier of the list gets in addition.
+    max_depth : int
+        Levels of these trees; lists of stumps get stumps.
+    shrinkage : float
+        Every further vote is multiplied by this.
+    feature_share : float
+        Share of the columns that each tree searches, drawn from one seed.
+    """
+
+    n_rounds: Annotated[int, Ge(0), Le(10_000)] = 30
+    max_depth: Annotated[int, Ge(2), Le(4)] = 3
+    shrinkage: Annotated[float, Gt(0), Le(1)] = 0.3
+    feature_share: Annotated[float, Gt(0), Le(1)] = 0.5
+
+
+ROUNDS = FurtherRounds()
+
+
+def boosted_further(
+    fitted: BoostedList,
+    examples: Examples,
+    rounds: FurtherRounds = ROUNDS,
+    *,
+    n_threads: int | None = None,
+) -> BoostedList:
+    """The list with further rounds that were boosted on other examples.
+
+    What it has learned stays; boosting starts from where its rounds ended, with weights in
+    proportion to ``w / (1 + exp(2 y F))``, where F is half of the calibrated log-odds. The further
+    votes are divided by half of the calibration's slope, so that the confidences are those of the
+    sum. A classifier that sees only one side stays as it is.
+
+    Parameters
+    ----------
+    fitted : BoostedList
+    examples : Examples
+    rounds : FurtherRounds
+    n_threads : int, optional
+
+    References
+    ----------
+    Warm starts of boosting: scikit-learn's ``warm_start``, LightGBM's ``init_model``.
+    """
+    scores = fitted.scores(examples.X, n_threads=n_threads)
+    prepared = prepare(examples.X, examples.labels, n_threads=n_threads)
+    order = fitted.order.tolist()
+    classifiers = []
+    for k, classifier in enumerate(fitted.classifiers):
+        slope, offset = fitted.calibration[k]
+        positive, negative = order[k : k + 1], order[k + 1 :]
+        sides = [np.isin(examples.labels, side).any() for side in (positive, negative)]
+        if not all(sides) or not slope > 0:
+            classifiers.append(classifier)
+            continue
+        margin = (slope * scores[k] + offset) / 2
+        more = _rounds(
+            classifier, prepared, positive, negative, examples, margin, rounds, n_threads
+        )
+        classifiers.append(_joined(classifier, more, 2.0 / float(slope)))
+    return replace(fitted, classifiers=tuple(classifiers))
+
+
+def own_opinion(fitted: BoostedList, X: NDArray[np.float32], weight: float) -> Examples:
+    """Examples (n K) of what a list itself says of rows: every class, weighed by its probability.
+
+    They hold a list where it is. At its own probabilities p the weights of both sides of a
+    classifier are equal, ``p / (1 + exp(2 F)) = (1 - p) / (1 + exp(-2 F)) = p (1 - p)``: boosting
+    finds nothing to learn from them, until other examples pull the list away.
+
+    Parameters
+    ----------
+    fitted : BoostedList
+    X : (n, F) float32
+    weight : float
+        Of all rows together.
+    """
+    p = np.exp(fitted.log_histogram(X))
+    n, k = p.shape
+    return Examples(
+        np.repeat(X, k, axis=0),
+        np.tile(np.arange(k), n),
+        np.maximum(p.ravel(), 1e-9) * (weight / max(n, 1)),
+    )
+
+
+def with_first_class(
+    fitted: BoostedList,
+    label: Any,
+    examples: Examples,
+    rounds: FurtherRounds = ROUNDS,
+    *,
+    n_threads: int | None = None,
+) -> BoostedList:
+    """The list with one more class, which is asked for first; all that follows stays.
+
+    Parameters
+    ----------
+    fitted : BoostedList
+    label : int or str
+        The new class, larger than all others.
+    examples : Examples
+        Labels are indices into ``fitted.classes``; the new class has the number after the last.
+    rounds : FurtherRounds
+    n_threads : int, optional
+
+    Raises
+    ------
+    InputError
+        The class is not larger than the others, or one of both sides has no example.
+    """
+    number = len(fitted.classes)
+    if not (label > fitted.classes).all():
+        raise InputError(f"a new class must come after {fitted.classes[-1]}, got {label}")
+    prepared = prepare(examples.X, examples.labels, n_threads=n_threads)
+    others = list(range(number))
+    model = fitted.classifiers[0]
+    first = _rounds(model, prepared, [number], others, examples, None, rounds, n_threads)
+    if isinstance(first, BoostedTrees) and isinstance(model, BoostedTrees):
+        first = first.deepened(model.depth) if model.depth > first.depth else first
+    new = examples.labels == number
+    odds = float(examples.weights[new].sum() / examples.weights[~new].sum())
+    return replace(
+        fitted,
+        classes=np.append(fitted.classes, label),
+        order=np.concatenate([[number], fitted.order]),
+        classifiers=(first, *fitted.classifiers),
+        calibration=np.concatenate([[[2.0, 0.5 * np.log(odds)]], fitted.calibration]),
+    )
+
+
+def _rounds(
+    like: StrongClassifier | BoostedTrees,
+    prepared: SortedFeatures,
+    positive: list[int],
+    negative: list[int],
+    examples: Examples,
+    margin: NDArray[np.float64] | None,
+    rounds: FurtherRounds,
+    n_threads: int | None,
+) -> StrongClassifier | BoostedTrees:
+    more: dict[str, Any] = {
+        "n_rounds": rounds.n_rounds,
+        "shrinkage": rounds.shrinkage,
+        "sample_weight": examples.weights,
+        "margin": margin,
+        "n_threads": n_threads,
+    }
+    if isinstance(like, StrongClassifier):
+        return boost(prepared, positive, negative, **more)
+    more |= {"feature_share": rounds.feature_share}
+    more |= {"max_depth": min(rounds.max_depth, like.depth)}
+    return boost_trees(prepared, positive, negative, **more)
+
+
+def _joined(
+    first: StrongClassifier | BoostedTrees, more: StrongClassifier | BoostedTrees, scale: float
+) -> StrongClassifier | BoostedTrees:
+    if isinstance(first, BoostedTrees):
+        assert isinstance(more, BoostedTrees)
+        return first.then(more, scale)
+    assert isinstance(more, StrongClassifier)
+    return first.then(more, scale)

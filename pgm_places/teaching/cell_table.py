@@ -1,0 +1,89 @@
+"""The cells of one map with their features, computed once however often the map is labelled."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.features.own import n_columns
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Progress
+from pgm_places.sensing.sensor import Sensor
+from pgm_places.spaces.gates import Gates, gate_candidates
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.space_model import MapSpaces
+from pgm_places.unary.training_cells import training_features
+
+__all__ = ["CellTable"]
+
+MAX_BYTES = 1 << 30
+"""Features of larger maps (some 800 000 cells) are computed anew whenever they are needed."""
+
+
+@dataclass(eq=False)
+class CellTable:
+    """Laser and custom features of all free cells of a map.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        At the resolution that is labelled.
+    sensor : Sensor
+    features : tuple
+        Custom features.
+    n_threads : int, optional
+    """
+
+    grid: OccupancyGrid
+    sensor: Sensor
+    features: tuple[Any, ...] = ()
+    n_threads: int | None = None
+    _own: NDArray[np.float32] | None = None
+
+    @cached_property
+    def layout(self) -> GridLayout:
+        """The free cells in the order of the nodes."""
+        return GridLayout.of_mask(self.grid.free, self.grid.occupied, self.grid)
+
+    @cached_property
+    def gates(self) -> Gates:
+        """The openings of the map that may be doorways."""
+        return gate_candidates(Segmentation.of(self.grid))
+
+    @property
+    def fits(self) -> bool:
+        """Whether the features of all cells are kept."""
+        return 4 * len(self.layout.cells_rc) * n_columns(self.features) <= MAX_BYTES
+
+    def all(self, progress: Progress) -> NDArray[np.float32] | None:
+        """(N, F) the features of all cells; None where they are too many to keep."""
+        if self._own is None and self.fits:
+            self._own = self._computed(self.grid.free, progress)
+        return self._own
+
+    def rows(self, nodes: NDArray[np.int64], progress: Progress) -> NDArray[np.float32]:
+        """(n, F) the features of some cells, by ascending node."""
+        table = self.all(progress)
+        if table is not None:
+            return table[nodes]
+        mask = np.zeros(self.grid.shape, np.bool_)
+        mask[tuple(self.layout.cells_rc[nodes].T)] = True
+        return self._computed(mask, progress)
+
+    def beside_spaces(
+        self, nodes: NDArray[np.int64], spaces: MapSpaces, progress: Progress
+    ) -> NDArray[np.float32]:
+        """(n, F + S) the same, followed by what cells see of the spaces around them."""
+        cells = self.layout.cells_rc[nodes]
+        around = spaces.features.lookup(cells, n_threads=self.n_threads)
+        return np.concatenate([self.rows(nodes, progress), around], axis=1)
+
+    def _computed(self, mask: NDArray[np.bool_], progress: Progress) -> NDArray[np.float32]:
+        item = LabelledMap(self.grid, np.zeros(self.grid.shape, np.int16))
+        return training_features(
+            [item], self.sensor, self.n_threads, progress, self.features, masks=[mask]
+        )

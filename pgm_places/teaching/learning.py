@@ -1,0 +1,167 @@
+"""Learning from paint on top of what a labeler knows: its trees and stumps stay."""
+
+import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.inference.backends import Learnable
+from pgm_places.labelers.method import PlaceMethod
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.further_boosting import Examples
+from pgm_places.models.mrf import PottsField
+from pgm_places.progress import Progress
+from pgm_places.spaces.door_truth import match_doors
+from pgm_places.spaces.gate_features import gate_features
+from pgm_places.teaching.cell_paint import CellPaint
+from pgm_places.teaching.cell_table import CellTable
+from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
+from pgm_places.unary.map_model import UnaryModel
+from pgm_places.unary.space_model import MapSpaces, SpaceModel
+
+__all__ = ["POTTS", "Learning"]
+
+POTTS = PlaceMethod(PottsField(weight=0.25, inference="mean-field", max_iterations=20), "space")
+"""What joins neighbouring cells where no method has been learned, or none for these classes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Learning:
+    """Learns the paint on one map.
+
+    Parameters
+    ----------
+    table : CellTable
+        The map's cells.
+    options : TeachingOptions
+    progress : Progress
+    """
+
+    table: CellTable
+    options: TeachingOptions
+    progress: Progress
+
+    def taught(self, labeler: PlaceLabeler, paint: CellPaint, method: str) -> PlaceLabeler:
+        """A labeler that has learned the paint as well; the given one is not changed.
+
+        The list that the method looks at gets further rounds, and the list of gates, too, where
+        gates are painted. Classes that the labeler does not know are asked for first; methods that
+        have learned which labels are neighbours then make way for a light Potts field.
+        """
+        if not paint.used:
+            return labeler
+        learned = labeler.learned_names
+        new = tuple(name for name in paint.used if name not in labeler.label_names_)
+        names, halls = (*learned, *new), labeler.label_names_[len(learned) :]
+        unary = labeler.unary_model_
+        with self.progress.stage("learning the paint"):
+            if labeler.method(method).unary == "space":
+                unary = self._with_spaces(unary, paint.on((*names, *halls)), len(new))
+            else:
+                unary = self._with_laser(unary, paint.on(names), len(new))
+        found = copy.copy(labeler)
+        found.unary_model_, found.label_names_ = unary, (*names, *halls)
+        if new:
+            found.label_names = (*names, "hall") if unary.knows_halls else names
+            found.methods_ = found.methods = _for_new_classes(labeler.methods_)
+            found.movement_ = None
+        return found
+
+    def _with_laser(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
+        nodes = self.table.layout.from_raster(painted).astype(np.int64)
+        lesson = chosen_cells(nodes, np.zeros(len(nodes), np.bool_), self.options)
+        rows = _Rows(lesson, self.table.rows(lesson.both, self.progress))
+        fitted = self._learned(unary.classifier, rows)
+        return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
+
+    def _with_spaces(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
+        assert unary.space is not None  # a method of the labeler looks at it
+        space = self._with_gates(unary.space, painted)
+        spaces = space.judged_candidates(self.table.gates, painted, self.table.n_threads)
+        nodes = self.table.layout.from_raster(painted).astype(np.int64)
+        closed = self._in_painted_places(nodes, spaces, space.doorway)
+        lesson = chosen_cells(nodes, closed, self.options)
+        rows = _Rows(lesson, self.table.beside_spaces(lesson.both, spaces, self.progress))
+        hall = unary.n_labels
+        if space.corridor is not None:
+            rows = rows.with_halls(space.classifier, hall, hall + n_new, space.corridor)
+        fitted = self._learned(space.classifier, rows)
+        if space.corridor is not None and n_new:
+            fitted = _halls_last(fitted, hall)
+        return replace(unary, space=replace(space, classifier=fitted), n_labels=hall + n_new)
+
+    def _with_gates(self, space: SpaceModel, painted: NDArray[np.int16]) -> SpaceModel:
+        """The model with a list of gates that has learned those that are painted."""
+        if space.gates is None or space.doorway is None:
+            return space
+        match = match_doors(self.table.gates, painted, space.doorway)
+        judged = match.known | match.is_doorway
+        if not judged.any():
+            return space
+        values = gate_features(self.table.gates).astype(np.float32)
+        labels = match.is_doorway[judged].astype(np.int64)
+        weights = 1.0 / np.bincount(labels, minlength=2)[labels]
+        examples = Examples(values[judged], labels, weights)
+        gates = learned_further(
+            space.gates, examples, values[~judged], self.options, n_threads=self.table.n_threads
+        )
+        return replace(space, gates=gates)
+
+    def _in_painted_places(
+        self, nodes: NDArray[np.int64], spaces: MapSpaces, doorway: int | None
+    ) -> NDArray[np.bool_]:
+        """(N,) the nodes in places of which a part is painted, other than as a doorway.
+
+        What a list says of the rest of a room is as wrong as what it said of the painted part.
+        """
+        place = self.table.layout.from_raster(spaces.places.segments.raster())
+        painted = np.unique(place[(nodes >= 0) & (nodes != (-1 if doorway is None else doorway))])
+        return np.isin(place, painted[painted >= 0])
+
+    def _learned(self, fitted: BoostedList, rows: "_Rows") -> BoostedList:
+        lesson = rows.lesson
+        examples = Examples(rows.of(lesson.nodes), lesson.labels, lesson.weights)
+        return learned_further(
+            fitted, examples, rows.of(lesson.kept), self.options, n_threads=self.table.n_threads
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The features (n + m, F) of a lesson's cells, by node."""
+
+    lesson: Lesson
+    values: NDArray[np.float32]
+
+    def of(self, nodes: NDArray[np.int64]) -> NDArray[np.float32]:
+        return self.values[np.searchsorted(self.lesson.both, nodes)]
+
+    def with_halls(self, fitted: BoostedList, hall: int, shown: int, corridor: int) -> "_Rows":
+        """Labels as a list numbers them that knows halls, before all new classes.
+
+        Painted corridors are taught as halls where the list rather takes them for halls, unless
+        halls (``shown``) are painted themselves.
+        """
+        labels = self.lesson.labels
+        found = np.where((labels >= hall) & (labels < shown), labels + 1, labels)
+        found[labels == shown] = hall
+        circulation = np.flatnonzero(labels == corridor)
+        if len(circulation) and not (labels == shown).any():
+            log_z = fitted.log_histogram(self.of(self.lesson.nodes[circulation]))
+            found[circulation[log_z[:, hall] > log_z[:, corridor]]] = hall
+        return replace(self, lesson=replace(self.lesson, labels=found))
+
+
+def _halls_last(fitted: BoostedList, hall: int) -> BoostedList:
+    """The list with its classes numbered anew, so that halls come after all others."""
+    order = np.where(fitted.order > hall, fitted.order - 1, fitted.order)
+    order[fitted.order == hall] = len(order) - 1
+    return replace(fitted, order=order)
+
+
+def _for_new_classes(methods: dict[str, PlaceMethod]) -> dict[str, PlaceMethod]:
+    """The methods that have learned nothing about labels; a Potts field if none is left."""
+    kept = {name: item for name, item in methods.items() if not isinstance(item.backend, Learnable)}
+    return kept or {"potts": POTTS}
