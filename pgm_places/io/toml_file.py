@@ -13,6 +13,7 @@ __all__ = ["read_toml"]
 
 MAX_BYTES = 128 * 1024  # a configuration has some kilobytes
 MAX_KEYS = 8
+MAX_KEY = 200
 _KEY = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _DEEP_KEY = re.compile(rf"(?:{_KEY}[ \t]*+\.[ \t]*+){{{MAX_KEYS}}}")
 """tomllib's time grows with the square of a key's length: deep ones are refused before it."""
@@ -34,7 +35,7 @@ def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
     ------
     error
         Where the file cannot be read, is larger than 128 KiB, is not TOML, is nested too deep,
-        or has an integer of more than 64 bits.
+        or has a key of more than 200 characters or an integer of more than 64 bits.
     """
     text = read_text(path, error, what, max_bytes=MAX_BYTES)
     deep = _DEEP_KEY.search(text)
@@ -43,7 +44,7 @@ def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
         raise error(f"{path}: line {line} has a key of more than {MAX_KEYS} parts; expected {what}")
     try:
         content = tomllib.loads(text)
-        _check_integers(content.items(), path, error)
+        _check_items(content.items(), path, error)
     except RecursionError:
         raise error(f"{path}: nested too deep; expected {what}") from None
     except InputError:
@@ -55,14 +56,14 @@ def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
     return content
 
 
-def _check_integers(
-    items: Iterable[tuple[object, Any]], path: Path, error: type[InputError]
-) -> None:
-    """TOML's integers have 64 bits; tomllib reads longer ones, which nothing else takes."""
+def _check_items(items: Iterable[tuple[str, Any]], path: Path, error: type[InputError]) -> None:
+    """Keys that messages can name, and integers of TOML's 64 bits; tomllib reads longer ones."""
     for key, value in items:
+        if len(key) > MAX_KEY:
+            raise error(f"{path}: a key has {len(key)} characters; at most {MAX_KEY} are read")
         if isinstance(value, dict):
-            _check_integers(value.items(), path, error)
+            _check_items(value.items(), path, error)
         elif isinstance(value, list):
-            _check_integers(((key, item) for item in value), path, error)
+            _check_items(((key, item) for item in value), path, error)
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
             raise error(f"{path}: {key}: an integer has more than 64 bits")

@@ -43,6 +43,7 @@ def test_what_people_write_is_read(tmp_path: Path, text: str) -> None:
         ("a = " + 5000 * "[", "nested too deep"),
         ("a = " + 3000 * "{a=", "nested too deep"),
         ("a = ", "is not valid TOML"),
+        ("[[train]]\n" + 5000 * "a" + " = 1", "a key has 5000 characters; at most 200 are read"),
         ("#" * (MAX_BYTES + 1), f"larger than {MAX_BYTES} bytes; expected a configuration"),
     ],
 )
