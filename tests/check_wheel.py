@@ -35,9 +35,9 @@ def check_contents(wheel: Path) -> None:
         if wanted not in names:
             sys.exit(f"{wheel.name} lacks {wanted}")
     root = Path(__file__).resolve().parent.parent
-    templates = (root / "pgm_places" / "report" / "templates").iterdir()
+    pages = [root / "pgm_places" / name for name in ("report/templates", "studio/static")]
     files = ["pgm_places/py.typed", "pgm_places/__init__.pyi"]
-    files += [path.relative_to(root).as_posix() for path in templates]
+    files += [path.relative_to(root).as_posix() for folder in pages for path in folder.iterdir()]
     for wanted in files:
         if wanted not in names:
             sys.exit(f"{wheel.name} lacks {wanted}")

@@ -129,6 +129,58 @@ def label(
 
 
 @app.command()
+def studio(
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    labels: Annotated[
+        Path | None, typer.Option(help="Label image to compare with, such as the truth.")
+    ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            "-m",
+            help="Folder written by 'train', or the name of a shipped model; none to learn from "
+            "nothing but the paint.",
+        ),
+    ] = "default",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder for the paint and the exports; MAP-studio by default."
+        ),
+    ] = None,
+    drive: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any that is free.")
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address without opening it.")
+    ] = False,
+    unknown_value: UnknownValue = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Teach the labels of a map in the browser."""
+    from pgm_places.cli.studio import run_studio
+
+    run_studio(
+        map_yaml,
+        out,
+        labels=labels,
+        model=model,
+        drive=drive,
+        port=port,
+        browser=not no_browser,
+        unknown_value=unknown_value,
+        n_threads=threads,
+        quiet=quiet,
+    )
+
+
+@app.command()
 @option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"}, without=("doorways",))
 def topology(
     labels: Annotated[

@@ -36,8 +36,8 @@ class Chord:
     def band(self, reach: float, shape: tuple[int, int]) -> tuple[slice, slice, NDArray[np.bool_]]:
         """Rows, columns and mask of the cells of a raster at most ``reach`` away."""
         ends = np.array([self.start_rc, self.end_rc])
-        low = np.maximum(np.floor(ends.min(axis=0) - reach), 0).astype(int)
-        high = np.minimum(np.ceil(ends.max(axis=0) + reach) + 1, shape).astype(int)
+        low = np.clip(np.floor(ends.min(axis=0) - reach), 0, shape).astype(int)
+        high = np.clip(np.ceil(ends.max(axis=0) + reach) + 1, low, shape).astype(int)
         rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
         y, x = np.mgrid[rows, columns]
         offset = np.stack([y, x], axis=-1) - ends[0]

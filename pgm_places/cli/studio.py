@@ -1,0 +1,83 @@
+"""The command studio: reads the files it is given, then serves the map to a browser."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places._extras import needed
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["run_studio"]
+
+NO_MODEL = "none"
+
+
+def run_studio(
+    map_yaml: Path,
+    out: Path | None,
+    *,
+    labels: Path | None,
+    model: str,
+    drive: Path | None,
+    port: int,
+    browser: bool,
+    unknown_value: int | None,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places studio``."""
+    for module in ("starlette", "uvicorn"):
+        needed(module, extra="studio", purpose="the studio")
+    from pgm_places.io.maps.label_image import load_labels
+    from pgm_places.io.maps.label_values import listed_names
+    from pgm_places.io.maps.map_server import load_map
+    from pgm_places.persistence.stored import read
+    from pgm_places.studio.desk import Desk
+    from pgm_places.studio.server import serve
+    from pgm_places.trained import model_folder
+
+    progress = make_progress(quiet=quiet)
+    stored = None if model == NO_MODEL else read(model_folder(model), "place-labeler")
+    with progress.stage("map"):
+        loaded = load_map(map_yaml, unknown_value=unknown_value)
+    for message in loaded.warnings:
+        progress.warn(message)
+    names, truth = None, None
+    if labels is not None:
+        names = tuple(listed_names(labels))
+        truth = load_labels(labels, names, grid=loaded.grid)
+    desk = Desk(
+        loaded,
+        out or Path(f"{map_yaml.stem}-studio"),
+        None if stored is None else stored.item,
+        model=model,
+        truth=truth,
+        classes=names,
+        rules=None if stored is None else stored.rules,
+        drive_xy_m=None if drive is None else _path(drive),
+        n_threads=n_threads,
+    )
+    try:
+        serve(desk, port=port, on_address=lambda address: _announce(address, browser=browser))
+    finally:
+        desk.close()
+
+
+def _path(drive: Path) -> "NDArray[np.float64]":
+    """The positions of a drive in metres."""
+    from pgm_places.io.logs.trajectories import read_trajectory
+
+    loaded = read_trajectory(drive)
+    return loaded.trajectory.poses[:, :2]
+
+
+def _announce(address: str, *, browser: bool) -> None:
+    say(f"{address}\nOnly this computer can open it. Ctrl-C ends the studio; all edits are kept.")
+    if browser:
+        import webbrowser
+
+        webbrowser.open(address)

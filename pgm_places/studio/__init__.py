@@ -1,0 +1,1 @@
+"""The studio: a map taught in the browser, on this computer alone."""

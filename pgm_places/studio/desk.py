@@ -1,0 +1,257 @@
+"""The desk: the one map that a studio works on, with its painting, its layers and its learner."""
+
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.io.maps.map_server import MapFile
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.options import from_mapping
+from pgm_places.studio.classes import Classes
+from pgm_places.studio.edits import fill_cells, merge_cells
+from pgm_places.studio.layers import Layers
+from pgm_places.studio.learner import Learner
+from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
+from pgm_places.studio.painting import PaintedPart, Painting, journal_for
+from pgm_places.studio.source_file import SourceFile
+from pgm_places.studio.strokes import Stroke, stroke_cells
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.taught import Taught
+from pgm_places.topology.rules import TopologyOptions
+
+__all__ = ["Desk"]
+
+CLASSES = ("corridor", "room", "doorway")
+"""Those of a painting that begins without a model and without labels."""
+
+
+class Desk:
+    """A map that is taught; all its methods may be called from any thread.
+
+    Parameters
+    ----------
+    source : MapFile
+        The map.
+    folder : Path
+        Where the journal and the exports are kept.
+    labeler : PlaceLabeler or None
+        What to build on; None to learn from nothing but the paint.
+    truth : (H, W) int16, optional
+        Labels to compare with, as indices of ``classes``.
+    classes : sequence of str, optional
+        By default the labeler's.
+    drive_xy_m : (n, 2), optional
+        The path of a drive, in metres.
+
+    Attributes
+    ----------
+    tick : int
+        Grows whenever something changes that the browser shows.
+    """
+
+    def __init__(
+        self,
+        source: MapFile,
+        folder: Path,
+        labeler: PlaceLabeler | None,
+        *,
+        model: str = "default",
+        truth: NDArray[np.int16] | None = None,
+        classes: tuple[str, ...] | None = None,
+        rules: TopologyOptions | None = None,
+        drive_xy_m: NDArray[np.float64] | None = None,
+        n_threads: int | None = None,
+    ) -> None:
+        own = () if labeler is None else tuple(labeler.label_names_)
+        listed = tuple(classes or ()) or own or CLASSES
+        names = (*own, *(name for name in listed if name not in own))
+        self.source, self.folder, self.labeler, self.model = source, folder, labeler, model
+        self.truth_names = listed
+        self.drive_xy_m, self.grid = drive_xy_m, source.grid
+        self.files = [SourceFile(source.yaml_path), SourceFile(source.image_path)]
+        self.tick, self.n_lessons, self.learns = 0, 0, True
+        self.lesson: Lesson | None = None
+        self._lock = threading.RLock()
+        journal = journal_for(folder, self.files[1].sha256)
+        try:
+            self.painting = Painting(self.grid, Classes.named(names), journal)
+        except BaseException:
+            journal.close()
+            raise
+        if truth is not None and listed != names:  # labels of the file as classes of the painting
+            table = np.array([*(names.index(name) for name in listed), -1], np.int16)
+            truth = table[truth]
+        self.layers = Layers(self.grid, self.painting.labels, truth)
+        tutor = Tutor(self.grid, labeler, rules=rules, n_threads=n_threads)
+        self.learner: Learner[Question, Lesson] = Learner(tutor.answer, self._learned, self.moved)
+
+    def start(self) -> None:
+        """Begin to learn; labels of the map as it stands come first."""
+        self.learner.start()
+        self._ask()
+
+    def close(self) -> None:
+        """End learning and let go of the journal."""
+        self.learner.end()
+        self.painting.journal.close()
+
+    def moved(self) -> None:
+        """Something that the browser shows has changed."""
+        self.tick += 1
+
+    @property
+    def taught(self) -> Taught | None:
+        """The newest answer, with the user's names of places; None before there is one."""
+        with self._lock:
+            if self.lesson is None:
+                return None
+            return renamed(self.lesson.taught, self.painting.names)
+
+    # ------------------------------------------------------------------ edits
+
+    def edit(self, request: Mapping[str, Any]) -> None:
+        """Carry out what the browser asks for.
+
+        Raises
+        ------
+        InputError
+            A request that is not understood or cannot be carried out; nothing has changed then.
+        OutputError
+            The journal cannot be written; nothing has changed then.
+        """
+        kind = request.get("kind")
+        if not isinstance(kind, str) or kind not in _EDITS:
+            raise InputError(f"unknown edit {str(kind)[:40]!r}")
+        values = {key: value for key, value in request.items() if key != "kind"}
+        with self._lock:
+            before = self.painting.labels, self.painting.classes.names
+            part = _EDITS[kind](self, **_arguments(kind, values))
+            if part is not None:
+                self.layers.painted(part)
+            self.moved()
+            relearn = part is not None or before[1] != self.painting.classes.names
+            if relearn or kind == "learn":
+                self._ask()
+
+    def _stroke(self, label: int, stroke: Mapping[str, Any]) -> PaintedPart | None:
+        cells = stroke_cells(from_mapping(Stroke, stroke, path="stroke"), self.grid)
+        if not cells.size:
+            raise InputError("no free cell lies there")
+        return self.painting.paint(cells, label)
+
+    def _fill(self, label: int, point: tuple[float, float]) -> PaintedPart | None:
+        topology = None if self.lesson is None else self.lesson.taught.topology
+        return self.painting.paint(
+            fill_cells(self.grid, self.painting.labels, topology, point), label
+        )
+
+    def _merge(self, first: int, second: int) -> PaintedPart | None:
+        cells, name = merge_cells(self._topology.topology, first, second)
+        return self.painting.paint(cells, self.painting.classes.names.index(name))
+
+    def _rename(self, point_m: tuple[float, float], name: str) -> None:
+        taught = self._topology
+        region = taught.topology.region_at(*point_m)
+        if region is None:
+            raise InputError("there is no place")
+        same = [list(at) for at in self.painting.names if taught.topology.region_at(*at) == region]
+        others = [r.name for r in taught.topology.regions if r.id != region.id]
+        if name in others:
+            raise InputError(f"another place is called {name!r}; choose another name")
+        self.painting.rename(point_m, name, same)
+
+    def _class(self, index: int, name: str, colour: str) -> None:
+        own = () if self.labeler is None else self.labeler.label_names_
+        names = self.painting.classes.names
+        if index < len(own) and names[index] != name:
+            raise InputError(f"the model knows this class as {names[index]!r}; add a new one")
+        self.painting.set_class(index, name, colour)
+
+    def _undo(self) -> PaintedPart | None:
+        return self.painting.undo()
+
+    def _redo(self) -> PaintedPart | None:
+        return self.painting.redo()
+
+    def _version(self, name: str) -> None:
+        self.painting.save_version(name)
+
+    def _restore(self, revision: int) -> PaintedPart | None:
+        return self.painting.restore(revision)
+
+    def _learn(self, on: bool) -> None:
+        self.learns = on
+
+    @property
+    def _topology(self) -> Taught:
+        taught = self.taught
+        if taught is None:
+            raise InputError("there are no places yet; wait until the map has been labelled")
+        return taught
+
+    # ------------------------------------------------------------------ learning
+
+    def _ask(self) -> None:
+        """Ask for labels that follow the painting as it is now."""
+        with self._lock:
+            paint = Paint(self.painting.labels.copy(), self.painting.classes.names)
+            enough = sum(n > 0 for n in paint.counts.values()) >= 2
+            if self.labeler is not None or enough:
+                self.learner.ask(Question(paint, self.painting.revision, self.learns))
+
+    def _learned(self, lesson: Lesson) -> None:
+        with self._lock:
+            self.lesson = lesson
+            self.n_lessons += 1
+            self.layers.learned(lesson)
+        self.moved()
+
+
+_EDITS: dict[str, Callable[..., PaintedPart | None]] = {
+    "stroke": Desk._stroke,
+    "fill": Desk._fill,
+    "merge": Desk._merge,
+    "rename": Desk._rename,
+    "class": Desk._class,
+    "undo": Desk._undo,
+    "redo": Desk._redo,
+    "version": Desk._version,
+    "restore": Desk._restore,
+    "learn": Desk._learn,
+}
+_WANTED: dict[str, dict[str, type]] = {
+    "stroke": {"label": int, "stroke": dict},
+    "fill": {"label": int, "point": tuple},
+    "merge": {"first": int, "second": int},
+    "rename": {"point_m": tuple, "name": str},
+    "class": {"index": int, "name": str, "colour": str},
+    "version": {"name": str},
+    "restore": {"revision": int},
+    "learn": {"on": bool},
+}
+
+
+def _arguments(kind: str, values: dict[str, Any]) -> dict[str, Any]:
+    """The arguments of an edit, each of the type that it wants."""
+    wanted = _WANTED.get(kind, {})
+    if values.keys() != wanted.keys():
+        raise InputError(f"{kind!r} takes {', '.join(wanted) or 'nothing'}")
+    found = {}
+    for name, kind_of in wanted.items():
+        value = values[name]
+        if kind_of is tuple:
+            numbers = isinstance(value, list) and len(value) == 2
+            if not numbers or not all(type(part) in (int, float) for part in value):
+                raise InputError(f"{name} must be two numbers")
+            value = (float(value[0]), float(value[1]))
+            if not np.isfinite(value).all() or max(map(abs, value)) > 1e9:
+                raise InputError(f"{name} must be two finite numbers")
+        elif type(value) is not kind_of:
+            raise InputError(f"{name} must be of the type {kind_of.__name__}")
+        found[name] = value
+    return found

@@ -1,0 +1,157 @@
+"""The guard: what a request must show before the studio looks at it, and what replies must say.
+
+A page from elsewhere that the same browser shows must not reach the studio. It knows neither the
+token in the address, nor can it send its own name as ``Host`` or ``Origin`` without being refused.
+"""
+
+import hmac
+from collections.abc import Awaitable, Callable, MutableMapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+__all__ = ["MOST_BYTES", "POLICY", "Guard"]
+
+MOST_BYTES = 4 << 20
+"""The largest body of a request; an outline with 100 000 points is smaller."""
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Content-Security-Policy: everything comes from the studio itself, and nothing is inline."""
+
+HEADERS = {
+    "content-security-policy": POLICY,
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+}
+
+Message: TypeAlias = MutableMapping[str, Any]
+Receive: TypeAlias = Callable[[], Awaitable[Message]]
+Send: TypeAlias = Callable[[Message], Awaitable[None]]
+Application: TypeAlias = Callable[[Message, Receive, Send], Awaitable[None]]
+
+
+@dataclass(frozen=True)
+class Guard:
+    """An ASGI application that lets good requests through to another one.
+
+    Parameters
+    ----------
+    inner : ASGI application
+        Sees paths without the token.
+    token : str
+        The first part of every path.
+    port : int
+        The port that the studio listens on.
+    """
+
+    inner: Application
+    token: str
+    port: int
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        """The names under which a browser on this computer may call the studio."""
+        return (f"127.0.0.1:{self.port}", f"localhost:{self.port}")
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Answer one connection."""
+        if scope["type"] == "lifespan":
+            await self.inner(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return
+        problem = self._problem(scope)
+        if problem:
+            await _refuse(send, *problem)
+            return
+        body = await _whole_body(receive)
+        if body is None:
+            await _refuse(send, 413, f"the request is larger than {MOST_BYTES} bytes")
+            return
+        prefix = f"/{self.token}"
+        inner = {**scope, "path": scope["path"][len(prefix) :]}
+        inner["raw_path"] = inner["path"].encode()
+        await self.inner(inner, _given(body, receive), _with_headers(send))
+
+    def _problem(self, scope: Message) -> tuple[int, str] | None:
+        """The status and the reason to refuse a request; None where it is good."""
+        headers = _single(scope["headers"])
+        if headers is None:
+            return 400, "a header that must be given once was given twice"
+        if headers.get("host") not in self.hosts:
+            return 403, f"the studio answers only as {self.hosts[0]}; open the address it printed"
+        token = scope["path"].partition("/")[2].partition("/")[0]
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
+            return 403, "the address lacks the token; open the whole address that was printed"
+        if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
+            return 403, "the studio answers no other page"
+        origins = [f"http://{host}" for host in self.hosts]
+        writes = scope["method"] not in ("GET", "HEAD")
+        if headers.get("origin", "" if writes else origins[0]) not in origins:
+            return 403, "the studio answers no other page"
+        if not writes:
+            return None
+        if scope["method"] != "POST":
+            return 405, "only GET and POST are understood"
+        if headers.get("content-type", "").partition(";")[0] != "application/json":
+            return 415, "a request must be JSON; files cannot be uploaded"
+        length = headers.get("content-length", "0")
+        if not length.isdecimal() or int(length) > MOST_BYTES:
+            return 413, f"the request is larger than {MOST_BYTES} bytes"
+        return None
+
+
+def _single(headers: list[tuple[bytes, bytes]]) -> dict[str, str] | None:
+    """Headers by lower-case name; None where one that the guard looks at stands there twice."""
+    names = [name.lower() for name, _ in headers]
+    for name in (b"host", b"origin", b"content-type", b"content-length", b"sec-fetch-site"):
+        if names.count(name) > 1:
+            return None
+    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in headers}
+
+
+async def _whole_body(receive: Receive) -> bytes | None:
+    """The body; None where it is too large, whatever its length was said to be."""
+    body = b""
+    more = True
+    while more:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            return b""
+        body += message.get("body", b"")
+        more = message.get("more_body", False)
+        if len(body) > MOST_BYTES:
+            return None
+    return body
+
+
+def _given(body: bytes, receive: Receive) -> Receive:
+    """A receiver that hands out a body that has been read, then what comes after it."""
+    pending = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def received() -> Message:
+        return pending.pop() if pending else await receive()
+
+    return received
+
+
+def _with_headers(send: Send) -> Send:
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            extra = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            message = {**message, "headers": [*message.get("headers", []), *extra]}
+        await send(message)
+
+    return sent
+
+
+async def _refuse(send: Send, status: int, reason: str) -> None:
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+    send = _with_headers(send)
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": reason.encode()})

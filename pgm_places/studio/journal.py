@@ -1,0 +1,143 @@
+"""The journal: every edit as one line of a file, on the disk before it is shown.
+
+Nothing is ever changed in it, so there is always a way back, and whatever ends the process loses at
+most the line that was just being written.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import IO, Any
+
+from pgm_places.errors import InputError, OutputError
+from pgm_places.io.staging import as_output_errors
+
+try:
+    import fcntl
+except ImportError:  # Windows: two studios on one folder are not kept apart
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = ["Journal"]
+
+FORMAT, SCHEMA = "pgm-places-studio", 1
+MAX_BYTES = 2 << 30
+
+
+class Journal:
+    """An open journal, locked for as long as it is.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made where it is missing.
+    subject : dict
+        What the edits are about. A journal about something else is refused.
+
+    Attributes
+    ----------
+    entries : list of dict
+        What the file held when it was opened.
+    """
+
+    entries: list[dict[str, Any]]
+    _size: int
+
+    def __init__(self, path: Path, subject: dict[str, Any]) -> None:
+        self.path = path
+        with as_output_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file: IO[bytes] = path.open("a+b")
+        try:
+            self._lock()
+            self.entries = self._read(subject)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def append(self, entry: dict[str, Any]) -> None:
+        """Write an entry; it is on the disk when this returns.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written, or somebody else has written to it.
+        """
+        if self.was_changed():
+            raise OutputError(
+                f"{self.path} was changed by something else; end the studio and start it again"
+            )
+        line = json.dumps(entry, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        with as_output_errors(self.path):
+            try:
+                self._file.write(line.encode() + b"\n")
+                self._file.flush()
+                os.fsync(self._file.fileno())
+            except OSError:
+                os.ftruncate(self._file.fileno(), self._size)  # no half a line stays
+                raise
+        self._size = self._length()
+
+    def was_changed(self) -> bool:
+        """Whether the file is no longer the one that was written here."""
+        try:
+            there = self.path.stat()
+        except OSError:
+            return True
+        here = os.fstat(self._file.fileno())
+        return (there.st_ino, there.st_dev) != (here.st_ino, here.st_dev) or (
+            here.st_size != self._size
+        )
+
+    def close(self) -> None:
+        """Let others open it."""
+        self._file.close()
+
+    def _lock(self) -> None:
+        if fcntl is None:
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise OutputError(
+                f"{self.path} is open in another studio; use that one, end it, or choose another "
+                "folder with --out"
+            ) from None
+
+    def _length(self) -> int:
+        return os.fstat(self._file.fileno()).st_size
+
+    def _read(self, subject: dict[str, Any]) -> list[dict[str, Any]]:
+        self._size = self._length()
+        if self._size > MAX_BYTES:
+            raise InputError(f"{self.path} has {self._size} bytes; at most {MAX_BYTES} are read")
+        self._file.seek(0)
+        whole, _, torn = self._file.read().rpartition(b"\n")
+        if torn:  # a kill came in the middle of a line, which nobody has seen the effect of
+            self._size -= len(torn)
+            os.ftruncate(self._file.fileno(), self._size)
+        lines = whole.split(b"\n") if whole else []
+        entries = [_entry(self.path, number, line) for number, line in enumerate(lines, 1)]
+        header = {"format": FORMAT, "schema": SCHEMA, **subject}
+        if not entries:
+            self.append(header)
+            return []
+        first = entries[0]
+        if first.get("format") != FORMAT or first.get("schema") != SCHEMA:
+            raise InputError(f"{self.path} is no journal of this studio; choose another --out")
+        for key, value in subject.items():
+            if first.get(key) != value:
+                raise InputError(
+                    f"{self.path} belongs to another {key} ({first.get(key)!r}, not {value!r}); "
+                    "choose another folder with --out"
+                )
+        return entries[1:]
+
+
+def _entry(path: Path, number: int, line: bytes) -> dict[str, Any]:
+    try:
+        entry = json.loads(line)
+    except (ValueError, RecursionError):
+        entry = None
+    if not isinstance(entry, dict):
+        raise InputError(f"{path}: line {number} is damaged; restore the file from a copy")
+    return entry

@@ -1,0 +1,150 @@
+"""The layers that the studio shows, each a pyramid of a raster with its colours."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.studio.classes import Classes
+from pgm_places.studio.lesson import Lesson, probability_raster
+from pgm_places.studio.painting import PaintedPart
+from pgm_places.studio.pyramid import Pyramid, n_levels
+from pgm_places.studio.tiles import (
+    CLEAR,
+    ERRORS,
+    FREE_VALUE,
+    GROUNDS,
+    Theme,
+    encode_labels,
+    encode_map,
+    entropy_colours,
+    hatched,
+    label_palette,
+    png,
+    probability_colours,
+)
+
+__all__ = ["LABEL_SOURCES", "Layers"]
+
+LABEL_SOURCES = ("taught", "before", "unary", "truth")
+"""Labels that can be looked at: the newest ones, the first ones, those before the graph, and those
+of the file to compare with."""
+
+
+class Layers:
+    """Pictures of parts of all layers.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    paint : (H, W) int16
+        Written to by others, who say so to :meth:`painted`.
+    truth : (H, W) int16 or None
+    """
+
+    def __init__(
+        self, grid: OccupancyGrid, paint: NDArray[np.int16], truth: NDArray[np.int16] | None
+    ) -> None:
+        self.grid, self.truth = grid, truth
+        self.n_levels = n_levels(grid.shape)
+        self._map = Pyramid(grid.cells, encode_map)
+        self._paint = Pyramid(paint, encode_labels)
+        self._labels: dict[str, Pyramid] = {}
+        self._values: dict[str, Pyramid] = {}
+        self._lesson: Lesson | None = None
+        if truth is not None:
+            self._labels["truth"] = Pyramid(truth, encode_labels)
+
+    def painted(self, part: PaintedPart) -> None:
+        """Cells of the paint have changed."""
+        self._paint.changed(part.rows, part.columns)
+
+    def learned(self, lesson: Lesson) -> None:
+        """Labels have changed."""
+        self._labels["taught"] = Pyramid(lesson.labels, encode_labels)
+        self._labels["unary"] = Pyramid(lesson.unary_labels, encode_labels)
+        self._labels.setdefault("before", self._labels["taught"])
+        self._lesson = lesson
+        self._values = {}
+
+    @property
+    def sources(self) -> list[str]:
+        """Which of ``LABEL_SOURCES`` there are now."""
+        return [name for name in LABEL_SOURCES if name in self._labels]
+
+    def tile(
+        self, layer: str, level: int, row: int, column: int, *, classes: Classes, theme: Theme
+    ) -> bytes:
+        """A tile as PNG.
+
+        Raises
+        ------
+        InputError
+            There is no such layer or tile.
+        """
+        side = 1 << max(0, self.n_levels - 1 - level)
+        if not (0 <= level < self.n_levels and 0 <= row < side and 0 <= column < side):
+            raise InputError(f"there is no tile {row}, {column} at level {level}")
+        where = (level, row, column)
+        ground = self._map.tile(*where)
+        if layer == "map":
+            return png(ground, GROUNDS[theme])
+        colours = [item.colour for item in classes.items]
+        kind, _, name = layer.partition("-")
+        if layer == "paint":
+            tile = self._on_free(self._paint.tile(*where), ground)
+            lines = [_line_colour(colour) for colour in colours]
+            return png(hatched(tile, len(colours)), [*label_palette(colours), *lines])
+        if kind == "labels" and name in self._labels:
+            tile = self._on_free(self._labels[name].tile(*where), ground)
+            return png(tile, label_palette(colours))
+        if kind == "errors" and name in self._labels and self.truth is not None:
+            return png(self._errors(name, where, ground), ERRORS)
+        if layer == "entropy" or kind == "probability":
+            tile = self._on_free(self._value(layer, name).tile(*where), ground)
+            gradient = entropy_colours() if layer == "entropy" else probability_colours()
+            return png(tile, [CLEAR, *gradient[1:]])
+        raise InputError(f"there is no layer {layer[:40]!r}")
+
+    def _on_free(self, tile: NDArray[np.uint8], ground: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """A tile without what its larger pixels spread over walls."""
+        return np.where(ground == FREE_VALUE, tile, np.uint8(0))
+
+    def _errors(
+        self, name: str, where: tuple[int, int, int], ground: NDArray[np.uint8]
+    ) -> NDArray[np.uint8]:
+        """0 for cells without a truth, 1 for right and 2 for wrong ones."""
+        truth, labels = self._labels["truth"].tile(*where), self._labels[name].tile(*where)
+        known = (truth > 0) & (labels > 0) & (ground == FREE_VALUE)
+        return known.astype(np.uint8) + (known & (truth != labels))
+
+    def _value(self, layer: str, name: str) -> Pyramid:
+        """The pyramid of a layer of probabilities, made when it is first looked at."""
+        if layer not in self._values:
+            if self._lesson is None:
+                raise InputError("there are no probabilities yet")
+            label = None
+            if layer != "entropy":
+                places = np.flatnonzero(self._lesson.class_of == _number(name))
+                if not places.size:
+                    raise InputError(f"no probability is known of class {name[:40]!r}")
+                label = int(places[0])
+            raster = probability_raster(self._lesson.taught.found, label)
+            keep: Callable[[NDArray[Any]], NDArray[np.uint8]] = np.asarray
+            self._values[layer] = Pyramid(raster, keep)
+        return self._values[layer]
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 4 else -1
+
+
+def _line_colour(colour: str) -> str:
+    """The colour of the lines over paint: darker on light colours, lighter on dark ones."""
+    red, green, blue = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
+    target = 0 if 0.3 * red + 0.59 * green + 0.11 * blue > 110 else 255
+    mixed = (round(0.62 * part + 0.38 * target) for part in (red, green, blue))
+    return "#" + "".join(f"{part:02x}" for part in mixed)

@@ -1,0 +1,139 @@
+"""The learner: a thread that answers the newest question and drops those that it replaces."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from pgm_places.errors import PgmPlacesError, SolverError
+
+__all__ = ["Learner", "LearnerState"]
+
+Question = TypeVar("Question")
+Answer = TypeVar("Answer")
+
+
+class _Superseded(Exception):  # noqa: N818  nothing went wrong
+    """A newer question came."""
+
+
+@dataclass(frozen=True)
+class LearnerState:
+    """What the learner is doing.
+
+    Parameters
+    ----------
+    working : bool
+    stage : str
+        The stage of the work that it is at.
+    fraction : float
+        How much of that stage is done, from 0 to 1.
+    problem : str
+        Why the last question has no answer; empty where it has.
+    """
+
+    working: bool = False
+    stage: str = ""
+    fraction: float = 0.0
+    problem: str = ""
+
+
+class _Reported:
+    """Progress that is shown in the browser, and ends the work once a newer question came."""
+
+    def __init__(self, superseded: Callable[[], bool], show: Callable[[str, float], None]) -> None:
+        self._superseded, self._show = superseded, show
+        self._name = ""
+
+    @contextmanager
+    def stage(self, name: str) -> "Iterator[_Reported]":
+        self._name = name
+        self.update(0.0)
+        yield self
+
+    def update(self, fraction: float, note: str = "") -> None:  # noqa: ARG002  the protocol's
+        if self._superseded():
+            raise _Superseded
+        self._show(self._name, fraction)
+
+    def warn(self, message: str) -> None:
+        """Warnings are part of the answer."""
+
+
+class Learner(Generic[Question, Answer]):
+    """Answers questions one at a time in the background; only the newest counts.
+
+    Parameters
+    ----------
+    work : callable
+        Makes an answer of a question, and reports its progress.
+    done : callable
+        Takes an answer, in the learner's thread.
+    changed : callable
+        Called whenever the state changes.
+    """
+
+    def __init__(
+        self,
+        work: Callable[[Question, _Reported], Answer],
+        done: Callable[[Answer], None],
+        changed: Callable[[], None],
+    ) -> None:
+        self._work, self._done, self._changed = work, done, changed
+        self._wake = threading.Condition()
+        self._waiting: list[Question] = []
+        self._ended = False
+        self.state = LearnerState()
+        self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
+
+    def start(self) -> None:
+        """Begin to answer."""
+        self._thread.start()
+
+    def ask(self, question: Question) -> None:
+        """Ask, in place of all that was asked before."""
+        with self._wake:
+            self._waiting = [question]
+            self._wake.notify_all()
+
+    def end(self) -> None:
+        """Answer no more."""
+        with self._wake:
+            self._ended = True
+            self._waiting = []
+            self._wake.notify_all()
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)  # a daemon: a long stage does not keep the process
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._waiting or self._ended)
+                if self._ended:
+                    return
+                question = self._waiting.pop()
+            self._show(LearnerState(working=True))
+            self._show(LearnerState(problem=self._answer(question)))
+
+    def _answer(self, question: Question) -> str:
+        """Answer; what went wrong, if anything."""
+        reported = _Reported(
+            lambda: bool(self._waiting) or self._ended,
+            lambda stage, fraction: self._show(LearnerState(True, stage, fraction)),
+        )
+        try:
+            self._done(self._work(question, reported))
+        except _Superseded:
+            return ""
+        except (PgmPlacesError, MemoryError) as error:
+            return str(error) or "out of memory"
+        except Exception as error:  # noqa: BLE001  the thread must live on, and say what happened
+            kind = SolverError.__name__ if isinstance(error, ArithmeticError) else "internal error"
+            return f"{kind}: {error}; the paint is kept"
+        return ""
+
+    def _show(self, state: LearnerState) -> None:
+        if state != self.state:
+            self.state = state
+            self._changed()

@@ -1,0 +1,142 @@
+"""Lessons: what the studio asks the teacher, and what it shows of the answer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.maps.coarsening import Coarsening
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Progress
+from pgm_places.report.map_pictures import entropy
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.taught import Taught
+from pgm_places.teaching.teacher import Teacher
+from pgm_places.topology.naming import name_places
+from pgm_places.topology.rules import TopologyOptions
+
+__all__ = ["Lesson", "Question", "Tutor", "probability_raster", "renamed"]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What to label and learn.
+
+    Parameters
+    ----------
+    paint : Paint
+    revision : int
+        That of the painting.
+    learns : bool
+        Whether the labeler learns the paint, or only keeps to it.
+    """
+
+    paint: Paint
+    revision: int
+    learns: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """An answer of the teacher, its labels as indices of the painting's classes.
+
+    Parameters
+    ----------
+    taught : Taught
+    revision : int
+        That of the painting it answers.
+    labels, unary_labels : (H, W) int16
+        After the graph and before it; -1 for none.
+    class_of : (K,) int16
+        Index of the painting's class for each of the teacher's labels.
+    """
+
+    taught: Taught
+    revision: int
+    labels: NDArray[np.int16]
+    unary_labels: NDArray[np.int16]
+    class_of: NDArray[np.int16]
+
+
+class Tutor:
+    """Answers questions with a teacher, and makes a new teacher when there is a new class.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+    labeler : PlaceLabeler or None
+    rules : TopologyOptions
+    method : str or None
+    n_threads : int or None
+    """
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        labeler: PlaceLabeler | None,
+        *,
+        rules: TopologyOptions | None = None,
+        method: str | None = None,
+        n_threads: int | None = None,
+    ) -> None:
+        self.grid, self.labeler = grid, labeler
+        self._options: dict[str, Any] = {"rules": rules, "method": method, "n_threads": n_threads}
+        self._teacher: Teacher | None = None
+
+    def answer(self, question: Question, progress: Progress) -> Lesson:
+        """Label the map, after learning the paint where that is asked for."""
+        paint = question.paint
+        teacher = self._teacher_for(paint.classes)
+        learns = question.learns and bool(paint.painted.any())
+        call = teacher.teach if learns else teacher.label
+        taught = call(paint, progress=progress)
+        class_of = np.array([paint.classes.index(name) for name in taught.label_names], np.int16)
+        same = (class_of == np.arange(len(class_of))).all()
+        found = [taught.labels, taught.unary_labels]
+        if not same:
+            table = np.append(class_of, np.int16(-1))  # the last entry serves -1
+            found = [table[labels] for labels in found]
+        return Lesson(taught, question.revision, found[0], found[1], class_of)
+
+    def _teacher_for(self, classes: Sequence[str]) -> Teacher:
+        if self._teacher is None or tuple(self._teacher.classes) != tuple(classes):
+            known = None if self._teacher is None else self._teacher.known_places
+            self._teacher = Teacher(
+                self.grid, self.labeler, classes=classes, known_places=known, **self._options
+            )
+        return self._teacher
+
+
+def probability_raster(found: LabelledPlaces, label: int | None) -> NDArray[np.uint8]:
+    """(H, W) probability of a label, or the entropy of all for None, from 1 to 255; 0 for none."""
+    beliefs = found.labeling.beliefs
+    if beliefs is None:
+        return np.zeros(found.grid.shape, np.uint8)
+    values = entropy(beliefs) if label is None else beliefs[:, label]
+    raster = found.layout.to_raster(np.round(1 + 254 * values).astype(np.uint8), fill=0)
+    painted: NDArray[np.uint8] = Coarsening.behind(found.layout, found.grid).paint(raster, 0)
+    return painted
+
+
+def renamed(taught: Taught, names: dict[tuple[float, float], str]) -> Taught:
+    """The answer with the user's names of places, each given by a point."""
+    topology = taught.topology
+    own = {}
+    for (x, y), name in names.items():
+        region = topology.region_at(x, y)
+        if region is not None:
+            own[region.id] = name
+    if not own:
+        return taught
+    ids = [region.id for region in topology.regions]
+    labels = [region.label for region in topology.regions]
+    known = {r.id: r.name for r in topology.regions if r.name not in own.values()}
+    called = name_places(ids, labels, known=known, own=own)
+    regions = tuple(
+        replace(region, name=name) for region, name in zip(topology.regions, called, strict=True)
+    )
+    return replace(taught, topology=replace(topology, regions=regions))

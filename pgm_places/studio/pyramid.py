@@ -1,0 +1,106 @@
+"""Pyramids: a raster as square tiles at every power of two, made when they are asked for."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["TILE", "Pyramid", "n_levels"]
+
+TILE = 256
+"""Side of a tile in pixels."""
+
+
+def n_levels(shape: tuple[int, int]) -> int:
+    """Number of levels until the whole raster fits into one tile.
+
+    Examples
+    --------
+    >>> n_levels((256, 256)), n_levels((257, 10)), n_levels((10_000, 10_000))
+    (1, 2, 7)
+    """
+    return 1 + int(np.ceil(np.log2(max(1.0, max(shape) / TILE))))
+
+
+class Pyramid:
+    """Tiles of a raster, the top row of the picture first.
+
+    A pixel of a higher level shows the largest of the four values below it, so that what is rare
+    and numbered high, a wall or a doorway, is still seen from far away. Only tiles that were asked
+    for, and those they are made of, are kept: a third of the raster's bytes at most.
+
+    Parameters
+    ----------
+    raster : (H, W) array
+        Row 0 at the bottom, as in all rasters of the package.
+    encode : callable
+        Turns a part of the raster into uint8, 0 for nothing.
+
+    Examples
+    --------
+    >>> pyramid = Pyramid(np.eye(300), lambda part: part.astype(np.uint8))
+    >>> pyramid.tile(0, 1, 0)[43, 0], pyramid.tile(1, 0, 0).sum()
+    (np.uint8(1), np.uint64(150))
+    """
+
+    def __init__(
+        self, raster: NDArray[Any], encode: Callable[[NDArray[Any]], NDArray[np.uint8]]
+    ) -> None:
+        self._raster = raster
+        self._encode = encode
+        self._kept: dict[tuple[int, int, int], NDArray[np.uint8]] = {}
+        height, width = raster.shape
+        self.shape = (height, width)
+        self.n_levels = n_levels(self.shape)
+
+    def tile(self, level: int, row: int, column: int) -> NDArray[np.uint8]:
+        """(256, 256) values of a tile; 0 beyond the raster."""
+        if level == 0:
+            return self._lowest(row, column)
+        key = (level, row, column)
+        found = self._kept.get(key)
+        if found is None:
+            found = self._reduced(level, row, column)
+            self._kept[key] = found
+        return found
+
+    def changed(self, rows: slice, columns: slice) -> None:
+        """Forget the tiles that show a part of the raster, which has been written to."""
+        height = self.shape[0]
+        top, bottom = height - rows.stop, height - 1 - rows.start
+        for key in list(self._kept):
+            level, row, column = key
+            side = TILE << level
+            if (
+                top // side <= row <= bottom // side
+                and columns.start // side <= column <= (columns.stop - 1) // side
+            ):
+                self._kept.pop(key, None)
+
+    def _lowest(self, row: int, column: int) -> NDArray[np.uint8]:
+        height = self.shape[0]
+        stop = height - row * TILE
+        part = self._raster[max(0, stop - TILE) : max(0, stop)][::-1]
+        part = self._encode(part[:, column * TILE : (column + 1) * TILE])
+        if part.shape == (TILE, TILE):
+            return part
+        tile = np.zeros((TILE, TILE), np.uint8)
+        tile[: part.shape[0], : part.shape[1]] = part
+        return tile
+
+    def _reduced(self, level: int, row: int, column: int) -> NDArray[np.uint8]:
+        half = TILE // 2
+        tile = np.zeros((TILE, TILE), np.uint8)
+        side = TILE << (level - 1)
+        for down in range(2):
+            for right in range(2):
+                y, x = 2 * row + down, 2 * column + right
+                if y * side >= self.shape[0] or x * side >= self.shape[1]:
+                    continue
+                below = self.tile(level - 1, y, x)
+                pairs = np.maximum(below[::2], below[1::2])
+                tile[down * half :, right * half :][:half, :half] = np.maximum(
+                    pairs[:, ::2], pairs[:, 1::2]
+                )
+        return tile

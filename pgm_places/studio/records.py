@@ -1,0 +1,182 @@
+"""What the browser is told about the desk, as plain data."""
+
+from typing import Any
+
+import numpy as np
+
+from pgm_places.io.places.gate_record import gate_record
+from pgm_places.io.places.region_features import region_features
+from pgm_places.studio.desk import Desk
+from pgm_places.studio.exports import EXPORTS
+from pgm_places.studio.pyramid import TILE
+from pgm_places.teaching.taught import Taught
+
+__all__ = ["cell_record", "drive_record", "places_record", "state_record"]
+
+MOST_CHECKS = 200
+MOST_PATH_POINTS = 20_000
+
+
+def state_record(desk: Desk) -> dict[str, Any]:
+    """All that changes, apart from pictures and places."""
+    grid, painting, learner = desk.grid, desk.painting, desk.learner.state
+    lesson = desk.lesson
+    own = () if desk.labeler is None else desk.labeler.label_names_
+    return {
+        "tick": desk.tick,
+        "map": {
+            "name": desk.source.yaml_path.stem,
+            "rows": grid.shape[0],
+            "columns": grid.shape[1],
+            "resolution_m": grid.resolution_m,
+            "origin_m": list(grid.origin_xy_m),
+            "yaw_rad": grid.yaw_rad,
+            "tile": TILE,
+            "levels": desk.layers.n_levels,
+        },
+        "classes": [
+            {"name": item.name, "colour": item.colour, "own": k < len(own)}
+            for k, item in enumerate(painting.classes.items)
+        ],
+        "next_colour": painting.classes.next_colour,
+        "revision": painting.revision,
+        "painted": painting.n_painted,
+        "can_undo": painting.can_undo,
+        "can_redo": painting.can_redo,
+        "versions": [
+            {"revision": item.revision, "name": item.name, "saved_at": item.saved_at}
+            for item in painting.versions
+        ],
+        "learns": desk.learns,
+        "learner": {
+            "working": learner.working,
+            "stage": learner.stage,
+            "fraction": learner.fraction,
+            "problem": learner.problem,
+        },
+        "lesson": None
+        if lesson is None
+        else {
+            "number": desk.n_lessons,
+            "revision": lesson.revision,
+            "method": lesson.taught.found.method,
+            "seconds": lesson.taught.seconds,
+            "known": lesson.class_of.tolist(),
+            "warnings": list(lesson.taught.found.warnings),
+        },
+        "sources": desk.layers.sources,
+        "drive": desk.drive_xy_m is not None,
+        "exports": {name: item.words for name, item in EXPORTS.items()},
+        "notices": _notices(desk),
+        "model": desk.model if desk.labeler is not None else None,
+    }
+
+
+def _notices(desk: Desk) -> list[str]:
+    found = [
+        f"{file.path.name} was changed on the disk. End the studio and start it again."
+        for file in desk.files
+        if file.was_changed()
+    ]
+    if desk.painting.journal.was_changed():
+        found.append("The journal was changed by something else. Nothing more can be saved to it.")
+    return found
+
+
+def places_record(taught: Taught) -> dict[str, Any]:
+    """Regions with outlines, gates, connections, and the places to check first."""
+    topology = taught.topology
+    features = {item["id"]: item for item in region_features(topology)["features"]}
+    regions = []
+    for region in topology.regions:
+        item = features[region.id]
+        geometry = item["geometry"]
+        polygons = geometry["coordinates"]
+        regions.append(
+            {
+                **item["properties"],
+                "polygons": [polygons] if geometry["type"] == "Polygon" else polygons,
+                "probabilities": region.probabilities,
+            }
+        )
+    gates = [
+        {**gate_record(gate), "probability": round(probability, 4)}
+        for gate, probability in taught.gates
+    ]
+    checks = [
+        {
+            "id": check.place.id,
+            "name": check.place.name,
+            "label": check.place.label,
+            "anchor_m": list(check.place.anchor_m),
+            "box_m": list(check.place.box_m),
+            "doubt": check.doubt,
+            "doubtful_m2": check.doubtful_m2,
+            "second_label": check.second_label,
+        }
+        for check in taught.checks[:MOST_CHECKS]
+    ]
+    return {
+        "regions": regions,
+        "gates": gates,
+        "connections": [
+            {"first": c.first, "second": c.second, "point_m": list(c.point_m), "width_m": c.width_m}
+            for c in topology.connections
+        ],
+        "checks": checks,
+    }
+
+
+def cell_record(desk: Desk, x: float, y: float) -> dict[str, Any]:
+    """What is known of the cell at a point (x, y in cells)."""
+    grid = desk.grid
+    column, row = int(np.floor(x)), int(np.floor(y))
+    [[x_m, y_m]] = grid.cell_centres_m([[y - 0.5, x - 0.5]]).tolist()
+    record: dict[str, Any] = {"x_m": x_m, "y_m": y_m, "ground": "outside"}
+    if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]):
+        return record
+    names = desk.painting.classes.names
+    record["ground"] = {0: "free", 100: "wall"}.get(int(grid.cells[row, column]), "unknown")
+    record["paint"] = _name(names, int(desk.painting.labels[row, column]))
+    if desk.layers.truth is not None:
+        record["truth"] = _name(names, int(desk.layers.truth[row, column]))
+    lesson, taught = desk.lesson, desk.taught
+    if lesson is None or taught is None:
+        return record
+    record["label"] = _name(names, int(lesson.labels[row, column]))
+    record["unary"] = _name(names, int(lesson.unary_labels[row, column]))
+    region = int(taught.topology.region[row, column])
+    record["region"] = region or None
+    record["probabilities"] = _beliefs(taught, row, column, unary=False)
+    record["unary_probabilities"] = _beliefs(taught, row, column, unary=True)
+    return record
+
+
+def drive_record(desk: Desk) -> dict[str, Any]:
+    """The path of the drive in metres, thinned out where it is long."""
+    path = desk.drive_xy_m
+    if path is None:
+        return {"path_m": []}
+    step = max(1, len(path) // MOST_PATH_POINTS)
+    return {"path_m": path[::step].round(3).tolist()}
+
+
+def _name(names: tuple[str, ...], label: int) -> str | None:
+    return names[label] if 0 <= label < len(names) else None
+
+
+def _beliefs(taught: Taught, row: int, column: int, *, unary: bool) -> dict[str, float] | None:
+    found = taught.unary if unary else taught.found
+    beliefs = found.labeling.beliefs
+    if beliefs is None:
+        return None
+    from pgm_places.maps.coarsening import Coarsening
+
+    cell = Coarsening.behind(found.layout, found.grid).holders(np.array([[row, column]]))
+    [node] = found.layout.nodes_at(cell).tolist()
+    if node < 0:
+        return None
+    return {
+        name: round(float(value), 4)
+        for name, value in zip(taught.label_names, beliefs[node], strict=True)
+    }

@@ -1,0 +1,64 @@
+"""The server: the studio on a port of this computer, until it is told to end."""
+
+import secrets
+import socket
+from collections.abc import Callable
+
+import uvicorn
+
+from pgm_places.errors import OutputError
+from pgm_places.studio.app import application
+from pgm_places.studio.desk import Desk
+
+__all__ = ["serve"]
+
+HOST = "127.0.0.1"
+"""This computer only, whatever else it is connected to."""
+
+
+def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> None:
+    """Serve a desk until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    desk : Desk
+    port : int
+        0 for any that is free.
+    on_address : callable
+        Told the address, token included, once browsers may open it.
+
+    Raises
+    ------
+    OutputError
+        The port is taken.
+    """
+    with _listening(port) as listener:
+        number = listener.getsockname()[1]
+        token = secrets.token_urlsafe(24)
+        app = application(desk, token=token, port=number)
+        config = uvicorn.Config(
+            app,
+            log_level="error",
+            access_log=False,  # addresses hold the token
+            server_header=False,
+            timeout_graceful_shutdown=1,  # browsers wait for news; they would wait for ever
+            timeout_keep_alive=30,
+        )
+        desk.start()
+        on_address(f"http://{HOST}:{number}/{token}/")
+        uvicorn.Server(config).run(sockets=[listener])
+
+
+def _listening(port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((HOST, port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        raise OutputError(
+            f"cannot listen on port {port}: {error.strerror or error}; choose another with --port, "
+            "or leave it out for any that is free"
+        ) from None
+    return listener

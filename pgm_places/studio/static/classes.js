@@ -1,0 +1,113 @@
+// The panel of classes: what is painted, in which colour, and whether it is learned.
+
+import { h, icon, swatch } from "./dom.js";
+
+export class Classes {
+  constructor(studio) {
+    this.studio = studio;
+    this.element = h("div", { className: "panel" });
+  }
+
+  render(state) {
+    const { label } = this.studio;
+    const key = JSON.stringify([state.classes, label, state.learns, state.painted, state.model, state.versions]);
+    if (key === this.key || this.element.querySelector("input:not([type=checkbox]):focus")) return;
+    this.key = key;
+    const learns = h("input", { type: "checkbox", role: "switch", checked: state.learns });
+    learns.addEventListener("change", () => this.studio.edit({ kind: "learn", on: learns.checked }));
+    const { resolution_m: side } = state.map;
+    this.element.replaceChildren(
+      h("section", {}, h("h2", {}, "Paint with"),
+        h("ul", { className: "classes" },
+          state.classes.map((item, k) => this.#row(item, k)),
+          this.#eraser()),
+        this.#adder(state)),
+      h("section", {},
+        h("label", { className: "switch" }, learns, "Learn from the paint"),
+        h("p", { className: "small" }, this.#words(state)),
+        h("p", { className: "small" }, `Painted: ${(state.painted * side * side).toFixed(1)} m². Painted cells keep their label in any case.`)),
+      h("hr", { className: "rule" }),
+      h("section", {}, h("h2", {}, "Versions"), this.#versions(state)),
+      h("section", {}, h("h2", {}, "Export"), this.#exports(state)),
+    );
+  }
+
+  #words(state) {
+    if (!state.learns) return "Off: paint is kept and pulls its neighbours, but teaches nothing.";
+    if (state.model) return `On top of the model “${state.model}”.`;
+    return "From nothing but the paint: begin with a stroke of two classes.";
+  }
+
+  #row(item, k) {
+    const colour = h("input", {
+      type: "color", className: "swatch", value: item.colour, "aria-label": `Colour of ${item.name}`, title: "Change the colour",
+    });
+    colour.addEventListener("change", () =>
+      this.studio.edit({ kind: "class", index: k, name: item.name, colour: colour.value }));
+    const pick = h("button", { className: "pick", type: "button", "aria-pressed": String(this.studio.label === k) },
+      h("span", {}, item.name));
+    pick.addEventListener("click", () => this.studio.chooseLabel(k));
+    pick.addEventListener("dblclick", () => !item.own && this.#rename(item, k));
+    const chosen = this.studio.label === k ? " chosen" : "";
+    return h("li", { className: `class${chosen}` }, colour, pick, k < 9 ? h("kbd", {}, String(k + 1)) : null);
+  }
+
+  #rename(item, index) {
+    const name = window.prompt("Name of the class", item.name)?.trim();
+    if (name && name !== item.name) this.studio.edit({ kind: "class", index, name, colour: item.colour });
+  }
+
+  #eraser() {
+    const on = this.studio.label < 0;
+    const pick = h("button", { className: "pick", type: "button", "aria-pressed": String(on) }, h("span", {}, "Eraser"));
+    pick.addEventListener("click", () => this.studio.chooseLabel(-1));
+    return h("li", { className: `class${on ? " chosen" : ""}` }, icon("erase"), pick, h("kbd", {}, "0"));
+  }
+
+  #adder(state) {
+    const field = h("input", { className: "field", placeholder: "Another class, such as kitchen", "aria-label": "Name of another class", maxLength: 60 });
+    const form = h("form", { className: "row" }, swatch(state.next_colour), field, h("button", { className: "button" }, "Add"));
+    form.addEventListener("submit", async (event) => {
+      event.preventDefault();
+      const name = field.value.trim();
+      if (!name) return;
+      const index = state.classes.length;
+      field.blur();
+      if (await this.studio.edit({ kind: "class", index, name, colour: state.next_colour })) this.studio.chooseLabel(index);
+    });
+    return form;
+  }
+
+  #versions(state) {
+    const save = h("button", { className: "button", type: "button" }, "Save this version");
+    save.addEventListener("click", () => {
+      const name = window.prompt("Name of the version", `version ${state.versions.length + 1}`)?.trim();
+      if (name) this.studio.edit({ kind: "version", name });
+    });
+    const rows = [...state.versions].reverse().map((item) => {
+      const back = h("button", { className: "button", type: "button" }, "Go back");
+      back.addEventListener("click", () => this.studio.edit({ kind: "restore", revision: item.revision }));
+      const when = new Date(item.saved_at * 1000).toLocaleString([], { dateStyle: "short", timeStyle: "short" });
+      return h("li", { className: "row between" }, h("span", {}, item.name, " ", h("span", { className: "small" }, when)), back);
+    });
+    return [
+      h("p", { className: "small" }, "Every stroke is on the disk at once. A version gives a state a name to go back to."),
+      h("ul", { className: "versions" }, rows),
+      save,
+    ];
+  }
+
+  #exports(state) {
+    const buttons = Object.entries(state.exports).map(([what, words]) => {
+      const button = h("button", { className: "button", type: "button" }, words);
+      button.addEventListener("click", () => this.studio.export(what));
+      return button;
+    });
+    this.written ??= h("p", { className: "paths" });
+    return [...buttons, this.written];
+  }
+
+  showWritten(files) {
+    this.written.textContent = `Written: ${files.join(", ")}`;
+  }
+}

@@ -1,0 +1,87 @@
+// Keys: every command of the studio without a mouse.
+
+import { h, byId } from "./dom.js";
+import { TOOLS } from "./tools.js";
+
+const LISTED = [
+  ["Choose a class", "1 – 9"], ["Eraser", "0"],
+  ...TOOLS.map((tool) => [tool.words.split(":")[0], tool.key.toUpperCase()]),
+  ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter"], ["Cancel", "Esc"],
+  ["Undo", "Ctrl Z"], ["Redo", "Ctrl Shift Z"],
+  ["Next, previous place to check", "N, Shift N"], ["Confirm the place", "C"],
+  ["Give the place a class", "Shift 1 – 9"], ["Divider", "S"], ["Show errors", "X"],
+  ["Move the map", "Arrows, Space"], ["Zoom", "+  −"], ["Show all", "Home"], ["This list", "?"],
+];
+
+export class Keys {
+  constructor(studio, view, pointer) {
+    Object.assign(this, { studio, view, pointer });
+    window.addEventListener("keydown", (event) => this.#press(event));
+    window.addEventListener("keyup", (event) => {
+      if (event.code === "Space") pointer.space = false;
+    });
+  }
+
+  #press(event) {
+    const { target } = event;
+    if (target.matches("input:not([type=checkbox]):not([type=range]), textarea, select") || byId("help").open) return;
+    const command = event.ctrlKey || event.metaKey;
+    if (command && event.code === "KeyZ") this.#take(event, () => this.studio.edit({ kind: event.shiftKey ? "redo" : "undo" }));
+    else if (command && event.code === "KeyY") this.#take(event, () => this.studio.edit({ kind: "redo" }));
+    if (command || event.altKey) return;
+    const digit = /^Digit(\d)$/.exec(event.code)?.[1];
+    if (digit !== undefined) this.#take(event, () => this.#digit(Number(digit), event.shiftKey));
+    else if (event.code === "Space" && target === this.view.canvas) this.#take(event, () => (this.pointer.space = true));
+    else this.#letter(event);
+  }
+
+  #digit(digit, shift) {
+    const label = digit - 1;
+    if (label >= this.studio.state.classes.length) return;
+    if (shift && label >= 0) this.studio.fillChosen(label);
+    else if (!shift) this.studio.chooseLabel(label);
+  }
+
+  #letter(event) {
+    const { studio, view } = this;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const tool = TOOLS.find((item) => item.key === key);
+    const onMap = event.target === view.canvas || event.target === document.body;
+    const moves = { ArrowLeft: [80, 0], ArrowRight: [-80, 0], ArrowUp: [0, 80], ArrowDown: [0, -80] };
+    const commands = {
+      n: () => studio.review.next(event.shiftKey ? -1 : 1),
+      c: () => studio.confirm(),
+      s: () => studio.swipe.set(!studio.swipe.on),
+      x: () => studio.layers.flip("errors"),
+      "[": () => studio.resize(1 / 1.25),
+      "]": () => studio.resize(1.25),
+      "+": () => view.zoom(1.4),
+      "=": () => view.zoom(1.4),
+      "-": () => view.zoom(1 / 1.4),
+      Home: () => view.showAll(),
+      Escape: () => studio.tools.cancel(),
+      "?": () => help(),
+    };
+    if (tool) this.#take(event, () => studio.tools.choose(tool.name));
+    else if (moves[key] && onMap) this.#take(event, () => view.move(...moves[key]));
+    else if (key === "Enter" && onMap) this.#take(event, () => studio.tools.close());
+    else if (commands[key]) this.#take(event, commands[key]);
+  }
+
+  #take(event, action) {
+    event.preventDefault();
+    action();
+  }
+}
+
+/** Show the list of keys. */
+export function help() {
+  const dialog = byId("help");
+  const close = h("button", { className: "button primary", type: "button" }, "Close");
+  close.addEventListener("click", () => dialog.close());
+  dialog.replaceChildren(
+    h("div", { className: "row between" }, h("h2", { id: "help-title" }, "Keys"), close),
+    h("dl", { className: "keys" }, LISTED.map(([words, keys]) => h("div", {}, h("dt", {}, words), h("dd", {}, h("kbd", {}, keys))))),
+  );
+  dialog.showModal();
+}

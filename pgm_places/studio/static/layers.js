@@ -1,0 +1,109 @@
+// The panel of layers: what is shown, how strongly, and which labels are on either side.
+
+import { h } from "./dom.js";
+
+const SOURCES = {
+  taught: "Labels now",
+  before: "Labels at the start",
+  unary: "Each cell alone, before the graph",
+  truth: "Labels to compare with",
+};
+
+export class Layers {
+  constructor(studio) {
+    this.studio = studio;
+    this.shown = {
+      map: 1, labels: 0.62, errors: 0, values: 0, paint: 0.9,
+      regions: 1, names: 1, gates: 0, graph: 0, drive: 0,
+    };
+    this.last = { ...this.shown, errors: 0.9, values: 0.85, gates: 1, graph: 1, drive: 1 };
+    this.value = "entropy";
+    this.sources = { left: "taught", right: "before" };
+    this.element = h("div", { className: "panel" });
+  }
+
+  set(name, opacity) {
+    this.shown[name] = opacity;
+    if (opacity) this.last[name] = opacity;
+    this.studio.redraw();
+  }
+
+  /** Show a layer, or hide it. */
+  flip(name) {
+    this.set(name, this.shown[name] ? 0 : this.last[name]);
+    this.key = null;
+    this.studio.changed();
+  }
+
+  render(state) {
+    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.on, this.sources, this.value, !!state.lesson]);
+    if (key === this.key) return;
+    this.key = key;
+    const truth = state.sources.includes("truth");
+    this.element.replaceChildren(
+      h("section", {}, h("h2", {}, "Pictures"),
+        h("div", { className: "layers" },
+          this.#row("map", "Map", true),
+          this.#row("labels", "Labels", true),
+          this.#row("paint", "Paint", true),
+          truth ? this.#row("errors", "Errors", true) : [],
+          state.lesson ? this.#row("values", "Probability", true) : []),
+        state.lesson ? this.#values(state) : null),
+      h("section", {}, h("h2", {}, "Over the map"),
+        h("div", { className: "layers" },
+          this.#row("regions", "Outlines of regions"),
+          this.#row("names", "Names"),
+          this.#row("gates", "Gates"),
+          this.#row("graph", "Graph of places"),
+          state.drive ? this.#row("drive", "Path of the drive") : [])),
+      h("section", {}, h("h2", {}, "Compare"), this.#compare(state)),
+    );
+  }
+
+  #row(name, words, graded = false) {
+    const box = h("input", { type: "checkbox", checked: this.shown[name] > 0, id: `layer-${name}` });
+    const range = h("input", {
+      type: "range", min: 0.05, max: 1, step: 0.05, value: this.last[name], "aria-label": `Opacity: ${words}`,
+    });
+    box.addEventListener("change", () => this.set(name, box.checked ? Number(range.value) : 0));
+    range.addEventListener("input", () => {
+      box.checked = true;
+      this.set(name, Number(range.value));
+    });
+    return [box, h("label", { for: box.id }, words), graded ? range : h("span")];
+  }
+
+  #values(state) {
+    const known = state.lesson.known.map((k) => [`probability-${k}`, `of ${state.classes[k].name}`]);
+    return this.#choice("Which probability", [["entropy", "uncertainty (entropy)"], ...known], this.value, (value) => {
+      this.value = value;
+      if (!this.shown.values) this.set("values", this.last.values);
+      this.key = null;
+      this.studio.changed();
+    });
+  }
+
+  #compare(state) {
+    const listed = state.sources.map((source) => [source, SOURCES[source]]);
+    const { swipe } = this.studio;
+    const box = h("input", { type: "checkbox", checked: swipe.on, role: "switch" });
+    box.addEventListener("change", () => swipe.set(box.checked));
+    const pick = (side, words) =>
+      this.#choice(words, listed, this.sources[side], (value) => {
+        this.sources[side] = value;
+        this.studio.redraw();
+      });
+    return [
+      pick("left", swipe.on ? "Labels on the left" : "Labels shown"),
+      h("label", { className: "switch" }, box, "Divider between two labellings"),
+      swipe.on ? pick("right", "Labels on the right") : null,
+    ];
+  }
+
+  #choice(words, listed, value, take) {
+    const select = h("select", { className: "field", "aria-label": words });
+    for (const [key, name] of listed) select.append(h("option", { value: key, selected: key === value }, name));
+    select.addEventListener("change", () => take(select.value));
+    return select;
+  }
+}

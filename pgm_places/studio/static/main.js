@@ -1,0 +1,397 @@
+// The studio: what the person sees and does, and what the server knows, brought together.
+
+import { h, byId, icon, swatch } from "./dom.js";
+import { Server } from "./server.js";
+import { View } from "./view.js";
+import { Stage } from "./stage.js";
+import { Places } from "./places.js";
+import { Tools, TOOLS } from "./tools.js";
+import { Pointer } from "./pointer.js";
+import { Swipe } from "./swipe.js";
+import { Theme } from "./theme.js";
+import { Layers } from "./layers.js";
+import { Classes } from "./classes.js";
+import { Review } from "./review.js";
+import { Why, percent } from "./why.js";
+import { Keys, help } from "./keys.js";
+import { Frame } from "./geometry.js";
+
+const ASK_EVERY_MS = 70;
+
+class Studio {
+  constructor() {
+    const canvas = byId("canvas");
+    this.server = new Server();
+    this.view = new View(canvas);
+    this.places = new Places();
+    this.theme = new Theme(() => this.changed());
+    this.tools = new Tools(this);
+    this.swipe = new Swipe(byId("swipe"), this);
+    this.layers = new Layers(this);
+    this.classes = new Classes(this);
+    this.review = new Review(this);
+    this.why = new Why(this);
+    this.stage = new Stage(canvas, this.view, this);
+    this.pointer = new Pointer(canvas, this.view, this);
+    this.keys = new Keys(this, this.view, this.pointer);
+    this.label = 0;
+    this.chosen = null;
+    this.asked = null;
+    this.placesVersion = "";
+    this.tab = "paint";
+    this.#build();
+    this.server.follow((state) => this.#take(state), () => this.#lost());
+  }
+
+  // ------------------------------------------------------------------ what the server says
+
+  #take(state) {
+    const first = !this.state;
+    this.state = state;
+    this.frame = new Frame(state.map);
+    this.colours = this.theme.colours(state.classes);
+    this.label = Math.min(this.label, state.classes.length - 1);
+    if (first) {
+      this.view.size = state.map;
+      this.view.showAll();
+      document.title = `${state.map.name} · Studio`;
+      byId("map-name").textContent = state.map.name;
+      if (state.drive) this.#loadDrive();
+    }
+    this.#loadPlaces();
+    this.changed();
+  }
+
+  async #loadPlaces() {
+    const { lesson, revision } = this.state;
+    const version = lesson ? `${lesson.number}.${revision}` : "";
+    if (!lesson || version === this.wantedPlaces) return;
+    this.wantedPlaces = version;
+    const record = await this.server.get("places").catch(() => null);
+    if (!record || version !== this.wantedPlaces) return;
+    const chosen = this.places.byId.get(this.chosen);
+    this.places.take(record, this.state.map);
+    this.placesVersion = version;
+    if (chosen && !this.places.byId.has(this.chosen)) this.chosen = null;
+    if (this.asked) this.#ask(this.asked);
+    this.changed();
+  }
+
+  async #loadDrive() {
+    this.places.takeDrive(await this.server.get("drive"), this.state.map);
+    this.layers.set("drive", 1);
+  }
+
+  #lost() {
+    this.offline = true;
+    this.#status();
+  }
+
+  /** What the pictures of a layer depend on: another version means other pictures. */
+  versionOf(name) {
+    const { classes, revision, lesson } = this.state;
+    const colours = classes.map((item) => item.colour.slice(1)).join("");
+    if (name === "map") return "0";
+    if (name === "paint") return `${revision}.${colours}`;
+    if (name.endsWith("-truth")) return `0.${colours}`;
+    const learned = lesson?.number ?? 0;
+    return name.startsWith("labels") ? `${learned}.${colours}` : `${learned}`;
+  }
+
+  // ------------------------------------------------------------------ what the person does
+
+  async edit(request) {
+    try {
+      return await this.server.post("edit", request);
+    } catch (error) {
+      this.say(error.message, true);
+      return null;
+    }
+  }
+
+  async export(what) {
+    try {
+      const { files } = await this.server.post("export", { what });
+      this.classes.showWritten(files);
+      this.say(`${files.length} files written.`);
+    } catch (error) {
+      this.say(error.message, true);
+    }
+  }
+
+  chooseLabel(label) {
+    this.label = label;
+    if (this.tools.name === "look" || this.tools.name === "merge") this.tools.choose("brush");
+    this.changed();
+  }
+
+  fillChosen(label) {
+    const region = this.places.byId.get(this.chosen);
+    if (region) this.tools.fill(region.anchor, label);
+    else this.say("Choose a place first: click it with the hand, or press N.");
+  }
+
+  confirm() {
+    const region = this.places.byId.get(this.chosen);
+    if (region) this.fillChosen(this.state.classes.findIndex((item) => item.name === region.class));
+  }
+
+  goTo(id) {
+    const region = this.places.byId.get(id);
+    if (!region) return;
+    this.chosen = id;
+    this.why.cell = null;
+    this.asked = null;
+    const polygons = region.polygons.flat(2).map((point) => this.frame.fromMetres(point));
+    const xs = polygons.map((point) => point.x);
+    const ys = polygons.map((point) => point.y);
+    const room = 2.5 / this.state.map.resolution_m;
+    this.view.show(Math.min(...xs) - room, Math.min(...ys) - room, Math.max(...xs) + room, Math.max(...ys) + room);
+    this.#follow(region.anchor);
+    this.changed();
+  }
+
+  async #follow(point) {
+    const [x, y] = this.frame.toCells(point);
+    this.#readout(await this.server.get("cell", { x, y }).catch(() => null));
+  }
+
+  resize(factor) {
+    this.tools.radius = Math.min(200, Math.max(0.5, this.tools.radius * factor));
+    this.changed();
+  }
+
+  get doorwayLabel() {
+    const named = this.state.classes.findIndex((item) => /^door/i.test(item.name));
+    return named < 0 ? this.label : named;
+  }
+
+  get doorwayRadius() {
+    return Math.max(1, 0.12 / this.state.map.resolution_m);
+  }
+
+  clicked(screen) {
+    const point = this.view.toMap(screen.x, screen.y);
+    const region = this.#regionAt(point);
+    if (this.tools.name === "look") this.#ask(point);
+    else this.tools.click(point, region);
+  }
+
+  doubled() {
+    if (this.tools.name === "polygon") {
+      this.tools.points.pop(); // the second click of the two
+      this.tools.close();
+    }
+  }
+
+  async #ask(point) {
+    const [x, y] = this.frame.toCells(point);
+    const cell = await this.server.get("cell", { x, y }).catch(() => null);
+    if (!cell) return;
+    const moved = this.asked !== point;
+    this.asked = point;
+    this.why.cell = cell;
+    this.chosen = cell.region ?? null;
+    if (moved) this.show("why");
+    this.changed();
+  }
+
+  #regionAt(point) {
+    const { context } = this.stage;
+    context.save();
+    context.resetTransform();
+    const found = this.places.regions.find((region) => context.isPointInPath(region.outline, point.x, point.y, "evenodd"));
+    context.restore();
+    return found;
+  }
+
+  hovered(screen) {
+    this.tools.pointer = this.view.toMap(screen.x, screen.y);
+    if (this.tools.name !== "look") this.redraw();
+    this.hover = this.tools.pointer;
+    if (this.asking) return;
+    this.asking = setTimeout(async () => {
+      this.asking = null;
+      if (!this.state || !this.hover) return;
+      const [x, y] = this.frame.toCells(this.hover);
+      this.#readout(await this.server.get("cell", { x, y }).catch(() => null));
+    }, ASK_EVERY_MS);
+  }
+
+  left() {
+    this.hover = null;
+    this.tools.pointer = null;
+    byId("readout").replaceChildren();
+    this.redraw();
+  }
+
+  // ------------------------------------------------------------------ the page
+
+  redraw() {
+    this.stage?.redraw();
+  }
+
+  changed() {
+    if (!this.state) return;
+    this.colours = this.theme.colours(this.state.classes);
+    for (const panel of [this.classes, this.layers, this.review, this.why]) panel.render(this.state);
+    this.#status();
+    this.#bar();
+    this.redraw();
+  }
+
+  show(tab) {
+    this.tab = tab;
+    document.querySelector(".side").classList.remove("folded");
+    this.#tabs();
+  }
+
+  say(words, bad = false) {
+    const toast = byId("toast");
+    toast.textContent = words;
+    toast.className = bad ? "toast bad" : "toast";
+    toast.hidden = false;
+    clearTimeout(this.toasted);
+    this.toasted = setTimeout(() => (toast.hidden = true), bad ? 6000 : 3000);
+  }
+
+  #build() {
+    const tools = byId("tools");
+    for (const tool of TOOLS) {
+      const title = `${tool.words} (${tool.key.toUpperCase()})`;
+      const button = h("button", { type: "button", title, "aria-label": title, "data-tool": tool.name }, icon(tool.icon));
+      button.addEventListener("click", () => this.tools.choose(tool.name));
+      tools.append(button);
+      if (tool.name === "look") tools.append(h("hr"));
+    }
+    const action = (name, words, act, wide = false) => {
+      const button = h("button", { className: `plain${wide ? " wide-only" : ""}`, type: "button", title: words, "aria-label": words, id: `act-${name}` }, icon(name));
+      button.addEventListener("click", act);
+      return button;
+    };
+    byId("actions").append(
+      action("undo", "Undo (Ctrl Z)", () => this.edit({ kind: "undo" })),
+      action("redo", "Redo (Ctrl Shift Z)", () => this.edit({ kind: "redo" })),
+      action("swipe", "Divider between two labellings (S)", () => this.swipe.set(!this.swipe.on), true),
+      action("sun", "Light or dark", () => this.theme.toggle()),
+      action("help", "Keys (?)", help, true),
+    );
+    byId("zoom").append(
+      action("plus", "Zoom in (+)", () => this.view.zoom(1.5)),
+      action("minus", "Zoom out (−)", () => this.view.zoom(1 / 1.5)),
+      action("fit", "Show all (Home)", () => this.view.showAll()),
+    );
+    const panels = { paint: ["Paint", this.classes], layers: ["Layers", this.layers], review: ["Review", this.review], why: ["Why", this.why] };
+    for (const [name, [words, panel]] of Object.entries(panels)) {
+      const tab = h("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}` }, words);
+      tab.addEventListener("click", () => (this.tab === name ? this.#fold() : this.show(name)));
+      byId("tabs").append(tab);
+      panel.element.id = `panel-${name}`;
+      panel.element.setAttribute("role", "tabpanel");
+      panel.element.setAttribute("aria-labelledby", `tab-${name}`);
+      panel.element.tabIndex = 0;
+      byId("panels").append(panel.element);
+    }
+    byId("tabs").addEventListener("keydown", (event) => this.#stepTab(event));
+    this.#tabs();
+  }
+
+  #fold() {
+    if (window.innerWidth <= 760) document.querySelector(".side").classList.toggle("folded");
+  }
+
+  #stepTab(event) {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const tabs = [...byId("tabs").children];
+    const next = tabs[(tabs.findIndex((tab) => tab.id === `tab-${this.tab}`) + step + tabs.length) % tabs.length];
+    this.show(next.id.slice(4));
+    next.focus();
+  }
+
+  #tabs() {
+    for (const tab of byId("tabs").children) {
+      const name = tab.id.slice(4);
+      tab.setAttribute("aria-selected", String(name === this.tab));
+      tab.tabIndex = name === this.tab ? 0 : -1;
+      byId(`panel-${name}`).hidden = name !== this.tab;
+    }
+  }
+
+  #status() {
+    const status = byId("status");
+    const { learner, lesson, painted } = this.state ?? { learner: {} };
+    let [kind, words] = ["", "Labelled"];
+    if (this.offline && !this.state) [kind, words] = ["failed", "The studio does not answer"];
+    else if (this.offline) [kind, words] = ["failed", "The studio has ended; all edits are kept"];
+    else if (learner.problem) [kind, words] = ["failed", learner.problem];
+    else if (learner.working) [kind, words] = ["working", `${painted ? "Learning" : "Labelling"}: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
+    else if (!lesson) [kind, words] = ["waiting", "Paint two classes to begin"];
+    else words = `Labelled in ${lesson.seconds.toFixed(1)} s`;
+    this.offline = false;
+    status.className = `status ${kind}`;
+    if (status.dataset.words !== words) {
+      status.dataset.words = words;
+      status.title = words;
+      status.replaceChildren(h("i"), words);
+    }
+    status.dataset.revision = lesson?.revision ?? -1;
+    byId("notices").replaceChildren(...(this.state?.notices ?? []).map((notice) => h("p", {}, notice)));
+    if (this.state?.tabs > 1) byId("notices").append(h("p", {}, `This studio is open in ${this.state.tabs} tabs; they share one painting and one undo.`));
+  }
+
+  #bar() {
+    byId("act-undo").disabled = !this.state.can_undo;
+    byId("act-redo").disabled = !this.state.can_redo;
+    byId("act-swipe").setAttribute("aria-pressed", String(this.swipe.on));
+    for (const button of byId("tools").querySelectorAll("button")) {
+      button.setAttribute("aria-pressed", String(button.dataset.tool === this.tools.name));
+    }
+    byId("canvas").dataset.tool = this.tools.name;
+    const { tool } = this.tools;
+    byId("hint").textContent = tool.hint ?? "";
+    byId("hint").hidden = !tool.hint;
+    this.#options();
+  }
+
+  #options() {
+    const options = byId("options");
+    options.hidden = this.tools.name !== "brush";
+    if (options.hidden) return;
+    if (!this.size) {
+      this.size = h("input", { type: "range", min: 0, max: 100, "aria-label": "Size of the brush" });
+      this.size.addEventListener("input", () => {
+        this.tools.radius = 0.5 * 200 ** (this.size.value / 100);
+        this.changed();
+      });
+      this.sizeWords = h("span");
+      this.sizeColour = h("span", { className: "row" });
+      options.append(this.sizeColour, this.size, this.sizeWords);
+    }
+    const { radius } = this.tools;
+    if (document.activeElement !== this.size) this.size.value = (100 * Math.log(radius / 0.5)) / Math.log(200);
+    this.sizeWords.textContent = `${(2 * radius * this.state.map.resolution_m).toFixed(2)} m`;
+    const item = this.state.classes[this.label];
+    this.sizeColour.replaceChildren(item ? swatch(item.colour) : icon("erase"));
+  }
+
+  #readout(cell) {
+    const readout = byId("readout");
+    if (!cell || (!this.hover && !this.chosen)) return;
+    const parts = [h("span", { className: "muted" }, `${cell.x_m.toFixed(2)}, ${cell.y_m.toFixed(2)} m`)];
+    if (cell.ground !== "free") parts.push(h("span", {}, cell.ground));
+    else if (cell.label) {
+      const probability = cell.probabilities?.[cell.label];
+      parts.push(h("span", { className: "row" }, swatch(this.colours.of(cell.label)), h("b", {}, cell.label)));
+      if (probability !== undefined) parts.push(h("span", {}, percent(probability)));
+      const region = this.places.byId.get(cell.region);
+      if (region && region.name !== cell.label) parts.push(h("span", {}, region.name));
+    }
+    if (cell.paint) parts.push(h("span", { className: "muted" }, "painted"));
+    readout.replaceChildren(...parts);
+  }
+}
+
+window.studio = new Studio();

@@ -1,0 +1,55 @@
+// The server: questions to it, and its news. Addresses are relative, so each carries the token.
+
+export class Server {
+  constructor() {
+    this.tab = [...crypto.getRandomValues(new Uint8Array(8))]
+      .map((byte) => byte.toString(16).padStart(2, "0"))
+      .join("");
+  }
+
+  /** The answer to a question. */
+  async get(path, values = {}, options = {}) {
+    const query = new URLSearchParams(values).toString();
+    return answered(await fetch(query ? `${path}?${query}` : path, options));
+  }
+
+  /** The answer to a request that changes something. */
+  async post(path, body, options = {}) {
+    return answered(
+      await fetch(path, {
+        method: "POST",
+        headers: { "content-type": "application/json" },
+        body: JSON.stringify(body),
+        ...options,
+      }),
+    );
+  }
+
+  /** Hand over each new state, for as long as the page is open. */
+  async follow(take, lost) {
+    let after = -1;
+    for (;;) {
+      try {
+        const state = await this.get("state", { after, tab: this.tab });
+        after = state.tick;
+        take(state);
+      } catch {
+        lost();
+        await new Promise((resume) => setTimeout(resume, 700));
+        after = -1;
+      }
+    }
+  }
+}
+
+async function answered(response) {
+  const text = await response.text();
+  if (response.ok) return JSON.parse(text);
+  let problem = text;
+  try {
+    problem = JSON.parse(text).problem;
+  } catch {
+    // The guard answers in plain words.
+  }
+  throw new Error(problem || `the studio answered ${response.status}`);
+}

@@ -1,0 +1,198 @@
+// Tools: what the pointer does on the map, and what is drawn until the server has painted it.
+
+export const TOOLS = [
+  { name: "look", key: "v", words: "Look: drag to move, click to ask why", icon: "pan" },
+  { name: "brush", key: "b", words: "Brush", icon: "brush" },
+  { name: "rectangle", key: "r", words: "Rectangle", icon: "rectangle" },
+  { name: "polygon", key: "p", words: "Polygon", icon: "polygon", hint: "Click the corners; double-click or press Enter to close." },
+  { name: "fill", key: "f", words: "Fill a region", icon: "fill", hint: "Click a region to give all of it this class." },
+  { name: "doorway", key: "d", words: "Doorway: click wall, click wall", icon: "doorway", hint: "Click on either side of the opening; the ends reach to the walls." },
+  { name: "merge", key: "m", words: "Merge two regions", icon: "merge", hint: "Click the two regions that are one." },
+];
+
+const LEAST_STEP = 3;
+
+export class Tools {
+  constructor(studio) {
+    this.studio = studio;
+    this.name = "look";
+    this.radius = 6;
+    this.points = [];
+    this.drawing = false;
+    this.pointer = null;
+    this.pending = [];
+    this.first = null;
+  }
+
+  get tool() {
+    return TOOLS.find((tool) => tool.name === this.name);
+  }
+
+  choose(name) {
+    this.cancel();
+    this.name = name;
+    this.studio.changed();
+  }
+
+  cancel() {
+    this.points = [];
+    this.drawing = false;
+    this.first = null;
+    this.studio.redraw();
+  }
+
+  /** Whether the tool takes a press at this point; else the map is moved. */
+  press(point, screen) {
+    if (this.name === "look") return false;
+    this.pointer = point;
+    if (this.name === "brush" || this.name === "rectangle") {
+      this.drawing = true;
+      this.points = [point];
+      this.last = screen;
+    }
+    this.studio.redraw();
+    return true;
+  }
+
+  move(point, screen) {
+    this.pointer = point;
+    if (this.drawing && this.name === "brush") {
+      if (Math.hypot(screen.x - this.last.x, screen.y - this.last.y) >= LEAST_STEP) {
+        this.points.push(point);
+        this.last = screen;
+      }
+    } else if (this.drawing) {
+      this.points[1] = point;
+    }
+    this.studio.redraw();
+  }
+
+  release(point) {
+    if (!this.drawing) return;
+    this.drawing = false;
+    if (this.name === "brush") this.points.push(point);
+    else this.points[1] = point;
+    const points = this.points;
+    this.points = [];
+    if (this.name === "rectangle" && (points[0].x === point.x || points[0].y === point.y)) return;
+    this.#stroke(this.name, points);
+  }
+
+  click(point, region) {
+    if (this.name === "polygon") {
+      this.points.push(point);
+    } else if (this.name === "doorway") {
+      this.points.push(point);
+      if (this.points.length === 2) {
+        const points = this.points;
+        this.points = [];
+        this.#stroke("doorway", points);
+      }
+    } else if (this.name === "fill") {
+      this.fill(point);
+    } else if (this.name === "merge" && region) {
+      this.#merge(region);
+    }
+    this.studio.redraw();
+  }
+
+  /** Close a polygon. */
+  close() {
+    if (this.name !== "polygon" || this.points.length < 3) return;
+    const points = this.points;
+    this.points = [];
+    this.#stroke("polygon", points);
+  }
+
+  fill(point, label = this.studio.label) {
+    const cells = this.studio.frame.toCells(point);
+    return this.studio.edit({ kind: "fill", label, point: cells });
+  }
+
+  #merge(region) {
+    if (this.first === null) {
+      this.first = region.id;
+      this.studio.say(`Now click what is one with ${region.name}.`);
+      return;
+    }
+    const [first, second] = [this.first, region.id];
+    this.first = null;
+    this.studio.edit({ kind: "merge", first, second });
+  }
+
+  async #stroke(tool, points) {
+    const { studio } = this;
+    const label = tool === "doorway" && studio.label >= 0 ? studio.doorwayLabel : studio.label;
+    const shown = { tool, points, radius: this.radius, label, revision: null };
+    this.pending.push(shown);
+    studio.redraw();
+    const stroke = {
+      tool,
+      points: points.map((point) => studio.frame.toCells(point)),
+      radius: tool === "doorway" ? studio.doorwayRadius : this.radius,
+    };
+    const done = await studio.edit({ kind: "stroke", label, stroke });
+    if (done) shown.revision = done.revision;
+    else this.pending = this.pending.filter((other) => other !== shown);
+    studio.redraw();
+  }
+
+  /** Forget strokes that the server has painted and the tiles show. */
+  settle(revision, settled) {
+    if (!settled) return;
+    this.pending = this.pending.filter((item) => item.revision === null || item.revision > revision);
+  }
+
+  /** Draw strokes and the tool's own marks; the context is in cells. */
+  draw(context, pixel, colours) {
+    for (const item of this.pending) this.#drawShape(context, item, pixel, colours, 0.75);
+    const { label } = this.studio;
+    if (this.drawing || this.points.length) {
+      const points = [...this.points];
+      const open = this.name === "polygon" || this.name === "doorway";
+      if (open && this.pointer) points.push(this.pointer);
+      const shape = { tool: this.name, points, radius: this.radius, label };
+      this.#drawShape(context, shape, pixel, colours, 0.55);
+    }
+    if (this.name === "brush" && this.pointer) {
+      for (const [colour, width] of [
+        [colours.halo, 3],
+        [colours.ink, 1.4],
+      ]) {
+        context.beginPath();
+        context.arc(this.pointer.x, this.pointer.y, Math.max(this.radius, 0.5), 0, 7);
+        context.strokeStyle = colour;
+        context.lineWidth = width * pixel;
+        context.stroke();
+      }
+    }
+  }
+
+  #drawShape(context, { tool, points, radius, label }, pixel, colours, opacity) {
+    if (!points.length) return;
+    const colour = label < 0 ? colours.halo : colours.ofLabel(label);
+    context.save();
+    context.globalAlpha = opacity;
+    context.fillStyle = colour;
+    context.strokeStyle = colour;
+    context.lineCap = context.lineJoin = "round";
+    context.beginPath();
+    if (tool === "rectangle") {
+      const [a, b] = [points[0], points[1] ?? points[0]];
+      context.rect(a.x, a.y, b.x - a.x, b.y - a.y);
+      context.fill();
+    } else {
+      points.forEach((point, k) => (k ? context.lineTo(point.x, point.y) : context.moveTo(point.x, point.y)));
+      if (tool === "polygon") {
+        context.fill();
+        context.globalAlpha = 1;
+        context.lineWidth = 2 * pixel;
+      } else {
+        if (points.length === 1) context.lineTo(points[0].x + 0.01, points[0].y); // a dot
+        context.lineWidth = 2 * (tool === "doorway" ? this.studio.doorwayRadius : Math.max(radius, 0.5));
+      }
+      context.stroke();
+    }
+    context.restore();
+  }
+}

@@ -1,0 +1,78 @@
+// The view: which part of the map is seen. Cells count from the upper left corner, y downwards.
+
+const LARGEST = 64;
+const TOOLS_PX = 58;
+
+export class View {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.scale = 1;
+    this.x = 0;
+    this.y = 0;
+    this.size = { columns: 1, rows: 1 };
+    this.ratio = 1;
+    this.changed = () => {};
+  }
+
+  get width() {
+    return this.canvas.clientWidth;
+  }
+
+  get height() {
+    return this.canvas.clientHeight;
+  }
+
+  get smallest() {
+    return 0.5 * Math.min(this.width / this.size.columns, this.height / this.size.rows, 1);
+  }
+
+  /** The point of the map, in cells, at a point of the screen. */
+  toMap(x, y) {
+    return { x: (x - this.x) / this.scale, y: (y - this.y) / this.scale };
+  }
+
+  /** The point of the screen at a point of the map. */
+  toScreen(x, y) {
+    return { x: x * this.scale + this.x, y: y * this.scale + this.y };
+  }
+
+  move(right, down) {
+    this.x += right;
+    this.y += down;
+    this.#keep();
+  }
+
+  /** Zoom by a factor; the point of the screen stays where it is. */
+  zoom(factor, x = this.width / 2, y = this.height / 2) {
+    const scale = Math.min(LARGEST, Math.max(this.smallest, this.scale * factor));
+    this.x = x - ((x - this.x) * scale) / this.scale;
+    this.y = y - ((y - this.y) * scale) / this.scale;
+    this.scale = scale;
+    this.#keep();
+  }
+
+  /** Show a part of the map, given by its corners in cells, beside the tools. */
+  show(left, top, right, bottom, margin = 0.04) {
+    const wide = Math.max(1, right - left);
+    const high = Math.max(1, bottom - top);
+    const room = this.width - TOOLS_PX;
+    const scale = Math.min(room / wide, this.height / high) * (1 - 2 * margin);
+    this.scale = Math.min(LARGEST, Math.max(this.smallest, scale));
+    this.x = TOOLS_PX + room / 2 - ((left + right) / 2) * this.scale;
+    this.y = this.height / 2 - ((top + bottom) / 2) * this.scale;
+    this.#keep();
+  }
+
+  showAll() {
+    this.show(0, 0, this.size.columns, this.size.rows);
+  }
+
+  /** Never lose the map: some of it stays in the middle half of the screen. */
+  #keep() {
+    const wide = this.size.columns * this.scale;
+    const high = this.size.rows * this.scale;
+    this.x = Math.min(this.width * 0.75, Math.max(this.width * 0.25 - wide, this.x));
+    this.y = Math.min(this.height * 0.75, Math.max(this.height * 0.25 - high, this.y));
+    this.changed();
+  }
+}

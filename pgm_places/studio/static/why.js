@@ -1,0 +1,102 @@
+// The panel of answers: why this label, and what can be done about the region.
+
+import { h, swatch } from "./dom.js";
+
+export class Why {
+  constructor(studio) {
+    this.studio = studio;
+    this.element = h("div", { className: "panel" });
+    this.cell = null;
+  }
+
+  render(state) {
+    const key = JSON.stringify([this.cell, this.studio.chosen, this.studio.placesVersion, state.classes]);
+    if (key === this.key || this.element.contains(document.activeElement) && document.activeElement.tagName === "INPUT") return;
+    this.key = key;
+    const region = this.studio.places.byId.get(this.studio.chosen);
+    if (!region && !this.cell) {
+      this.element.replaceChildren(h("p", { className: "muted" }, "Choose the hand and click on the map: this panel then says why a cell has its label, and what is known of its region."));
+      return;
+    }
+    this.element.replaceChildren(
+      ...[region ? this.#region(region, state) : null, this.cell ? this.#cell(this.cell) : null].flat().filter(Boolean),
+    );
+  }
+
+  #region(region, state) {
+    const { studio } = this;
+    const field = h("input", { className: "field", value: region.name, "aria-label": "Name of the region", maxLength: 100 });
+    const form = h("form", { className: "row" }, swatch(studio.colours.of(region.class)), field, h("button", { className: "button" }, "Rename"));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      field.blur();
+      studio.edit({ kind: "rename", point_m: region.anchor_m, name: field.value.trim() });
+    });
+    const chips = state.classes.map((item, k) => {
+      const chip = h("button", { className: "chip", type: "button" }, swatch(item.colour), item.name, k < 9 ? h("kbd", {}, `⇧${k + 1}`) : null);
+      chip.addEventListener("click", () => studio.fillChosen(k));
+      return chip;
+    });
+    const near = region.neighbours.map((id) => studio.places.byId.get(id)?.name).filter(Boolean);
+    const facts = [
+      ["Area", `${region.area_m2.toFixed(1)} m²`],
+      ["Outline", `${region.perimeter_m.toFixed(1)} m`],
+      ["Clearance at its middle", `${region.clearance_m.toFixed(2)} m`],
+      ["Next to", near.join(", ") || "nothing"],
+    ];
+    if (region.gate) facts.push(["Gate", `${region.gate.width_m.toFixed(2)} m wide`]);
+    const split = h("button", { className: "button", type: "button" }, "Split by a doorway");
+    split.addEventListener("click", () => studio.tools.choose("doorway"));
+    const merge = h("button", { className: "button", type: "button" }, "Merge with another");
+    merge.addEventListener("click", () => {
+      studio.tools.choose("merge");
+      studio.tools.click(region.anchor, region);
+    });
+    return [
+      h("section", {}, h("h2", {}, "Region"), form),
+      h("section", {}, h("h2", {}, "It is a"), h("div", { className: "chips" }, chips)),
+      region.probabilities ? h("section", {}, h("h2", {}, "Mean probability"), this.#bars(this.#named(region.probabilities, state))) : null,
+      h("section", {}, h("dl", { className: "facts" }, facts.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]))),
+      h("div", { className: "chips" }, merge, split),
+    ];
+  }
+
+  #named(values, state) {
+    const known = state.lesson?.known ?? [];
+    return Object.fromEntries(values.map((value, k) => [state.classes[known[k]]?.name ?? "?", value]));
+  }
+
+  #cell(cell) {
+    const where = `${cell.x_m.toFixed(2)}, ${cell.y_m.toFixed(2)} m`;
+    if (cell.ground !== "free") return [h("section", {}, h("h2", {}, `Cell at ${where}`), h("p", {}, `The map says ${cell.ground} here; only free cells have labels.`))];
+    const parts = [h("hr", { className: "rule" }), h("section", {}, h("h2", {}, `Cell at ${where}`), h("p", { className: "note" }, this.#story(cell)))];
+    if (cell.probabilities) parts.push(h("section", {}, h("h2", {}, "With its neighbours"), this.#bars(cell.probabilities)));
+    if (cell.unary_probabilities) parts.push(h("section", {}, h("h2", {}, "From its own scan and space alone"), this.#bars(cell.unary_probabilities)));
+    return parts;
+  }
+
+  #story({ paint, label, unary, truth }) {
+    const against = truth && label && truth !== label ? ` The labels to compare with say ${truth}.` : "";
+    if (paint) return `You painted it ${paint}, and every method keeps to that.${against}`;
+    if (!label) return "It has no label yet.";
+    if (label === unary) return `By itself it looks like ${unary}, and its neighbours agree.${against}`;
+    return `By itself it looks like ${unary}; its neighbours made it ${label}.${against}`;
+  }
+
+  #bars(probabilities) {
+    const rows = Object.entries(probabilities).sort((a, b) => b[1] - a[1]);
+    return h("div", { className: "bars" }, rows.flatMap(([name, value]) => {
+      const fill = h("i");
+      fill.style.width = `${100 * value}%`;
+      fill.style.background = this.studio.colours.of(name);
+      return [h("span", {}, name), h("span", { className: "track" }, fill), h("span", {}, percent(value))];
+    }));
+  }
+}
+
+/** A probability in words of a table: never 0 % or 100 % unless it is. */
+export function percent(value) {
+  if (value > 0 && value < 0.005) return "< 1 %";
+  if (value < 1 && value > 0.995) return "> 99 %";
+  return `${Math.round(100 * value)} %`;
+}

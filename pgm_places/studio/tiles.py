@@ -1,0 +1,86 @@
+"""Tiles of the studio's layers as small indexed PNG pictures."""
+
+import io
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED
+from pgm_places.palette import ERROR, levels, rgb_of
+from pgm_places.studio.pyramid import TILE
+
+__all__ = [
+    "CLEAR",
+    "ERRORS",
+    "GROUNDS",
+    "Theme",
+    "encode_labels",
+    "encode_map",
+    "entropy_colours",
+    "hatched",
+    "label_palette",
+    "png",
+    "probability_colours",
+]
+
+Theme = Literal["light", "dark"]
+CLEAR = "#00000000"
+GROUNDS: dict[Theme, tuple[str, str, str]] = {
+    "light": ("#e4e7eb", "#ffffff", "#2d2d2d"),
+    "dark": ("#171b21", "#262c35", "#c9d1db"),
+}
+"""Colours of unknown, free and occupied cells."""
+
+ERRORS = (CLEAR, "#8a93a033", ERROR)
+"""Colours of cells without a truth, right and wrong ones."""
+
+FREE_VALUE = 1
+HATCH = 8
+"""Distance of the lines over painted cells in pixels; a divisor of a tile's side."""
+
+
+def encode_map(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """0 for unknown, 1 for free, 2 for occupied cells: walls are seen from far away."""
+    return (cells == FREE).astype(np.uint8) + np.uint8(2) * (cells == OCCUPIED)
+
+
+def encode_labels(labels: NDArray[np.int16]) -> NDArray[np.uint8]:
+    """0 for none, else the label plus 1."""
+    return (labels + 1).astype(np.uint8)
+
+
+def label_palette(colours: Sequence[str]) -> list[str]:
+    """Colours of encoded labels."""
+    return [CLEAR, *colours]
+
+
+def probability_colours() -> list[str]:
+    """Colours of probabilities from 0 to 255."""
+    return [*levels("probability", 256)]
+
+
+def entropy_colours() -> list[str]:
+    """Colours of entropies from 0 to 255, 255 being that of equal probabilities."""
+    return [*levels("entropy", 256)]
+
+
+def hatched(tile: NDArray[np.uint8], n_labels: int) -> NDArray[np.uint8]:
+    """Encoded labels with every eighth diagonal shifted by ``n_labels``: painted cells."""
+    y, x = np.ogrid[:TILE, :TILE]
+    lines = (x + y) % HATCH < 2
+    return np.where(lines & (tile > 0), tile + np.uint8(n_labels), tile)
+
+
+def png(tile: NDArray[np.uint8], colours: Sequence[str]) -> bytes:
+    """A tile as an indexed picture; colours are ``#rrggbb`` or ``#rrggbbaa``."""
+    from PIL import Image
+
+    palette = b"".join(rgb_of(colour).tobytes() for colour in colours)
+    alpha = bytes(int(colour[7:9] or "ff", 16) for colour in colours)
+    picture = Image.frombytes("P", (TILE, TILE), np.ascontiguousarray(tile).tobytes())
+    picture.putpalette(palette)
+    buffer = io.BytesIO()
+    picture.save(buffer, "PNG", transparency=alpha, compress_level=1)
+    return buffer.getvalue()

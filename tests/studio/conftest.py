@@ -1,0 +1,89 @@
+"""A small map on a desk without a model, and a client that speaks to it as a browser would."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.studio.app import application
+from pgm_places.studio.desk import Desk
+
+TOKEN, PORT, HOST = "t" * 32, 8123, "http://127.0.0.1:8123"
+
+
+def two_rooms() -> OccupancyGrid:
+    """Two rooms of 20 x 20 cells beside each other, with a door of 4 cells in the wall between."""
+    cells = np.full((30, 50), UNKNOWN, np.int8)
+    cells[4:26, 4:47] = OCCUPIED
+    cells[5:25, 5:25] = cells[5:25, 26:46] = FREE
+    cells[13:17, 25] = FREE
+    return OccupancyGrid(cells, 0.1, (1.0, -2.0))
+
+
+@pytest.fixture
+def map_yaml(tmp_path: Path) -> Path:
+    """The two rooms as a file."""
+    save_map(two_rooms(), tmp_path / "rooms")
+    return tmp_path / "rooms.yaml"
+
+
+@pytest.fixture
+def open_desk(map_yaml: Path) -> Iterator[Callable[[], Desk]]:
+    """Makes desks for the map, without a model; all use the same folder."""
+    made: list[Desk] = []
+
+    def make() -> Desk:
+        made.append(Desk(load_map(map_yaml), map_yaml.parent / "kept", None))
+        return made[-1]
+
+    yield make
+    for desk in made:
+        desk.close()
+
+
+@pytest.fixture
+def desk(open_desk: Callable[[], Desk]) -> Desk:
+    """A desk of which nothing has been asked."""
+    return open_desk()
+
+
+class Client:
+    """Requests to a desk's application, without a network."""
+
+    def __init__(self, desk: Desk, base_url: str, headers: dict[str, str]) -> None:
+        self.app: Any = application(desk, token=TOKEN, port=PORT)
+        self.base_url, self.headers = base_url, headers
+
+    def request(self, method: str, path: str, **values: Any) -> httpx.Response:
+        async def answer() -> httpx.Response:
+            transport = httpx.ASGITransport(self.app)
+            async with httpx.AsyncClient(
+                transport=transport, base_url=self.base_url, headers=self.headers
+            ) as client:
+                return await client.request(method, path, **values)
+
+        return asyncio.run(answer())
+
+    def get(self, path: str, **values: Any) -> httpx.Response:
+        return self.request("GET", path, **values)
+
+    def post(self, path: str, **values: Any) -> httpx.Response:
+        return self.request("POST", path, **values)
+
+
+@pytest.fixture
+def client(desk: Desk) -> Client:
+    """Requests as the studio's own page makes them."""
+    return Client(desk, f"{HOST}/{TOKEN}/", {"origin": HOST})
+
+
+@pytest.fixture
+def stranger(desk: Desk) -> Client:
+    """Requests without anything that the studio's page would add."""
+    return Client(desk, HOST, {})

@@ -1,0 +1,245 @@
+"""The page in a real browser: what a person does, and what is then on the disk."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.studio.desk import Desk
+from tests.studio.browser import StudioProcess, launched, studio
+
+SIZE = {"width": 1200, "height": 800}
+PATIENCE_S = 120.0
+Open = Callable[[StudioProcess], Any]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with launched() as found:
+        yield found
+
+
+@pytest.fixture
+def opened(browser: Any) -> Iterator[Open]:
+    """Opens pages, and fails if one of them had a complaint."""
+    context = browser.new_context(viewport=SIZE)
+    context.set_default_timeout(1000 * PATIENCE_S)
+    complaints: list[str] = []
+
+    def visit(process: StudioProcess) -> Any:
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on(
+            "console",
+            lambda message: complaints.append(message.text) if message.type == "error" else None,
+        )
+        page.goto(process.address)
+        until(page, "window.studio?.state")
+        return page
+
+    yield visit
+    context.close()
+    ours = ("400 (Bad Request)", "ERR_CONNECTION_REFUSED")  # refused edits, and studios we killed
+    unexpected = [text for text in complaints if not any(part in text for part in ours)]
+    assert not unexpected
+
+
+@pytest.fixture
+def running(map_yaml: Path) -> Iterator[StudioProcess]:
+    """A studio without a model."""
+    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as process:
+        yield process
+
+
+def until(page: Any, condition: str) -> None:
+    """Wait for a condition; playwright's own way to wait would need a weaker content policy."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(condition):
+        assert time.monotonic() < deadline, condition
+        page.wait_for_timeout(30)
+
+
+def at(page: Any, x: float, y: float) -> tuple[float, float]:
+    """The point of the screen at a point of the map: cells from the lower left corner."""
+    point = page.evaluate(
+        """([x, y]) => {
+            const box = studio.view.canvas.getBoundingClientRect();
+            const at = studio.view.toScreen(x, studio.state.map.rows - y);
+            return [at.x + box.left, at.y + box.top];
+        }""",
+        [x, y],
+    )
+    return point[0], point[1]
+
+
+def click(page: Any, x: float, y: float) -> None:
+    page.mouse.click(*at(page, x, y))
+
+
+def drag(page: Any, *points: tuple[float, float]) -> None:
+    page.mouse.move(*at(page, *points[0]))
+    page.mouse.down()
+    for point in points[1:]:
+        page.mouse.move(*at(page, *point), steps=4)
+    page.mouse.up()
+
+
+def wait_revision(page: Any, revision: int) -> None:
+    until(page, f"studio.state.revision === {revision}")
+
+
+def wait_taught(page: Any, revision: int) -> None:
+    until(page, f"studio.state.lesson?.revision >= {revision} && !studio.state.learner.working")
+
+
+def painted(map_yaml: Path) -> Any:
+    """The paint as a new process would read it, after the studio has ended."""
+    desk = Desk(load_map(map_yaml), map_yaml.parent / "kept", None)
+    desk.close()
+    return desk.painting
+
+
+def test_paint_undo_and_redo_by_keys(opened: Open, running: StudioProcess, map_yaml: Path) -> None:
+    page = opened(running)
+    page.keyboard.press("2")  # a class: the brush is at hand
+    drag(page, (8, 8), (18, 12))
+    wait_revision(page, 1)
+    page.keyboard.press("r")
+    drag(page, (30, 8), (40, 18))
+    wait_revision(page, 2)
+    page.keyboard.press("Control+z")
+    wait_revision(page, 3)
+    assert page.locator("#act-redo").is_enabled()
+    page.keyboard.press("Control+Shift+z")
+    wait_revision(page, 4)
+    page.keyboard.press("0")
+    page.keyboard.press("r")
+    drag(page, (34, 12), (36, 14))
+    wait_revision(page, 5)
+    assert running.stop() == 130
+    labels = painted(map_yaml).labels
+    assert labels[8, 8] == 1 and labels[9, 31] == 1
+    assert (labels[12:14, 34:36] == -1).all()
+
+
+def test_learn_from_the_paint_then_fill_rename_and_export(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("1")
+    page.keyboard.press("r")
+    drag(page, (6, 6), (24, 24))
+    page.keyboard.press("2")
+    page.keyboard.press("p")
+    for point in ((27, 6), (45, 6), (45, 24), (27, 24)):
+        click(page, *point)
+    page.keyboard.press("Enter")
+    wait_taught(page, 2)
+    page.keyboard.press("v")
+    click(page, 10.5, 10.5)
+    page.wait_for_selector("#panel-why .note")
+    assert "You painted it corridor" in page.inner_text("#panel-why .note")
+    page.fill("#panel-why input.field", "hall of fame")
+    page.keyboard.press("Enter")
+    wait_revision(page, 3)
+    until(page, "studio.places.regions.some((r) => r.name === 'hall of fame')")
+    page.keyboard.press("f")
+    page.keyboard.press("3")
+    click(page, 10.5, 10.5)
+    wait_taught(page, 4)
+    page.keyboard.press("Control+z")
+    wait_taught(page, 5)
+    page.click("#tab-paint")
+    page.get_by_role("button", name="Places (GeoJSON, topology)").click()
+    page.wait_for_selector(".paths:not(:empty)")
+    page.get_by_role("button", name="Training configuration").click()
+    until(page, "document.querySelector('.paths').textContent.includes('train.toml')")
+    kept = map_yaml.parent / "kept"
+    names = [item["name"] for item in json.loads((kept / "topology.json").read_text())["regions"]]
+    assert "hall of fame" in names
+    assert "hall of fame" in (kept / "place_names.yaml").read_text()
+    assert (kept / "train.toml").exists()
+
+
+def test_a_doorway_is_two_clicks_from_wall_to_wall(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("d")
+    click(page, 25.5, 14.3)
+    click(page, 25.5, 15.7)
+    wait_revision(page, 1)
+    running.stop()
+    assert (painted(map_yaml).labels[13:17, 25] == 2).all()
+
+
+def test_nothing_is_lost_by_a_reload_or_a_kill(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.fill("input[placeholder^='Another class']", "lab")
+    page.keyboard.press("Enter")
+    until(page, "studio.state.classes.length === 4 && studio.label === 3")
+    drag(page, (8, 8), (18, 12))
+    wait_revision(page, 2)
+    page.reload()
+    until(page, "window.studio?.state?.revision === 2")
+    assert page.get_by_role("button", name="lab", exact=True).is_visible()
+    running.kill()
+    page.wait_for_selector("#status.failed")
+    with studio(map_yaml, "--model", "none", "--out", map_yaml.parent / "kept") as again:
+        page = opened(again)
+        assert page.evaluate("studio.state.classes.map((item) => item.name)")[3] == "lab"
+        page.keyboard.press("Control+z")
+        wait_revision(page, 3)
+        assert page.evaluate("studio.state.painted") == 0
+
+
+def test_a_second_tab_is_noticed_and_sees_the_same(opened: Open, running: StudioProcess) -> None:
+    first, second = opened(running), opened(running)
+    first.wait_for_selector("text=open in 2 tabs")
+    first.keyboard.press("1")
+    drag(first, (8, 8), (18, 12))
+    wait_revision(second, 1)
+    second.close()
+    first.wait_for_selector("text=open in 2 tabs", state="detached")
+
+
+def test_a_changed_map_is_noticed(opened: Open, running: StudioProcess, map_yaml: Path) -> None:
+    page = opened(running)
+    map_yaml.write_text(map_yaml.read_text() + "\n")
+    page.keyboard.press("1")
+    drag(page, (8, 8), (10, 8))
+    page.wait_for_selector("text=was changed on the disk")
+
+
+def test_a_large_map_is_moved_and_zoomed_by_keys_and_wheel(browser: Any, tmp_path: Path) -> None:
+    cells = np.zeros((3000, 4000), np.int8)
+    cells[::100] = cells[:, ::125] = 100
+    cells[50::100] = cells[:, 60::125] = 0
+    save_map(OccupancyGrid(cells, 0.05), tmp_path / "large")
+    with studio(tmp_path / "large.yaml", "--model", "none", "--out", tmp_path / "kept") as process:
+        page = browser.new_page(viewport=SIZE)
+        page.goto(process.address)
+        until(page, "window.studio?.stage.tiles.get('map')?.settled")
+        before = page.evaluate("studio.view.scale")
+        page.mouse.move(600, 400)
+        for _ in range(6):
+            page.mouse.wheel(0, -300)
+        until(page, f"studio.view.scale > {4 * before}")
+        page.focus("#canvas")
+        here = page.evaluate("studio.view.x")
+        page.keyboard.press("ArrowLeft")
+        assert page.evaluate("studio.view.x") == here + 80
+        until(page, "studio.stage.tiles.get('map').settled")
+        kept = page.evaluate("[...studio.stage.tiles.get('map').kept.keys()]")
+        assert 0 < len(kept) < 100  # of 192 at the lowest level alone
+        page.keyboard.press("Home")
+        assert page.evaluate("studio.view.scale") == pytest.approx(before)
+        page.close()

@@ -1,0 +1,181 @@
+"""Edits, the way back, and what is left of them after a kill."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError, OutputError
+from pgm_places.maps.occupancy_grid import FREE
+from pgm_places.studio.desk import Desk
+from pgm_places.studio.journal import Journal
+
+Reopen = Callable[[], Desk]
+
+
+def brush(label: int, *points: tuple[float, float], radius: float = 1.0) -> dict[str, object]:
+    stroke = {"tool": "brush", "points": [list(point) for point in points], "radius": radius}
+    return {"kind": "stroke", "label": label, "stroke": stroke}
+
+
+def reopened(desk: Desk, open_desk: Reopen) -> Desk:
+    desk.close()
+    return open_desk()
+
+
+def test_every_edit_is_there_after_a_restart(desk: Desk, open_desk: Reopen) -> None:
+    desk.edit(brush(0, (10.5, 10.5), (12.5, 14.5)))
+    desk.edit({"kind": "class", "index": 3, "name": "lab", "colour": "#112233"})
+    desk.edit(brush(3, (30.5, 10.5)))
+    desk.edit({"kind": "undo"})
+    desk.edit({"kind": "version", "name": "first"})
+    again = reopened(desk, open_desk)
+    assert (again.painting.labels == desk.painting.labels).all()
+    assert again.painting.classes == desk.painting.classes
+    assert again.painting.versions == desk.painting.versions
+    assert again.painting.revision == desk.painting.revision == 5
+    again.edit({"kind": "redo"})
+    assert again.painting.labels[10, 30] == 3
+
+
+def test_undo_goes_back_through_every_edit_and_redo_forth_again(desk: Desk) -> None:
+    seen = [desk.painting.labels.copy()]
+    generator = np.random.default_rng(3)
+    for _ in range(60):
+        x, y = generator.uniform(6, 44), generator.uniform(6, 24)
+        revision = desk.painting.revision
+        try:
+            desk.edit(brush(int(generator.integers(-1, 3)), (x, y), radius=3))
+        except InputError:
+            continue
+        if desk.painting.revision > revision:
+            seen.append(desk.painting.labels.copy())
+    for expected in reversed(seen[:-1]):
+        desk.edit({"kind": "undo"})
+        assert (desk.painting.labels == expected).all()
+    with pytest.raises(InputError, match="nothing to undo"):
+        desk.edit({"kind": "undo"})
+    for expected in seen[1:]:
+        desk.edit({"kind": "redo"})
+        assert (desk.painting.labels == expected).all()
+
+
+def test_a_new_edit_ends_redo(desk: Desk) -> None:
+    desk.edit(brush(0, (10, 10)))
+    desk.edit({"kind": "undo"})
+    desk.edit(brush(1, (10, 10)))
+    with pytest.raises(InputError, match="nothing to redo"):
+        desk.edit({"kind": "redo"})
+
+
+def test_a_version_can_be_gone_back_to_and_that_undone(desk: Desk, open_desk: Reopen) -> None:
+    desk.edit(brush(0, (10, 10), radius=3))
+    desk.edit({"kind": "version", "name": "good"})
+    then, revision = desk.painting.labels.copy(), desk.painting.versions[0].revision
+    desk.edit(brush(1, (10, 10), (30, 12), radius=4))
+    later = desk.painting.labels.copy()
+    desk.edit({"kind": "restore", "revision": revision})
+    assert (desk.painting.labels == then).all()
+    desk.edit({"kind": "undo"})
+    assert (desk.painting.labels == later).all()
+    desk.edit({"kind": "redo"})
+    assert (reopened(desk, open_desk).painting.labels == then).all()
+
+
+def test_a_line_torn_by_a_kill_is_dropped_and_all_before_it_kept(
+    desk: Desk, open_desk: Reopen
+) -> None:
+    desk.edit(brush(0, (10, 10)))
+    labels = desk.painting.labels.copy()
+    desk.edit(brush(1, (30, 12)))
+    path = desk.painting.journal.path
+    desk.close()
+    path.write_bytes(path.read_bytes()[:-5])
+    again = open_desk()
+    assert (again.painting.labels == labels).all()
+    again.edit(brush(2, (30, 12)))
+    assert (reopened(again, open_desk).painting.labels == again.painting.labels).all()
+
+
+def test_a_damaged_line_is_named(desk: Desk, open_desk: Reopen) -> None:
+    desk.edit(brush(0, (10, 10)))
+    path = desk.painting.journal.path
+    desk.close()
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines, '{"op":"paint","label":9,"runs":[1,1,1]}', ""]))
+    with pytest.raises(InputError, match=r"journal\.jsonl: line 3 is damaged"):
+        open_desk()
+    path.write_text("\n".join([*lines, "what?", ""]))
+    with pytest.raises(InputError, match=r"line 3 is damaged; restore"):
+        open_desk()
+
+
+def test_two_studios_do_not_share_a_folder(desk: Desk, open_desk: Reopen) -> None:
+    with pytest.raises(OutputError, match="open in another studio"):
+        open_desk()
+
+
+def test_a_journal_that_others_wrote_to_is_not_written_to(desk: Desk) -> None:
+    path = desk.painting.journal.path
+    with path.open("a") as file:
+        file.write("x\n")
+    with pytest.raises(OutputError, match="changed by something else"):
+        desk.edit(brush(0, (10, 10)))
+    assert desk.painting.n_painted == 0
+
+
+def test_another_map_is_refused(tmp_path: Path) -> None:
+    Journal(tmp_path / "j", {"map": "one"}).close()
+    with pytest.raises(InputError, match="belongs to another map"):
+        Journal(tmp_path / "j", {"map": "two"})
+
+
+def test_the_journal_is_plain_json(desk: Desk) -> None:
+    desk.edit(brush(0, (10.5, 10.5), radius=0))
+    lines = desk.painting.journal.path.read_text().splitlines()
+    assert json.loads(lines[1]) == {"op": "paint", "label": 0, "runs": [10, 10, 1]}
+
+
+@pytest.mark.parametrize(
+    "request_, words",
+    [
+        ({"kind": "stroke"}, "takes label, stroke"),
+        ({"kind": "melt"}, "unknown edit"),
+        (brush(7, (10, 10)), "there is no class 7"),
+        (brush(0), "a brush has 1 to"),
+        (brush(0, (1.0, 1.0)), "no free cell"),
+        (brush(0, (1e300, 1.0)), "finite"),
+        ({"kind": "fill", "label": 0, "point": [1, 1]}, "free cell"),
+        ({"kind": "fill", "label": 0, "point": [1]}, "two numbers"),
+        ({"kind": "fill", "label": 0, "point": [True, 1]}, "two numbers"),
+        ({"kind": "class", "index": 0, "name": "room", "colour": "#000000"}, "twice"),
+        ({"kind": "class", "index": 3, "name": "a/b", "colour": "#000000"}, "file name"),
+        ({"kind": "class", "index": 3, "name": "lab", "colour": "red"}, "#rrggbb"),
+        ({"kind": "restore", "revision": 4}, "no version 4"),
+        ({"kind": "merge", "first": 1, "second": 2}, "no places yet"),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing(
+    desk: Desk, request_: dict[str, object], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        desk.edit(request_)
+    assert desk.painting.revision == 0
+    assert desk.painting.journal.path.read_text().count("\n") == 1
+
+
+def test_only_free_cells_are_painted(desk: Desk) -> None:
+    desk.edit(brush(1, (2, 2), (48, 28), radius=12))
+    painted = desk.painting.labels >= 0
+    assert painted.any() and (desk.grid.cells[painted] == FREE).all()
+
+
+def test_without_places_a_fill_covers_what_is_connected(desk: Desk) -> None:
+    door = {"tool": "doorway", "points": [[25.5, 14.2], [25.5, 15.8]], "radius": 0.5}
+    desk.edit({"kind": "stroke", "label": 2, "stroke": door})
+    assert (desk.painting.labels[13:17, 25] == 2).all()  # from wall to wall
+    desk.edit({"kind": "fill", "label": 1, "point": [10.5, 10.5]})
+    assert (desk.painting.labels[5:25, 5:25] == 1).all()
+    assert (desk.painting.labels[5:25, 26:46] == -1).all()
