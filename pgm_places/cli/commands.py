@@ -1,4 +1,4 @@
-"""The commands demo, compare, train and label: read inputs, call the library, write results."""
+"""The commands demo, compare and train: read inputs, call the library, write results."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -6,20 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pgm_places.cli.progress import make_progress
-from pgm_places.cli.tables import comparison_table, shares_line
+from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
 from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
-    from pgm_places.io.maps.map_server import MapFile
-    from pgm_places.io.output_set import OutputSet
-    from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
-    from pgm_places.progress import Progress
-    from pgm_places.topology.rules import TopologyOptions
+    from pgm_places.labelers.place_labeler import PlaceMethod
 
-__all__ = ["run_compare", "run_demo", "run_label", "run_train"]
+__all__ = ["run_compare", "run_demo", "run_train"]
 
 
 @contextmanager
@@ -141,84 +137,3 @@ def _training_record(
         "versions": dict(versions()),
         "warnings": experiment.warnings,
     }
-
-
-def run_label(
-    map_yaml: Path,
-    out: Path,
-    *,
-    model: str,
-    method: str | None,
-    doorways: str | None,
-    halls: str | None,
-    unknown_value: int | None,
-    force: bool,
-    n_threads: int | None,
-    quiet: bool,
-) -> None:
-    """``pgm-places label``."""
-    from pgm_places.cli.flags import named_as_flags
-    from pgm_places.cli.places import rules_of
-    from pgm_places.trained import model_folder
-
-    progress = make_progress(quiet=quiet)
-    folder = model_folder(model)
-    with WarmUp(["features"], n_threads=n_threads) as warm_up:  # imports take seconds
-        from pgm_places.inference.backends import METHODS
-        from pgm_places.io.maps.map_server import load_map
-        from pgm_places.io.output_set import output_set
-        from pgm_places.persistence.stored import read
-        from pgm_places.report.file_names import label_names
-
-        stored = read(folder, "place-labeler")
-        labeler, rules = stored.item, rules_of(stored.rules, doorways)
-        if halls is not None:
-            with named_as_flags({"halls": "--halls"}):
-                labeler = labeler.with_options(halls=halls)
-            if not labeler.unary_model_.knows_halls:
-                progress.warn("--halls: this model was not trained to tell halls from corridors")
-        chosen = labeler.method(method)  # an unknown method shows before the work
-        # The run divides the map first, which leaves time for all that comes after it.
-        spaces = ["scans", "space"] if chosen.unary == "space" else []
-        warm_up.compile([*spaces, METHODS.name_of(type(chosen.backend)), "topology"])
-        with progress.stage("map"):
-            loaded = load_map(map_yaml, unknown_value=unknown_value)
-        for message in loaded.warnings:
-            progress.warn(message)
-        names = label_names(labeler.label_names)
-        with output_set(out, "label", names=names, force=force) as files:
-            say(shares_line(loaded.fractions))
-            found = _label(labeler, rules, loaded, method, files, n_threads, progress)
-    say(found)
-    say_written(files)
-
-
-def _label(
-    labeler: "PlaceLabeler",
-    rules: "TopologyOptions",
-    loaded: "MapFile",
-    method: str | None,
-    files: "OutputSet",
-    n_threads: int | None,
-    progress: "Progress",
-) -> str:
-    """Label a map that has been read and write labels, pictures and places; a summary."""
-    from pgm_places.cli.places import write_places
-    from pgm_places.labelers.label_map import label_map
-    from pgm_places.report.label_files import write_labels
-    from pgm_places.report.topology_output import places_summary
-
-    result = label_map(labeler, loaded.grid, method=method, n_threads=n_threads, progress=progress)
-    for message in result.warnings:
-        progress.warn(message)
-    with progress.stage("writing files"):
-        write_labels(result, loaded, files.stage)
-    summary = result.summary()
-    title = f"{loaded.yaml_path.stem}: {result.method}"
-    options = {"labels": result.labels, "label_names": result.label_names}
-    options |= {"beliefs": result.labeling.beliefs, "layout": result.layout}
-    options["doorways"] = result.doorways if rules.doorways == "gates" else None
-    del result  # the labels of a huge map's nodes are not needed any more
-    with progress.stage("places"):
-        topology = write_places(files, title, rules, grid=loaded.grid, **options)
-    return f"{summary}\n{places_summary(topology)}"

@@ -14,10 +14,11 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
-__all__ = ["EXIT_BAD_INPUT", "EXIT_OUT_OF_MEMORY", "main"]
+__all__ = ["EXIT_BAD_INPUT", "EXIT_MAPS_FAILED", "EXIT_OUT_OF_MEMORY", "main"]
 
 EXIT_BAD_INPUT = 2
 EXIT_OUT_OF_MEMORY = 1
+EXIT_MAPS_FAILED = 3
 
 
 class _Stops:

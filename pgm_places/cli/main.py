@@ -84,7 +84,13 @@ def train(
 
 @app.command()
 def label(
-    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    maps: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MAP.yaml...",
+            help="map_server maps, folders to look through, or quoted patterns.",
+        ),
+    ],
     out: Out,
     model: Model = "default",
     method: Annotated[
@@ -107,21 +113,44 @@ def label(
         ),
     ] = None,
     unknown_value: UnknownValue = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs", "-j", min=1, max=1024, help="Worker processes; one per core by default."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Hand the maps to this Dask cluster instead."),
+    ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="What each worker may take, such as 4GB."),
+    ] = None,
     force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Label every free cell of a map."""
-    from pgm_places.cli.commands import run_label
+    """Label every free cell of a map, or of many.
+
+    One map is labelled into the folder itself. Several, or a folder, or any of --jobs, --scheduler
+    and --memory, make a batch: each map gets a folder of its own, those that are done are kept, and
+    index.html lists them all. The exit code is 3 if some map could not be labelled.
+    """
+    from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.cli.label import WorkerOptions, run_label
 
     run_label(
-        map_yaml,
+        maps,
         out,
-        model=model,
-        method=method,
-        doorways=doorways,
-        halls=halls,
-        unknown_value=unknown_value,
+        LabelOptions(
+            model=model,
+            method=method,
+            doorways=doorways,
+            halls=halls,
+            unknown_value=unknown_value,
+        ),
+        WorkerOptions(jobs, scheduler, memory),
         force=force,
         n_threads=threads,
         quiet=quiet,

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -12,46 +12,12 @@ from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
-from pgm_places.options import from_mapping, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
-    from pgm_places.io.output_set import OutputSet
     from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["rules_of", "run_export", "run_topology", "run_where", "write_places"]
-
-
-def rules_of(rules: TopologyOptions, doorways: str | None = None) -> TopologyOptions:
-    """A model's rules with what the flag says, if it was given."""
-    if doorways is None:
-        return rules
-    with named_as_flags({"doorways": "--doorways"}):
-        return from_mapping(TopologyOptions, {**option_values(rules), "doorways": doorways})
-
-
-def write_places(
-    files: "OutputSet", title: str, rules: TopologyOptions, **inputs: Any
-) -> "TopologicalMap":
-    """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
-
-    ``inputs`` are those of ``topological_map``, the grid among them.
-    """
-    from pgm_places.io.places.topology_files import TOPOLOGY_FILE, load_topology, read_own_names
-    from pgm_places.report.topology_output import write_topology
-    from pgm_places.topology.from_labels import topological_map
-
-    earlier = (files.folder / TOPOLOGY_FILE).exists()
-    found = topological_map(
-        rules=rules,
-        correct=rules.correct,
-        min_width_m=rules.min_width_m,
-        known=load_topology(files.folder).known_places if earlier else None,
-        own_names=read_own_names(files.folder),
-        **inputs,
-    )
-    write_topology(files.stage, inputs["grid"], found, title=title)
-    return found
+__all__ = ["run_export", "run_topology", "run_where"]
 
 
 def run_topology(
@@ -72,7 +38,7 @@ def run_topology(
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import PLACES
-    from pgm_places.report.topology_output import places_summary
+    from pgm_places.report.topology_output import places_summary, write_places
 
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):

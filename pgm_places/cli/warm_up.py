@@ -10,12 +10,12 @@ import os
 import platform
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Self
+
+from pgm_places.batch.worker_process import end_with_parent
 
 if TYPE_CHECKING:
     from pgm_places.inference.problem import LabelingProblem
@@ -102,18 +102,6 @@ def main(stages: Iterable[str]) -> None:
         mark = _mark(name)
         if mark is not None:
             mark.touch()
-
-
-def _end_with_parent() -> None:
-    """End this process when the one that started it is gone, however that ended."""
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1)
-        os._exit(0)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _only_one(n_threads: int | None) -> bool:
@@ -295,5 +283,5 @@ STAGES: dict[str, Callable[[], None]] = {
 
 
 if __name__ == "__main__":
-    _end_with_parent()
+    end_with_parent()
     main(sys.stdin)

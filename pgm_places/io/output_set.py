@@ -9,10 +9,17 @@ from pathlib import Path
 
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import tidy, write_text
-from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish, swap_in
+from pgm_places.io.folder_swap import (
+    NEW,
+    UNFINISHED,
+    can_be_exchanged,
+    file_names,
+    finish,
+    swap_in,
+)
 from pgm_places.io.staging import as_output_errors, locked, make_folders, stage
 
-__all__ = ["RECORD_FILE", "OutputSet", "claim", "output_set"]
+__all__ = ["RECORD_FILE", "OutputSet", "claim", "has_all_files", "output_set"]
 
 RECORD_FILE = ".pgm-places.json"
 """Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
@@ -121,6 +128,16 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
         if _record(shown) is None:
             write_text(shown / RECORD_FILE, _record_text({}))
     return shown
+
+
+def has_all_files(folder: Path) -> bool:
+    """Whether a folder holds every file of its record, and nothing is left to be moved into it."""
+    record = _record(folder)
+    return (
+        record is not None
+        and not (folder / UNFINISHED).exists()
+        and all((folder / name).is_file() for name in record)
+    )
 
 
 def _record_text(files: Mapping[str, Mapping[str, str]]) -> str:

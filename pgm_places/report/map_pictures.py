@@ -15,10 +15,11 @@ from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import checked_labels, label_canvas, value_canvas, view_of
 from pgm_places.report.sheet import ColourBar, Panel, sheet_png
 
-__all__ = ["entropy", "label_map", "overview"]
+__all__ = ["entropy", "label_map", "overview", "thumbnail"]
 
 _NODES_AT_ONCE = 262_144
 _MOST_PIXELS = 1_500_000
+_THUMBNAIL_PIXELS = 40_000
 
 
 def label_map(
@@ -59,6 +60,15 @@ def label_map(
     canvas = label_canvas(grid, labels, label_names, view)
     entries = (*label_swatches(label_names), *GROUND_SWATCHES) if legend else ()
     return sheet_png([Panel(canvas)], title=title, legend=entries, scale_bar=scale_bar)
+
+
+def thumbnail(
+    grid: OccupancyGrid, label_raster: NDArray[np.integer], label_names: Sequence[str]
+) -> bytes:
+    """A PNG file of a labelled map the size of a stamp, of some kilobytes: nothing but the map."""
+    labels = checked_labels(grid, label_raster, len(label_names), "label_raster")
+    view = view_of(grid, most_pixels=_THUMBNAIL_PIXELS)
+    return label_canvas(grid, labels, label_names, view).png()
 
 
 def entropy(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

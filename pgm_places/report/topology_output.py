@@ -1,16 +1,45 @@
 """The output of commands about places: the topological map's files and its picture."""
 
 from pathlib import Path
+from typing import Any
 
 from pgm_places.io.atomic import write_bytes
+from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
-from pgm_places.io.places.topology_files import save_topology
+from pgm_places.io.places.topology_files import (
+    TOPOLOGY_FILE,
+    load_topology,
+    read_own_names,
+    save_topology,
+)
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.topology_pictures import count_line, marked_checks, topology_picture
 from pgm_places.topology.checks import doubtful_share, places_to_check
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["doubt_summary", "places_summary", "write_topology"]
+__all__ = ["doubt_summary", "places_summary", "write_places", "write_topology"]
+
+
+def write_places(
+    files: OutputSet, title: str, rules: TopologyOptions, **inputs: Any
+) -> TopologicalMap:
+    """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
+
+    ``inputs`` are those of ``topological_map``, the grid among them.
+    """
+    earlier = (files.folder / TOPOLOGY_FILE).exists()
+    found = topological_map(
+        rules=rules,
+        correct=rules.correct,
+        min_width_m=rules.min_width_m,
+        known=load_topology(files.folder).known_places if earlier else None,
+        own_names=read_own_names(files.folder),
+        **inputs,
+    )
+    write_topology(files.stage, inputs["grid"], found, title=title)
+    return found
 
 
 def write_topology(

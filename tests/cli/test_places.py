@@ -2,14 +2,11 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from pgm_places.cli.places import rules_of
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.report.file_names import PLACES
-from pgm_places.topology.rules import TopologyOptions
 from tests.cli.conftest import Run
 
 
@@ -148,22 +145,3 @@ def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run
     assert len(found) > 5
     assert all(found)
     assert not any(gates("--doorways", "labels"))
-
-
-@pytest.mark.parametrize(
-    ("stored", "flag", "used"),
-    [
-        (None, None, "gates"),
-        ("labels", None, "labels"),
-        ("labels", "gates", "gates"),
-        (None, "labels", "labels"),
-    ],
-)
-def test_the_flag_comes_before_what_the_model_was_configured_with(
-    stored: str | None, flag: str | None, used: str
-) -> None:
-    topology: dict[str, Any] = {"min_width_m": 0.3} | (
-        {} if stored is None else {"doorways": stored}
-    )
-    rules = rules_of(TopologyOptions(**topology), flag)
-    assert (rules.doorways, rules.min_width_m) == (used, 0.3)

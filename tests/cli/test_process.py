@@ -110,7 +110,7 @@ def test_the_second_process_ends_with_the_first() -> None:
     helper = (
         "import time\n"
         "from pgm_places.cli import warm_up\n"
-        "warm_up._end_with_parent()\n"
+        "warm_up.end_with_parent()\n"
         "print('watching', flush=True)\n"
         "time.sleep(60)\n"
     )

@@ -1,0 +1,1 @@
+"""Many maps at once: found, shared out to worker processes, resumed, and listed on one page."""

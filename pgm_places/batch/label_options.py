@@ -1,0 +1,36 @@
+"""How maps are to be labelled: the model, its method, and what departs from its options."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pgm_places.trained import model_folder
+
+__all__ = ["LabelOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """The choices of ``pgm-places label``, apart from the maps.
+
+    Parameters
+    ----------
+    model : str
+        A folder, or the name of a model that ships with the package.
+    method : str, optional
+        One of the model's; its last one by default.
+    doorways, halls : str, optional
+        Instead of what the model's tables ``[topology]`` and ``[labels]`` say.
+    unknown_value : int, optional
+        Grey value of maps that is read as unknown.
+    """
+
+    model: str = "default"
+    method: str | None = None
+    doorways: str | None = None
+    halls: str | None = None
+    unknown_value: int | None = None
+
+    @property
+    def folder(self) -> Path:
+        """The model's folder."""
+        return model_folder(self.model)

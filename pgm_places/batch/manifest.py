@@ -1,0 +1,82 @@
+"""The manifest of a labelled map: what it was made from, by which a run knows what is done."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pgm_places._version import __version__
+from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.ready_model import ReadyModel
+from pgm_places.errors import InputError
+from pgm_places.io.checks import sha256_of
+from pgm_places.io.json_file import read_json
+from pgm_places.io.output_set import has_all_files
+from pgm_places.io.places.topology_files import NAMES_FILE
+from pgm_places.options import option_values
+
+__all__ = ["MANIFEST_FILE", "done_figures", "made_from", "manifest_text"]
+
+MANIFEST_FILE = "manifest.json"
+_FORMAT, _SCHEMA = "pgm-places labelled map", 1
+_MAX_BYTES = 1 << 20
+
+
+def made_from(
+    folder: Path, yaml_path: Path, image_path: Path, model: ReadyModel, options: LabelOptions
+) -> dict[str, Any]:
+    """Everything that the labels and places of a map depend on, as plain data.
+
+    The image's path is relative to the map's folder, so that a collection may be moved.
+    """
+    names = folder / NAMES_FILE  # the user's own, which the places are called by
+    return {
+        "map": sha256_of(yaml_path),
+        "image": os.path.relpath(image_path, yaml_path.parent),
+        "image_sha256": sha256_of(image_path),
+        "names": sha256_of(names) if names.exists() else None,
+        **_made_with(model, options),
+    }
+
+
+def manifest_text(made: Mapping[str, Any], figures: Mapping[str, Any]) -> str:
+    """The file: what :func:`made_from` says, and what came out."""
+    record = {"format": _FORMAT, "schema": _SCHEMA, "made_from": made, "figures": figures}
+    return json.dumps(record, indent=1, allow_nan=False) + "\n"
+
+
+def done_figures(
+    folder: Path, yaml_path: Path, model: ReadyModel, options: LabelOptions
+) -> dict[str, Any] | None:
+    """What came out when the map was labelled before; None where it has to be labelled (again).
+
+    It is done where the manifest says that it was made from the same map, model, options and
+    version, and where every file that was written then is still there.
+    """
+    path = folder / MANIFEST_FILE
+    if not path.exists():
+        return None
+    try:
+        record = read_json(path, InputError, "a labelled map's manifest", max_bytes=_MAX_BYTES)
+        if (record["format"], record["schema"]) != (_FORMAT, _SCHEMA):
+            return None
+        made, figures = record["made_from"], dict(record["figures"])
+        image_path = yaml_path.parent / made["image"]
+        now = made_from(folder, yaml_path, image_path, model, options)
+    except (InputError, LookupError, TypeError, ValueError):
+        return None  # damaged, or a map that is gone: labelling it will say what is wrong
+    return figures if made == now and has_all_files(folder) else None
+
+
+def _made_with(model: ReadyModel, options: LabelOptions) -> dict[str, Any]:
+    return {
+        "model": model.sha256,
+        "method": model.method,
+        "options": {
+            "halls": model.labeler.halls,
+            "unknown_value": options.unknown_value,
+            "topology": json.loads(json.dumps(option_values(model.rules))),
+        },
+        "version": __version__,
+    }

@@ -1,0 +1,78 @@
+"""The files of one labelled map: labels, pictures and places, written as one set."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.batch.ready_model import ReadyModel
+from pgm_places.io.maps.map_server import MapFile
+from pgm_places.io.output_set import OutputSet
+from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.progress import Progress
+from pgm_places.report.label_files import write_labels
+from pgm_places.report.topology_output import write_places
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["LabelledFile", "label_file"]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledFile:
+    """What labelling a map's file gave.
+
+    Parameters
+    ----------
+    summary : str
+        One line: the area of each label and how the method ended.
+    labels : (H, W) int16
+        Label index per free cell in the map's order, -1 elsewhere.
+    area_m2 : dict of str to float
+        Area of each label.
+    warnings : tuple of str
+        Of the file and of the labelling.
+    topology : TopologicalMap
+        The places.
+    """
+
+    summary: str
+    labels: NDArray[np.int16]
+    area_m2: dict[str, float]
+    warnings: tuple[str, ...]
+    topology: TopologicalMap
+
+
+def label_file(
+    model: ReadyModel,
+    source: MapFile,
+    files: OutputSet,
+    *,
+    n_threads: int | None = None,
+    progress: Progress,
+) -> LabelledFile:
+    """Label a map that has been read and write everything that ``pgm-places label`` promises."""
+    result = label_map(
+        model.labeler, source.grid, method=model.method, n_threads=n_threads, progress=progress
+    )
+    for message in result.warnings:
+        progress.warn(message)
+    with progress.stage("writing files"):
+        write_labels(result, source, files.stage)
+    summary, labels, area_m2 = result.summary(), result.labels, result.shares()
+    warnings = (*source.warnings, *result.warnings)
+    inputs = _inputs_of_places(result, gates=model.rules.doorways == "gates")
+    title = f"{source.yaml_path.stem}: {result.method}"
+    del result  # the labels of a huge map's nodes are not needed any more
+    with progress.stage("places"):
+        topology = write_places(files, title, model.rules, grid=source.grid, **inputs)
+    return LabelledFile(summary, labels, area_m2, warnings, topology)
+
+
+def _inputs_of_places(result: LabelledPlaces, *, gates: bool) -> dict[str, object]:
+    return {
+        "labels": result.labels,
+        "label_names": result.label_names,
+        "beliefs": result.labeling.beliefs,
+        "layout": result.layout,
+        "doorways": result.doorways if gates else None,
+    }

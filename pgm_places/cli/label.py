@@ -1,0 +1,156 @@
+"""``pgm-places label``: one map into a folder, or many, each into a folder of its own."""
+
+import glob
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from pgm_places.cli.entry import EXIT_MAPS_FAILED
+from pgm_places.cli.flags import named_as_flags
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import shares_line
+from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.warm_up import WarmUp
+from pgm_places.errors import InputError
+
+if TYPE_CHECKING:
+    from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.batch.ready_model import ReadyModel
+    from pgm_places.batch.workers import Workers
+    from pgm_places.progress import Progress
+
+__all__ = ["WorkerOptions", "run_label"]
+
+
+@dataclass(frozen=True)
+class WorkerOptions:
+    """Who labels many maps, as the flags say; None where a flag was not given."""
+
+    jobs: int | None = None
+    scheduler: str | None = None
+    memory: str | None = None
+
+    @property
+    def given(self) -> bool:
+        """Whether any flag was given."""
+        return self != WorkerOptions()
+
+
+def run_label(
+    maps: Sequence[str],
+    out: Path,
+    options: "LabelOptions",
+    workers: WorkerOptions,
+    *,
+    force: bool,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places label``."""
+    progress = make_progress(quiet=quiet)
+    if len(maps) == 1 and not workers.given and not _names_many(maps[0]):
+        _label_one(Path(maps[0]), out, options, force=force, n_threads=n_threads, progress=progress)
+        return
+    _label_many(maps, out, options, workers, force=force, n_threads=n_threads, progress=progress)
+
+
+def _names_many(argument: str) -> bool:
+    """Whether an argument is a folder or a pattern."""
+    path = Path(argument).expanduser()
+    return path.is_dir() or (glob.has_magic(argument) and not path.exists())
+
+
+def _label_one(
+    map_yaml: Path,
+    out: Path,
+    options: "LabelOptions",
+    *,
+    force: bool,
+    n_threads: int | None,
+    progress: "Progress",
+) -> None:
+    _ = options.folder  # a model that is not there shows before the imports, which take seconds
+    with WarmUp(["features"], n_threads=n_threads) as warm_up:
+        from pgm_places.batch.map_files import label_file
+        from pgm_places.inference.backends import METHODS
+        from pgm_places.io.maps.map_server import load_map
+        from pgm_places.io.output_set import output_set
+        from pgm_places.report.file_names import label_names
+        from pgm_places.report.topology_output import places_summary
+
+        model = _read(options, progress)
+        # The run divides the map first, which leaves time for all that comes after it.
+        spaces = ["scans", "space"] if model.chosen.unary == "space" else []
+        warm_up.compile([*spaces, METHODS.name_of(type(model.chosen.backend)), "topology"])
+        with progress.stage("map"):
+            loaded = load_map(map_yaml, unknown_value=options.unknown_value)
+        for message in loaded.warnings:
+            progress.warn(message)
+        names = label_names(model.labeler.label_names)
+        with output_set(out, "label", names=names, force=force) as files:
+            say(shares_line(loaded.fractions))
+            found = label_file(model, loaded, files, n_threads=n_threads, progress=progress)
+    say(f"{found.summary}\n{places_summary(found.topology)}")
+    say_written(files)
+
+
+def _read(options: "LabelOptions", progress: "Progress") -> "ReadyModel":
+    """The model; what the flags get wrong shows now."""
+    from pgm_places.batch.ready_model import ready_model
+
+    with named_as_flags({"doorways": "--doorways", "halls": "--halls"}):
+        model = ready_model(options)
+    if options.halls is not None and not model.labeler.unary_model_.knows_halls:
+        progress.warn("--halls: this model was not trained to tell halls from corridors")
+    return model
+
+
+def _label_many(
+    maps: Sequence[str],
+    out: Path,
+    options: "LabelOptions",
+    workers: WorkerOptions,
+    *,
+    force: bool,
+    n_threads: int | None,
+    progress: "Progress",
+) -> None:
+    from pgm_places.batch.found_maps import find_maps
+
+    found = find_maps(maps, out)
+    if found.n_passed_over:
+        n = found.n_passed_over
+        say(f"passed over {n:,} YAML file{'' if n == 1 else 's'} without a key 'image'")
+    from pgm_places.batch.label_batch import label_batch
+
+    _read(options, progress)
+    processes, threads = _processes(workers, len(found.maps), n_threads)
+    batch = label_batch(
+        found.maps, out, options, processes, n_threads=threads, force=force, progress=progress
+    )
+    say(batch.summary())
+    for path in batch.written:
+        say(f"wrote {path}")
+    if batch.failures:
+        raise typer.Exit(EXIT_MAPS_FAILED)
+
+
+def _processes(options: WorkerOptions, n_maps: int, n_threads: int | None) -> tuple["Workers", int]:
+    """The workers that the flags ask for, and the threads for each map."""
+    from pgm_places.batch.dask_workers import DaskWorkers
+    from pgm_places.batch.local_workers import LocalWorkers
+    from pgm_places.batch.memory_size import memory_bytes
+    from pgm_places.kernels.threads import resolve_threads
+
+    memory = None if options.memory is None else memory_bytes(options.memory)
+    if options.scheduler is not None:
+        if options.jobs is not None:
+            raise InputError("--jobs is for this machine; a cluster behind --scheduler has its own")
+        return DaskWorkers(options.scheduler, memory), n_threads or 1
+    cores = resolve_threads()
+    jobs = min(options.jobs or cores, n_maps)
+    threads = n_threads or max(1, cores // jobs)
+    return LocalWorkers(jobs, threads, memory), threads

@@ -1,0 +1,86 @@
+"""A Dask cluster over TCP does what processes of this machine do."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pgm_places.batch.dask_workers import DaskWorkers
+from pgm_places.errors import InputError
+
+distributed = pytest.importorskip("distributed")
+
+pytestmark = [
+    pytest.mark.slow,
+    # What the cluster's own threads say when a worker is killed is not ours to judge.
+    pytest.mark.filterwarnings("ignore"),
+]
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def double(number: int) -> int:
+    return 2 * number
+
+
+def die_once(marker: Path) -> str:
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return marker.name
+
+
+def die_always(number: int) -> int:
+    if number == 1:
+        os._exit(1)
+    return number
+
+
+def refuse(number: int) -> int:
+    if number == 3:
+        raise ValueError("no")
+    return number
+
+
+def memory_limit(_: int) -> int:
+    return int(distributed.get_worker().memory_manager.memory_limit)
+
+
+def test_every_task_comes_back_with_its_result(address: str) -> None:
+    found = dict(DaskWorkers(address).run(double, iter(range(30))))
+    assert found == {number: 2 * number for number in range(30)}
+
+
+def test_a_killed_worker_loses_no_task(address: str, tmp_path: Path) -> None:
+    tasks = [tmp_path / str(number) for number in range(2)]
+    found = {item.task: item.result for item in DaskWorkers(address).run(die_once, tasks)}
+    assert found == {task: task.name for task in tasks}
+
+
+def test_a_task_that_kills_every_worker_is_given_up(address: str) -> None:
+    assert dict(DaskWorkers(address).run(die_always, [1])) == {1: None}
+
+
+def test_what_the_function_raises_is_raised_here(address: str) -> None:
+    with pytest.raises(ValueError, match="no"):
+        list(DaskWorkers(address).run(refuse, range(6)))
+
+
+def test_workers_are_told_of_their_memory_while_the_batch_lasts(address: str) -> None:
+    before = {item.result for item in DaskWorkers(address).run(memory_limit, range(8))}
+    told = {item.result for item in DaskWorkers(address, 3_000_000_000).run(memory_limit, range(8))}
+    assert told == {3_000_000_000}
+    assert {item.result for item in DaskWorkers(address).run(memory_limit, range(8))} == before
+
+
+def test_no_scheduler_is_one_line() -> None:
+    with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
+        list(DaskWorkers("tcp://127.0.0.1:9", patience_s=1.0).run(double, [1]))

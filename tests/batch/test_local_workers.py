@@ -1,0 +1,98 @@
+"""Processes of this machine: results of every task, whatever dies; what is raised ends the rest."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from pgm_places.batch.local_workers import LocalWorkers
+
+
+def double(number: int) -> int:
+    return 2 * number
+
+
+def die_once(marker: Path) -> str:
+    """Kill this process, unless it has been done."""
+    if marker.suffix == ".die" and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return marker.name
+
+
+def die_always(number: int) -> int:
+    if number == 1:
+        os._exit(1)
+    return number
+
+
+def refuse(number: int) -> int:
+    if number == 3:
+        raise ValueError("no")
+    return number
+
+
+def take_a_gigabyte(_: int) -> str:
+    import numpy as np
+
+    try:
+        np.ones(1 << 30, np.uint8)
+    except MemoryError:
+        return "refused"
+    return "taken"
+
+
+def own_id(_: int) -> int:
+    time.sleep(0.2)  # so that both processes get something to do
+    return os.getpid()
+
+
+def test_every_task_comes_back_with_its_result() -> None:
+    found = dict(LocalWorkers(2).run(double, range(20)))
+    assert found == {number: 2 * number for number in range(20)}
+
+
+def test_one_process_stays_for_many_tasks() -> None:
+    ids = {item.result for item in LocalWorkers(2).run(own_id, range(6))}
+    assert len(ids) <= 2
+    assert os.getpid() not in ids
+
+
+def test_a_killed_process_is_replaced_and_its_task_begun_again(tmp_path: Path) -> None:
+    tasks = [tmp_path / f"{number}.{'die' if number % 3 == 0 else 'live'}" for number in range(6)]
+    found = {item.task: item.result for item in LocalWorkers(2).run(die_once, tasks)}
+    assert found == {task: task.name for task in tasks}
+
+
+def test_a_task_that_kills_every_process_is_given_up_and_no_other() -> None:
+    found = dict(LocalWorkers(2).run(die_always, range(4)))
+    assert found == {0: 0, 1: None, 2: 2, 3: 3}
+
+
+def test_what_the_function_raises_is_raised_here_and_ends_the_rest() -> None:
+    begun = iter(range(1000))
+    with pytest.raises(ValueError, match="no"):
+        list(LocalWorkers(1).run(refuse, begun))
+    assert next(begun) == 4
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs limits as on Unix")
+def test_memory_is_limited() -> None:
+    limited = LocalWorkers(1, memory_bytes=600_000_000)
+    assert [item.result for item in limited.run(take_a_gigabyte, [0])] == ["refused"]
+    assert [item.result for item in LocalWorkers(1).run(take_a_gigabyte, [0])] == ["taken"]
+
+
+def test_processes_end_when_the_results_are_not_wanted_any_more() -> None:
+    run = LocalWorkers(2).run(own_id, iter(range(1000)))
+    process = next(run).result
+    run.close()
+    for _ in range(100):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    pytest.fail("the process is still there")

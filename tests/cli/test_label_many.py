@@ -1,0 +1,95 @@
+"""``label`` with many maps: which arguments make a batch, what it prints, and how it ends."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pgm_places.datasets import generate_building
+from pgm_places.io.maps.map_server import save_map
+from tests.cli.conftest import Run
+
+
+@pytest.fixture
+def floors(building: Path, run: Run) -> Path:
+    """A folder with a model and three floors, one of them without its image."""
+    assert run("train", building / "config.toml", "--out", building / "model", "-q")[0] == 0
+    for seed in (1, 2, 3):
+        folder = building / "floors" / f"f{seed}"
+        folder.mkdir(parents=True)
+        save_map(generate_building(seed, size="small").grid, folder / "map")
+    (building / "floors" / "f3" / "map.png").unlink()
+    return building
+
+
+def test_a_folder_is_a_batch_that_ends_with_3_where_a_map_is_bad(floors: Path, run: Run) -> None:
+    out = floors / "out"
+    label = ["label", floors / "floors", "--model", floors / "model", "--out", out]
+    code, text, error = run(*label)
+    assert code == 3
+    assert text.splitlines() == [
+        "3 maps: 2 labelled, 1 failed",
+        *(f"wrote {out / name}" for name in ("failures.csv", "index.html", "summary.csv")),
+    ]
+    assert [line.partition(":")[0] for line in error.splitlines()] == ["labelling maps"]
+    assert (out / "f1" / "labels.png").exists()
+    (floors / "floors" / "f3" / "map.yaml").unlink()
+    code, text, _ = run(*label, "--quiet")
+    assert code == 0
+    assert text.splitlines()[0] == "2 maps: 0 labelled, 2 done before"
+
+
+def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) -> None:
+    map_yaml, out = floors / "map.yaml", floors / "out"
+    code, _, error = run(
+        "label", map_yaml, "-m", floors / "model", "-o", out, "--jobs", 1, "--memory", "4GB", "-q"
+    )
+    assert code == 0, error
+    assert (out / floors.name / "labels.png").exists()
+    assert (out / "index.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--jobs", "2", "--scheduler", "tcp://127.0.0.1:9"], "--jobs is for this machine"),
+        (["--memory", "much"], "--memory expects a size such as 4GB"),
+        (["--method", "adabost"], "did you mean 'adaboost'"),
+        (["--doorways", "doors"], "--doorways"),
+    ],
+)
+def test_flags_that_are_wrong_are_refused_before_the_work(
+    floors: Path, run: Run, arguments: list[str], message: str
+) -> None:
+    out = floors / "out"
+    code, _, error = run(
+        "label", floors / "floors", "-m", floors / "model", "-o", out, *arguments, "-q"
+    )
+    assert code == 2
+    assert message in error
+    assert not out.exists()
+
+
+def test_a_batch_that_was_killed_goes_on_where_it_stopped(floors: Path, run: Run) -> None:
+    for seed in range(4, 12):
+        save_map(generate_building(seed, size="small").grid, floors / "floors" / f"f{seed}")
+    out = floors / "out"
+    label = ["label", floors / "floors", "-m", floors / "model", "-o", out, "--jobs", 1, "-q"]
+    with subprocess.Popen([sys.executable, "-m", "pgm_places", *map(str, label)]) as process:
+        while len(list(out.glob("f*/manifest.json"))) < 2:
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+    time.sleep(2)  # for the worker to see that its parent is gone
+    done = {path: path.stat().st_mtime_ns for path in out.glob("f*/manifest.json")}
+    assert 2 <= len(done) < 10
+    code, text, _ = run(*label)
+    assert code == 3
+    assert text.splitlines()[0] == (
+        f"11 maps: {10 - len(done)} labelled, {len(done)} done before, 1 failed"
+    )
+    assert all(path.stat().st_mtime_ns == time_ns for path, time_ns in done.items())
+    assert not list(out.glob(".*.tmp"))
