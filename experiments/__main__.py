@@ -127,6 +127,7 @@ def page() -> str:
         *(_section_file(name) for name in MAPS),
         FOLDER / "room_kinds.md",
         FOLDER / "trajectories.md",
+        FOLDER / "tracking_model.md",
         FOLDER / "discussion.md",
     ]
     parts = [

@@ -32,6 +32,7 @@ from .sensing.sensor import SensorNoise as SensorNoise
 from .topology.checks import places_to_check as places_to_check
 from .topology.from_labels import topological_map as topological_map
 from .trained import trained_labeler as trained_labeler
+from .trained import trained_tracker as trained_tracker
 from .trajectories.mapped_drive import MappedDrive as MappedDrive
 from .trajectories.scan import Scan as Scan
 from .trajectories.scan import ScanGeometry as ScanGeometry

@@ -16,12 +16,13 @@ here = pathlib.Path(pgm_places.__file__)
 assert "site-packages" in here.parts, here
 assert not (here.parent / "models").is_symlink()
 from pgm_places.datasets import generate_building
-from pgm_places.trained import NAMES, trained_labeler
+from pgm_places.trained import NAMES, trained_labeler, trained_tracker
 assert generate_building(size="small").grid.free.any()
 from pgm_places.reproduce.html_page import html_page
 assert "</html>" in html_page([], here.parent)
 for name in NAMES:
     assert trained_labeler(name).label_names_ == ("corridor", "room", "doorway")
+assert trained_tracker().label_names_ == ("corridor", "room", "doorway")
 print("wheel works:", here.parent)
 """
 

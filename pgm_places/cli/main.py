@@ -411,7 +411,15 @@ def track(
             metavar="LOG", help="CARMEN log, ROS bag or table of poses; - with --follow."
         ),
     ],
-    model: Model = "default",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            "-m",
+            help="Folder written by 'train', or the name of a shipped model; tracking by default, "
+            "with --map default.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder for the results; created if needed.")
     ] = None,

@@ -33,7 +33,7 @@ __all__ = ["TrackOptions", "run_follow", "run_track"]
 class TrackOptions:
     """The options of the command, besides the log and the folder."""
 
-    model: str
+    model: str | None
     map_yaml: Path | None = None
     mode: str = "filter"
     beams: str | None = None
@@ -233,7 +233,7 @@ def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
 def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
     from pgm_places.models.hmm import HiddenMarkovModel
 
-    labeler = _stored_labeler(options.model)
+    labeler = _stored_labeler(options.model or _default_model(options))
     is_hmm = isinstance(labeler.method_, HiddenMarkovModel)
     if is_hmm:
         labeler = _changed(labeler, method__mode=options.mode)
@@ -260,6 +260,13 @@ def _changed(labeler: "TrajectoryLabeler", **options: object) -> "TrajectoryLabe
     """The labeler with other options; what it refuses is named by its flag."""
     with named_as_flags({"mode": "--mode", "missing": "--beams", "every_m": "--every"}):
         return labeler.with_options(**options)
+
+
+def _default_model(options: TrackOptions) -> str:
+    """The shipped model of maps where there is one to cast scans in, else that of drives."""
+    from pgm_places.trained import DEFAULT, TRACKING
+
+    return TRACKING if options.map_yaml is None else DEFAULT
 
 
 def _stored_labeler(model: str) -> "TrajectoryLabeler":

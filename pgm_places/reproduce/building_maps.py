@@ -34,6 +34,7 @@ __all__ = [
     "KnownMap",
     "Sample",
     "building_numbers",
+    "known_maps",
     "real_maps",
     "sampled_maps",
 ]
@@ -181,14 +182,23 @@ def sampled_maps(setting: Setting) -> list[Sample]:
         plans = [*(_stand_ins() if setting.data is None else real_maps(setting.data))]
         plans += _generated()
         for number, known in enumerate(plans):
-            some = [known]
-            if known.source == DRAWN and known.kind in _COPIED:
-                some.append(_robot_like(known, number + 1, kept))
-            for each in some:
+            for each in _with_copy(known, number, kept):
                 found.append(_sample(each, kept))
                 found[-1].example_features(setting.n_threads)
             stage.update((number + 1) / len(plans), known.item.name)
     return found
+
+
+def known_maps(data: Path, kept: KeptArrays) -> Iterator[KnownMap]:
+    """Every labelled map of the real data with its robot-like copy, then the generated ones."""
+    for number, known in enumerate([*real_maps(data), *_generated()]):
+        yield from _with_copy(known, number, kept)
+
+
+def _with_copy(known: KnownMap, number: int, kept: KeptArrays) -> Iterator[KnownMap]:
+    yield known
+    if known.source == DRAWN and known.kind in _COPIED:
+        yield _robot_like(known, number + 1, kept)
 
 
 _COPIED = ("school", "office")

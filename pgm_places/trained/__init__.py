@@ -8,14 +8,19 @@ from pgm_places.errors import ModelFileError
 
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 
-__all__ = ["DEFAULT", "NAMES", "model_folder", "trained_labeler"]
+__all__ = ["DEFAULT", "NAMES", "TRACKING", "model_folder", "trained_labeler", "trained_tracker"]
 
 NAMES = ("default", "generated")
 """``default`` was trained on real and generated office buildings, ``generated`` on generated ones
 alone; both distinguish corridor, room and doorway on 5 cm cells."""
 
 DEFAULT = NAMES[0]
+
+TRACKING = "tracking"
+"""Labels drives without a map: it was trained on drives simulated in the buildings of ``default``,
+with lasers of every kind."""
 
 
 def model_folder(name: str | Path) -> Path:
@@ -29,13 +34,13 @@ def model_folder(name: str | Path) -> Path:
     ModelFileError
         Neither a folder nor a shipped model.
     """
-    if name in NAMES:
+    if name in (*NAMES, TRACKING):
         return Path(__file__).parent / str(name)
     if Path(name).exists():
         return Path(name)
     raise ModelFileError(
         f"no model at {name}, and none of that name ships with the package. "
-        f"{nearest_name(str(name), list(NAMES))}"
+        f"{nearest_name(str(name), [*NAMES, TRACKING])}"
     )
 
 
@@ -51,4 +56,19 @@ def trained_labeler(name: str | Path = DEFAULT) -> "PlaceLabeler":
     from pgm_places.persistence.stored import read
 
     found: PlaceLabeler = read(model_folder(name), "place-labeler").item
+    return found
+
+
+def trained_tracker(name: str | Path = TRACKING) -> "TrajectoryLabeler":
+    """A labeler of drives that needs no training and no map, by name or from a folder.
+
+    Examples
+    --------
+    >>> tracker = trained_tracker()
+    >>> tracker.label_names_, tracker.every_m
+    (('corridor', 'room', 'doorway'), 0.25)
+    """
+    from pgm_places.persistence.stored import read
+
+    found: TrajectoryLabeler = read(model_folder(name), "trajectory-labeler").item
     return found

@@ -3,18 +3,22 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from pgm_places import PlaceLabeler, evaluate
+from pgm_places import LabelledMap, PlaceLabeler, evaluate
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ModelFileError
+from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.topology_files import load_topology
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.refinement import refine
 from pgm_places.persistence.stored import save
-from pgm_places.trained import NAMES, model_folder, trained_labeler
+from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.trained import NAMES, TRACKING, model_folder, trained_labeler, trained_tracker
+from pgm_places.trajectories.scan import ScanGeometry
 from tests.cli.conftest import Run
 
 
@@ -28,7 +32,7 @@ def test_labels_a_building_without_training(name: str) -> None:
     assert found.balanced_accuracy > 0.75
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, TRACKING])
 def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
     folder = model_folder(name)
     text = (folder / "manifest.json").read_text(encoding="utf-8")
@@ -37,6 +41,34 @@ def test_says_how_it_was_learned_and_names_no_machine(name: str) -> None:
     assert {len(digest) for digest in record["inputs"].values()} == {64}
     assert not any(Path(path).is_absolute() for path in record["inputs"])
     assert sum(path.stat().st_size for path in folder.iterdir()) < 200_000
+
+
+@pytest.mark.parametrize(
+    ("view_degrees", "n_beams", "reach_m"), [(90, 61, 80.0), (180, 181, 4.0), (360, 720, 12.0)]
+)
+def test_tracks_any_laser_without_training_or_map(
+    view_degrees: float, n_beams: int, reach_m: float
+) -> None:
+    building = generate_building(109, size="small", resolution_m=0.05)
+    geometry = ScanGeometry.ahead(n_beams, np.deg2rad(view_degrees), range_max_m=reach_m)
+    path = SimulatedRobot(geometry, radius_m=0.2).explore(building.grid, max_length_m=40.0)
+    path = path.labelled_by(LabelledMap(building.grid, building.labels), building.label_names)
+    labeler = trained_tracker().with_options(method__mode="smooth")
+    assert path.labels is not None
+    found = evaluate(path.labels, labeler.label(path).labels, building.label_names)
+    assert found.balanced_accuracy > 0.6
+
+
+def test_track_needs_neither_model_nor_map(tmp_path: Path, run: Run) -> None:
+    building = generate_building(109, size="small", resolution_m=0.05)
+    path = SimulatedRobot(radius_m=0.2).explore(building.grid, max_length_m=10.0)
+    write_trajectory(tmp_path / "drive.log", path)
+    code, out, err = run("track", tmp_path / "drive.log", "--out", tmp_path / "tracked")
+    assert code == 0, err
+    assert "corridor" in out
+    code, _, err = run("label", tmp_path / "map.yaml", "-m", TRACKING, "--out", tmp_path / "no")
+    assert code == 2
+    assert "trajectory-labeler" in err
 
 
 def test_no_folder_stands_in_for_a_shipped_model(

@@ -1,0 +1,1 @@
+"""The shipped tracking model: drives simulated in all buildings, and what they teach."""

@@ -1,0 +1,103 @@
+"""The shipped tracking model and its tables: ``python -m experiments.tracking_model``.
+
+``PGM_PLACES_DATA=DATA python -m experiments.tracking_model --kept FOLDER`` simulates a drive in
+every labelled map, keeps what it shows in the folder, writes the model to
+pgm_places/trained/tracking and the tables to experiments/tracking_model.md; with ``--tables``
+or ``--model``, only those.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
+from experiments.tracking_model.learning import OPTIONS, Table, learned
+from experiments.tracking_model.options import options_table
+from experiments.tracking_model.unseen import floor_answers, floors_table, lasers_table, real_table
+from pgm_places.experiment.runs import versions
+from pgm_places.io.checks import sha256_of
+from pgm_places.options import plain_values
+from pgm_places.persistence.stored import save
+from pgm_places.reproduce.building_maps import known_maps
+from pgm_places.reproduce.kept import KeptArrays
+
+HERE = Path(__file__).resolve().parent
+MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"
+PAGE = HERE.parent / "tracking_model.md"
+
+
+def write_model(table: Table, data: Path) -> None:
+    """Learn from all drives and write the shipped model."""
+    folders = [data / "floors", *sorted(data.glob("freiburg0*")), *sorted(data.glob("cold_*"))]
+    files = [
+        path
+        for folder in folders
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in (".yaml", ".png", ".geojson") and "partial" not in path.parts[-2]
+    ]
+    record = {
+        "config": {
+            "train": [
+                {
+                    "drive": item.name,
+                    "building": item.building,
+                    "laser": plain_values(item.laser),
+                    "steps": len(item.labels),
+                }
+                for item in table.drives
+            ],
+            "classifier": OPTIONS,
+            "length_m": LENGTH_M,
+            "every_m": EVERY_M,
+            "beams": plain_values(BEAMS),
+        },
+        "inputs": {
+            f"$PGM_PLACES_DATA/{path.relative_to(data).as_posix()}": sha256_of(path)
+            for path in files
+        },
+        "versions": dict(versions()),
+        "warnings": [],
+    }
+    save(learned(table).labeler(), MODEL, record=record)
+    print(f"wrote {MODEL}")
+
+
+def write_tables(table: Table, data: Path, kept: KeptArrays) -> None:
+    """All tables, every figure from buildings left out."""
+    found = list(floor_answers(table))
+    page = PAGE.with_suffix(".template.md").read_text(encoding="utf-8")
+    parts = {
+        "OPTIONS": options_table(table),
+        "FLOORS": floors_table(found),
+        "LASERS": lasers_table(found),
+        "REAL": real_table(table, data, kept),
+    }
+    for name, text in parts.items():
+        page = page.replace("{" + name + "}", text)
+    PAGE.write_text(page, encoding="utf-8")
+    print(f"wrote {PAGE}")
+
+
+def main() -> None:
+    """Simulate the drives and write what is asked for."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
+    parser.add_argument("--kept", type=Path, help="folder that keeps what drives show")
+    parser.add_argument("--model", action="store_true", help="only the model")
+    parser.add_argument("--tables", action="store_true", help="only the tables")
+    chosen = parser.parse_args()
+    data = os.environ.get("PGM_PLACES_DATA")
+    if not data:
+        sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
+    if chosen.kept is not None:
+        chosen.kept.mkdir(parents=True, exist_ok=True)
+    kept = KeptArrays(chosen.kept)
+    table = Table.of(simulated_drives(known_maps(Path(data), kept), kept))
+    if chosen.model or not chosen.tables:
+        write_model(table, Path(data))
+    if chosen.tables or not chosen.model:
+        write_tables(table, Path(data), kept)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""Drives of real robots: the runs of the COLD campaign, and the log of building 79."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.tracking_model.drives import Laser, Observed, observed
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.reproduce.building79 import load_building79
+from pgm_places.reproduce.cold import PLACES, STEP_M, load_cold_folder, place_classes
+from pgm_places.reproduce.kept import KeptArrays, fingerprint
+from pgm_places.sensing.simulated_robot import scans_along
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["FRONT", "cold_drives", "in_lobby", "log_of_79"]
+
+FRONT = Laser(180.0, 180, 30.0)
+"""The half circle ahead, as the campaign's robots had it."""
+
+
+LOBBY = {"cold_saarbrucken_seq1": -11.1, "cold_saarbrucken_seq2": -4.2}
+"""The lobby of Saarbruecken is the corridor beyond this y: 10 m wide, furnished, and as long."""
+
+
+def in_lobby(drive: Observed) -> NDArray[np.bool_]:
+    """(n,) which steps lie in the lobby that the campaign calls a corridor."""
+    beyond = LOBBY.get(drive.name, np.inf)
+    return (drive.labels == PLACES.index("corridor")) & (drive.poses[:, 1] > beyond)
+
+
+def log_of_79(data: Path, kept: KeptArrays) -> Observed:
+    """What the real front laser of building 79's log shows at every step."""
+    found = load_building79(data)
+    geometry = found.path.geometry
+    assert geometry is not None
+    laser = Laser(180.0, geometry.n_beams, geometry.range_max_m)
+    item = replace(found.map, name="log of building 79", building="Freiburg 79")
+    path = found.path.with_labels(found.place, PLACES)
+    stem = fingerprint("log of building 79", path.poses, path.labels)
+    return observed(item, "building 79, real log", laser, lambda: path, kept, stem, all_steps=True)
+
+
+def cold_drives(data: Path, kept: KeptArrays) -> Iterator[Observed]:
+    """What every run shows at its recorded positions, and between them every tenth of a metre.
+
+    A step between recorded positions has label -1.
+    """
+    for folder in sorted(data.glob("cold_*")):
+        town = folder.name.split("_")[1]
+        known, runs = load_cold_folder(folder, place_classes(), PLACES)
+        for number, run in enumerate(runs):
+            stem = fingerprint(number, FRONT, run.poses, known.grid.cells)
+            drive = partial(_with_scans, known.grid, run, number)
+            yield observed(known, town, FRONT, drive, kept, stem, all_steps=True)
+
+
+def _with_scans(grid: OccupancyGrid, run: Trajectory, number: int) -> Trajectory:
+    """A run with a scan every tenth of a metre."""
+    dense = run.resampled(STEP_M)
+    return scans_along(grid, dense, FRONT.geometry, noise=FRONT.noise(number))

@@ -1,0 +1,150 @@
+"""Drives in buildings left out: single scans, filter and smoother, by building and by laser."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.tracking_model.drives import Observed
+from experiments.tracking_model.learning import N_FOLDS, Learned, Table, folds, learned
+from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of_79
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.reproduce.building_maps import NAMES
+from pgm_places.reproduce.kept import KeptArrays
+
+__all__ = ["Answer", "answers", "floor_answers", "floors_table", "lasers_table", "real_table"]
+
+MODES = ("filter", "smooth")
+TOWNS = {"freiburg": "Freiburg 79", "saarbrucken": "Saarbrücken"}
+
+
+class Answer(NamedTuple):
+    """A drive, and its labels from single scans and from each mode of the model."""
+
+    drive: Observed
+    labels: Mapping[str, NDArray[np.int64]]
+
+
+def answers(
+    found: Learned, labeler: TrajectoryLabeler, drives: Sequence[Observed]
+) -> Iterator[Answer]:
+    """What a model says of drives that it has not seen."""
+    for drive in drives:
+        scores = found.model.log_proba(drive.circles_m, spaces=drive.spaces)
+        labels = {"alone": scores.argmax(axis=1)}
+        for mode in MODES:
+            tool = labeler.with_options(method__mode=mode)
+            labels[mode] = tool.infer(drive.trajectory, scores).labels
+        yield Answer(drive, labels)
+
+
+def floor_answers(table: Table, unfitted: DecisionListClassifier | None = None) -> Iterator[Answer]:
+    """Every simulated drive, labelled by a model that saw no drive through its building."""
+    fold = folds(table.drives)
+    for number in range(N_FOLDS):
+        found = learned(table.only(fold != number), unfitted)
+        yield from answers(found, found.labeler(), table.only(fold == number).drives)
+
+
+def merged(
+    some: Sequence[Answer], name: str, without: Callable[..., NDArray[np.bool_]] | None = None
+) -> Evaluation:
+    """The figures of one way of labelling over several drives."""
+    parts = []
+    for item in some:
+        truth = item.drive.labels
+        if without is not None:
+            truth = np.where(without(item.drive), -1, truth)
+        if (truth >= 0).any():
+            parts.append(evaluate(truth, item.labels[name], NAMES))
+    return Evaluation.merged(parts)
+
+
+def figures(found: Evaluation) -> str:
+    """Accuracy and balanced accuracy in percent."""
+    return f"{100 * found.accuracy:.1f} / {100 * found.balanced_accuracy:.1f}"
+
+
+HEAD = "steps | single scans | filter | smoother | doorway recall: alone / filter / smoother |"
+
+
+def _row(
+    name: str, some: Sequence[Answer], without: Callable[..., NDArray[np.bool_]] | None = None
+) -> str:
+    scored = [merged(some, mode, without) for mode in ("alone", *MODES)]
+    doors = " / ".join(f"{100 * (item.recall['doorway'] or 0):.0f}" for item in scored)
+    rates = " | ".join(figures(item) for item in scored)
+    return f"| {name} | {scored[0].n} | {rates} | {doors} |"
+
+
+def floors_table(found: Sequence[Answer]) -> str:
+    """A row per kind of building and of map."""
+    lines = [f"| drives simulated in | {HEAD}", "|---|---|---|---|---|---|"]
+    groups = sorted({item.drive.group for item in found})
+    lines += [
+        _row(group, [item for item in found if item.drive.group == group]) for group in groups
+    ]
+    return "\n".join(lines)
+
+
+REACHES = ((4.0, 8.0), (8.0, 20.0), (20.0, 80.0))
+VIEWS = ((90.0, 90.0), (120.0, 180.0), (240.0, 270.0), (360.0, 360.0))
+SPACINGS = ((0.2, 0.5), (0.5, 1.2), (1.2, 3.1))
+
+
+def lasers_table(found: Sequence[Answer], mode: str = "smooth") -> str:
+    """Accuracy and balanced accuracy by view and reach, then by view and density of the beams."""
+
+    def cell(chosen: Sequence[Answer]) -> str:
+        return f"{figures(merged(chosen, mode))} ({len(chosen)})" if chosen else "-"
+
+    def view(item: Answer) -> float:
+        return item.drive.laser.view_degrees
+
+    def spacing(item: Answer) -> float:
+        return view(item) / item.drive.laser.n_beams
+
+    head = [f"{low:g} to {high:g} m" for low, high in REACHES]
+    head += [f"{low:g} to {high:g}°" for low, high in SPACINGS]
+    lines = [f"| view | {' | '.join(head)} |", "|---" * (1 + len(head)) + "|"]
+    for low, high in VIEWS:
+        some = [item for item in found if low <= view(item) <= high]
+        row = [
+            cell([item for item in some if near <= item.drive.laser.reach_m < far])
+            for near, far in REACHES
+        ]
+        row += [
+            cell([item for item in some if fine <= spacing(item) < coarse])
+            for fine, coarse in SPACINGS
+        ]
+        name = f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
+        lines.append(f"| {name} | {' | '.join(row)} |")
+    return "\n".join(lines)
+
+
+def real_table(
+    table: Table, data: Path, kept: KeptArrays, unfitted: DecisionListClassifier | None = None
+) -> str:
+    """Drives of real robots: the COLD campaign with one town left out, and the log of building 79.
+
+    Nothing of Freiburg's building 79, the campaign's building there, is learned from for either
+    of the two; nothing of the campaign's other building for the rows of Saarbruecken.
+    """
+    lines = [f"| drives | {HEAD}", "|---|---|---|---|---|---|"]
+    real = list(cold_drives(data, kept))
+    for town, building in TOWNS.items():
+        found = learned(table.only([item.building != building for item in table.drives]), unfitted)
+        labeler = found.labeler()
+        some = list(answers(found, labeler, [item for item in real if item.group == town]))
+        lines.append(_row(f"COLD {town.capitalize()}, simulated front laser", some))
+        if town == "saarbrucken":
+            lines.append(_row("the same without the lobby", some, in_lobby))
+            lines.append(_row("the lobby alone", some, lambda drive: ~in_lobby(drive)))
+        else:
+            log = list(answers(found, labeler, [log_of_79(data, kept)]))
+            lines.append(_row("log of building 79, real front laser", log))
+    return "\n".join(lines)
