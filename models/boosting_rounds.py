@@ -49,7 +49,8 @@ def boost(
     sample_weight : (rows of X,) float64, optional
         Positive numbers that multiply the initial weights.
     margin : (rows of X,) float64, optional
-        F of earlier rounds, from which boosting goes on: see :func:`initial_weights`.
+        F of earlier rounds, from which boosting goes on: see :func:`initial_weights`. ``|r|`` is
+        then at most 1 - 1/n for n examples, and a stump without error does not end it.
     on_round : callable, optional
         Called after each round with the number of rounds so far and r.
 
@@ -61,6 +62,8 @@ def boost(
     segments = prepared.segments(positive, negative)
     weights = initial_weights(prepared, segments, sample_weight, margin)
     search = StumpSearch(prepared, segments, weights, n_threads)
+    # After other rounds a stump without error has to be heard again and again, not infinitely loud.
+    most_edge = MAX_EDGE if margin is None else 1.0 - 1.0 / len(weights)
     chosen: list[tuple[int, float, int, float]] = []
     while len(chosen) < n_rounds:
         search.keep_in_range()
@@ -70,12 +73,12 @@ def boost(
         edge = abs(stump.score) / search.weighed.mass
         if edge < tolerance:
             break
-        alpha = shrinkage * alpha_of(edge)
+        alpha = shrinkage * alpha_of(min(edge, most_edge))
         column = int(prepared.columns[stump.plane])
         chosen.append((column, stump.threshold, 1 if stump.score > 0 else -1, alpha))
         if on_round is not None:
             on_round(len(chosen), edge)
-        if edge >= MAX_EDGE:
+        if edge >= MAX_EDGE and margin is None:
             break
         search.reweigh(stump, alpha)
     return _strong_classifier(chosen)
