@@ -47,12 +47,21 @@ def label_file(
     source: MapFile,
     files: OutputSet,
     *,
+    known: NDArray[np.int16] | None = None,
     n_threads: int | None = None,
     progress: Progress,
 ) -> LabelledFile:
-    """Label a map that has been read and write everything that ``pgm-places label`` promises."""
+    """Label a map that has been read and write everything that ``pgm-places label`` promises.
+
+    ``known`` (H, W) holds labels that are known, -1 elsewhere.
+    """
     result = label_map(
-        model.labeler, source.grid, method=model.method, n_threads=n_threads, progress=progress
+        model.labeler,
+        source.grid,
+        method=model.method,
+        known=known,
+        n_threads=n_threads,
+        progress=progress,
     )
     for message in result.warnings:
         progress.warn(message)

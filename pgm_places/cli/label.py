@@ -45,6 +45,7 @@ def run_label(
     options: "LabelOptions",
     workers: WorkerOptions,
     *,
+    corrections: Path | None,
     force: bool,
     n_threads: int | None,
     quiet: bool,
@@ -52,8 +53,18 @@ def run_label(
     """``pgm-places label``."""
     progress = make_progress(quiet=quiet)
     if len(maps) == 1 and not workers.given and not _names_many(maps[0]):
-        _label_one(Path(maps[0]), out, options, force=force, n_threads=n_threads, progress=progress)
+        _label_one(
+            Path(maps[0]),
+            out,
+            options,
+            corrections,
+            force=force,
+            n_threads=n_threads,
+            progress=progress,
+        )
         return
+    if corrections is not None:
+        raise InputError("--corrections are those of one map; label it by itself, not in a batch")
     _label_many(maps, out, options, workers, force=force, n_threads=n_threads, progress=progress)
 
 
@@ -67,6 +78,7 @@ def _label_one(
     map_yaml: Path,
     out: Path,
     options: "LabelOptions",
+    corrections: Path | None,
     *,
     force: bool,
     n_threads: int | None,
@@ -89,10 +101,17 @@ def _label_one(
             loaded = load_map(map_yaml, unknown_value=options.unknown_value)
         for message in loaded.warnings:
             progress.warn(message)
+        known = None
+        if corrections is not None:
+            from pgm_places.teaching.paint import Paint
+
+            known = Paint.read(corrections, loaded.grid, model.labeler.label_names_).labels
         names = label_names(model.labeler.label_names)
         with output_set(out, "label", names=names, force=force) as files:
             say(shares_line(loaded.fractions))
-            found = label_file(model, loaded, files, n_threads=n_threads, progress=progress)
+            found = label_file(
+                model, loaded, files, known=known, n_threads=n_threads, progress=progress
+            )
     say(f"{found.summary}\n{places_summary(found.topology)}")
     say_written(files)
 

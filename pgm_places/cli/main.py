@@ -112,6 +112,14 @@ def label(
             "default, as set in the model's [labels].",
         ),
     ] = None,
+    corrections: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.png|FILE.geojson",
+            help="Labels of a single map that are known: a label image of its size, or polygons "
+            "and lines in metres with a property 'class'. Every method keeps them.",
+        ),
+    ] = None,
     unknown_value: UnknownValue = None,
     jobs: Annotated[
         int | None,
@@ -151,6 +159,7 @@ def label(
             unknown_value=unknown_value,
         ),
         WorkerOptions(jobs, scheduler, memory),
+        corrections=corrections,
         force=force,
         n_threads=threads,
         quiet=quiet,

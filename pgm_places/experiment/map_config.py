@@ -28,6 +28,8 @@ class MapConfig:
     labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
     the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres with a property
     ``class``; ``classes`` translates the names of either, and what it leaves out has no label.
+    ``corrections``, a label image or GeoJSON of polygons and lines with the configuration's labels,
+    takes the place of these labels where it says something.
     ``columns`` and ``rows`` are half-open ranges of image columns and rows counted from the left
     and the top; ``x_m`` and ``y_m`` are ranges in map metres; ``half`` is the part of a generated
     building left or right of the border between its wings, ``style``, ``halls``, ``furniture`` and
@@ -42,6 +44,7 @@ class MapConfig:
     labels: str | None = None
     regions: str | None = None
     classes: dict[str, str] | None = None
+    corrections: str | None = None
     name: str | None = None
     building: str | None = None
     half: Literal["left", "right"] | None = None
@@ -66,9 +69,10 @@ class MapConfig:
         if (self.map is None) == (self.generated is None):
             raise ConfigError("give either map (a YAML file) or generated (a seed)")
         if self.generated is not None:
-            if self.labels is not None or self.regions is not None:
+            if not (self.labels is self.regions is self.corrections is None):
                 raise ConfigError(
-                    "a generated building has its own labels; remove labels and regions"
+                    "a generated building has its own labels; remove labels, regions and "
+                    "corrections"
                 )
         elif self.half is not None:
             raise ConfigError("half is for generated buildings; give columns or x_m of a map")

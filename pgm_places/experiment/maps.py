@@ -19,6 +19,7 @@ from pgm_places.io.maps.windows import window_mask
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.teaching.paint import Paint
 
 __all__ = ["load_grid", "load_map_of", "load_maps"]
 
@@ -122,6 +123,11 @@ def _read_map(
         label_path = experiment.resolve(str(source.regions))
         labels = load_regions(label_path, names, loaded.grid, classes=source.classes)
     experiment.record_input(label_path)
+    if source.corrections is not None:
+        path = experiment.resolve(source.corrections)
+        known = Paint.read(path, loaded.grid, names).labels
+        experiment.record_input(path)
+        labels = np.where(known >= 0, known, labels)
     return loaded.grid, labels, yaml_path
 
 
