@@ -29,6 +29,7 @@ TOPICS = (
     "forward",
     "tracking",
     "topology",
+    "batch",
 )
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each topic wrote last

@@ -5,10 +5,16 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["Force", "Model", "Out", "Quiet", "Threads", "UnknownValue"]
+__all__ = ["Cache", "Force", "Model", "Out", "Quiet", "Threads", "UnknownValue"]
 
 Out = Annotated[
     Path, typer.Option("--out", "-o", help="Folder for the results; created if needed.")
+]
+Cache = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR", help="Keep the features of training maps in this folder, for next time."
+    ),
 ]
 Threads = Annotated[
     int | None, typer.Option("--threads", min=1, help="Number of threads; all cores by default.")

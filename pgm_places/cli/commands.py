@@ -9,7 +9,8 @@ from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
-from pgm_places.errors import ConfigError
+from pgm_places.cli.workers import WorkerOptions, make_workers
+from pgm_places.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
@@ -19,7 +20,9 @@ __all__ = ["run_compare", "run_demo", "run_train"]
 
 
 @contextmanager
-def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "Iterator[Experiment]":
+def _experiment(
+    config_path: Path, *, cache: Path | None = None, n_threads: int | None, quiet: bool
+) -> "Iterator[Experiment]":
     """The experiment of a configuration; a second process compiles what it will need."""
     from pgm_places.experiment.config import load_config
 
@@ -28,39 +31,64 @@ def _experiment(config_path: Path, *, n_threads: int | None, quiet: bool) -> "It
     stages = ["features", "boosting", *spaces, *(item.name for item in config.methods)]
     with WarmUp(stages, n_threads=n_threads):
         from pgm_places.experiment.experiment import Experiment
+        from pgm_places.experiment.feature_cache import FeatureCache
 
         experiment = Experiment(
             config,
             config_path.resolve().parent,
             progress=make_progress(quiet=quiet),
             n_threads=n_threads,
+            feature_cache=None if cache is None else FeatureCache(cache.absolute()),
         )
         experiment.record_input(config_path.resolve())
         yield experiment
 
 
 def run_compare(
-    config_path: Path, out: Path, *, force: bool, n_threads: int | None, quiet: bool
+    config_path: Path,
+    out: Path,
+    *,
+    by_building: bool,
+    workers: WorkerOptions,
+    cache: Path | None,
+    force: bool,
+    n_threads: int | None,
+    quiet: bool,
 ) -> None:
     """``pgm-places compare``."""
+    if workers.given and not by_building:
+        raise InputError("--jobs, --scheduler and --memory are for compare --by-building")
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import COMPARISON
 
-    with output_set(out, "compare", names=COMPARISON, force=force) as files:
-        table = _compare(config_path, files.stage, n_threads=n_threads, quiet=quiet)
+    shared_out = workers if by_building else None
+    with (
+        output_set(out, "compare", names=COMPARISON, force=force) as files,
+        _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet) as experiment,
+    ):
+        table = _compare(experiment, files.stage, shared_out)
     say(table)
     say_written(files)
 
 
-def _compare(config_path: Path, folder: Path, *, n_threads: int | None, quiet: bool) -> str:
-    """Compare the methods of a configuration and write the results into the folder; the table."""
-    with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
-        from pgm_places.experiment.runs import compare
-        from pgm_places.report.comparison_files import write_comparison
+def _compare(experiment: "Experiment", folder: Path, shared_out: WorkerOptions | None) -> str:
+    """Compare the methods and write the results into the folder; the table.
 
+    With workers, each building of the training maps is left out in turn.
+    """
+    from pgm_places.experiment.runs import compare
+    from pgm_places.report.comparison_files import write_comparison
+
+    if shared_out is None:
         comparison = compare(experiment)
-        with experiment.progress.stage("report"):
-            write_comparison(comparison, folder)
+    else:
+        from pgm_places.batch.left_out import compare_buildings
+
+        n_tasks = len(experiment.config.train)
+        workers, threads = make_workers(shared_out, n_tasks, experiment.n_threads)
+        comparison = compare_buildings(experiment, workers, n_threads=threads)
+    with experiment.progress.stage("report"):
+        write_comparison(comparison, folder)
     return comparison_table(comparison)
 
 
@@ -72,7 +100,8 @@ def run_demo(out: Path, *, seed: int, force: bool, n_threads: int | None, quiet:
 
     with output_set(out, "demo", names=DEMO, force=force) as files:
         config_path = write_demo(files.stage, seed=seed)
-        table = _compare(config_path, files.stage, n_threads=n_threads, quiet=quiet)
+        with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
+            table = _compare(experiment, files.stage, None)
     say(table)
     say_written(files)
     config_path = out / config_path.name
@@ -84,9 +113,11 @@ def run_demo(out: Path, *, seed: int, force: bool, n_threads: int | None, quiet:
     )
 
 
-def run_train(config_path: Path, out: Path, *, n_threads: int | None, quiet: bool) -> None:
+def run_train(
+    config_path: Path, out: Path, *, cache: Path | None, n_threads: int | None, quiet: bool
+) -> None:
     """``pgm-places train``."""
-    with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:
+    with _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet) as experiment:
         from pgm_places.persistence.model_folder import check_target
 
         check_target(out)

@@ -2,7 +2,6 @@
 
 import glob
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,29 +13,15 @@ from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
+from pgm_places.cli.workers import WorkerOptions, make_workers
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
     from pgm_places.batch.label_options import LabelOptions
     from pgm_places.batch.ready_model import ReadyModel
-    from pgm_places.batch.workers import Workers
     from pgm_places.progress import Progress
 
-__all__ = ["WorkerOptions", "run_label"]
-
-
-@dataclass(frozen=True)
-class WorkerOptions:
-    """Who labels many maps, as the flags say; None where a flag was not given."""
-
-    jobs: int | None = None
-    scheduler: str | None = None
-    memory: str | None = None
-
-    @property
-    def given(self) -> bool:
-        """Whether any flag was given."""
-        return self != WorkerOptions()
+__all__ = ["run_label"]
 
 
 def run_label(
@@ -146,7 +131,7 @@ def _label_many(
     from pgm_places.batch.label_batch import label_batch
 
     _read(options, progress)
-    processes, threads = _processes(workers, len(found.maps), n_threads)
+    processes, threads = make_workers(workers, len(found.maps), n_threads)
     batch = label_batch(
         found.maps, out, options, processes, n_threads=threads, force=force, progress=progress
     )
@@ -155,21 +140,3 @@ def _label_many(
         say(f"wrote {path}")
     if batch.failures:
         raise typer.Exit(EXIT_MAPS_FAILED)
-
-
-def _processes(options: WorkerOptions, n_maps: int, n_threads: int | None) -> tuple["Workers", int]:
-    """The workers that the flags ask for, and the threads for each map."""
-    from pgm_places.batch.dask_workers import DaskWorkers
-    from pgm_places.batch.local_workers import LocalWorkers
-    from pgm_places.batch.memory_size import memory_bytes
-    from pgm_places.kernels.threads import resolve_threads
-
-    memory = None if options.memory is None else memory_bytes(options.memory)
-    if options.scheduler is not None:
-        if options.jobs is not None:
-            raise InputError("--jobs is for this machine; a cluster behind --scheduler has its own")
-        return DaskWorkers(options.scheduler, memory), n_threads or 1
-    cores = resolve_threads()
-    jobs = min(options.jobs or cores, n_maps)
-    threads = n_threads or max(1, cores // jobs)
-    return LocalWorkers(jobs, threads, memory), threads

@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from pgm_places._version import __version__
-from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
+from pgm_places.cli.arguments import Cache, Force, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.entry import main
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.terminal import say
+from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.topology.rules import TopologyOptions
 
@@ -59,27 +60,52 @@ def demo(
 def compare(
     config: Annotated[Path, typer.Argument(help="Experiment configuration (TOML).")],
     out: Out,
+    by_building: Annotated[
+        bool,
+        typer.Option(
+            "--by-building",
+            help="Leave out each building of [[train]] in turn, train on the others and test on "
+            "it; [[test]] is not used.",
+        ),
+    ] = False,
+    cache: Cache = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    memory: Memory = None,
     force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Train and evaluate every method of a configuration. Writes tables and a report."""
+    """Train and evaluate every method of a configuration. Writes tables and a report.
+
+    --jobs, --scheduler and --memory are for --by-building: each building is a task of its own.
+    """
     from pgm_places.cli.commands import run_compare
 
-    run_compare(config, out, force=force, n_threads=threads, quiet=quiet)
+    run_compare(
+        config,
+        out,
+        by_building=by_building,
+        workers=WorkerOptions(jobs, scheduler, memory),
+        cache=cache,
+        force=force,
+        n_threads=threads,
+        quiet=quiet,
+    )
 
 
 @app.command()
 def train(
     config: Annotated[Path, typer.Argument(help="Experiment configuration (TOML).")],
     out: Out,
+    cache: Cache = None,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Train a model on labelled maps and save it as a folder."""
     from pgm_places.cli.commands import run_train
 
-    run_train(config, out, n_threads=threads, quiet=quiet)
+    run_train(config, out, cache=cache, n_threads=threads, quiet=quiet)
 
 
 @app.command()
@@ -121,20 +147,9 @@ def label(
         ),
     ] = None,
     unknown_value: UnknownValue = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            "--jobs", "-j", min=1, max=1024, help="Worker processes; one per core by default."
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Hand the maps to this Dask cluster instead."),
-    ] = None,
-    memory: Annotated[
-        str | None,
-        typer.Option(metavar="SIZE", help="What each worker may take, such as 4GB."),
-    ] = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    memory: Memory = None,
     force: Force = False,
     threads: Threads = None,
     quiet: Quiet = False,
@@ -146,7 +161,7 @@ def label(
     index.html lists them all. The exit code is 3 if some map could not be labelled.
     """
     from pgm_places.batch.label_options import LabelOptions
-    from pgm_places.cli.label import WorkerOptions, run_label
+    from pgm_places.cli.label import run_label
 
     run_label(
         maps,

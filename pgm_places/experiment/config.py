@@ -16,6 +16,7 @@ from pgm_places._checks import nearest_name, plain_names
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.source_patterns import without_patterns
 from pgm_places.experiment.step_options import StepOptions
 from pgm_places.features.own import FEATURES, as_features
 from pgm_places.inference.backends import METHODS
@@ -220,7 +221,8 @@ def load_config(path: Path) -> ExperimentConfig:
     ConfigError
         The file cannot be read, is not TOML, or contains an unknown key, value or method.
     """
-    return parse_config(read_toml(path, ConfigError, "a configuration (TOML)"), str(path))
+    content = read_toml(path, ConfigError, "a configuration (TOML)")
+    return parse_config(without_patterns(content, path.resolve().parent, str(path)), str(path))
 
 
 def parse_config(content: Mapping[str, Any], where: str = "config") -> ExperimentConfig:

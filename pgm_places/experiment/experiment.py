@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.config_paths import resolved_path
+from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.io.checks import sha256_of
-from pgm_places.io.input_file import user_path
 from pgm_places.progress import Progress, Silent
 
 __all__ = ["DATA_VARIABLE", "Experiment"]
@@ -30,6 +30,8 @@ class Experiment:
         What the configuration's paths are relative to.
     progress : Progress
     n_threads : int, optional
+    feature_cache : FeatureCache, optional
+        Keeps the features of training maps from one training to the next.
     selection : mapping, optional
         If options were chosen: the candidates tried (``Selection.to_dict``).
     inputs, seconds, warnings
@@ -41,6 +43,7 @@ class Experiment:
     folder: Path
     progress: Progress = field(default_factory=Silent)
     n_threads: int | None = None
+    feature_cache: FeatureCache | None = None
     selection: Mapping[str, Any] | None = None
     inputs: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
@@ -62,20 +65,8 @@ class Experiment:
             self.progress.warn(message)
 
     def resolve(self, name: str) -> Path:
-        """A path of the configuration, relative to the configuration's folder.
-
-        A leading ``$NAME`` is replaced by that environment variable, taken as a folder.
-        """
-        if name.startswith("$"):
-            variable, _, rest = name[1:].partition("/")
-            folder = os.environ.get(variable)
-            if not folder:
-                raise ConfigError(
-                    f"the path {name!r} needs the environment variable {variable}; set it to the "
-                    "folder with the data"
-                )
-            return _real(user_path(Path(folder) / rest, ConfigError))
-        return _real(self.folder / user_path(name, ConfigError))
+        """A path of the configuration, relative to the configuration's folder."""
+        return resolved_path(name, self.folder)
 
     def record_input(self, path: Path) -> None:
         """Record the hash of a file that was read, under the shortest unambiguous name."""
@@ -89,8 +80,3 @@ class Experiment:
         if path.is_relative_to(self.folder):
             return path.relative_to(self.folder).as_posix()
         return str(path)
-
-
-def _real(path: Path) -> Path:
-    """The path without links; Path.resolve would fail on circular links."""
-    return Path(os.path.realpath(path))

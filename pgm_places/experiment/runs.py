@@ -78,7 +78,12 @@ def train(experiment: Experiment) -> Trained:
     experiment = _with_chosen_options(experiment, Sources(maps))
     labeler = make_labeler(experiment.config)
     with experiment.timed("learn"):
-        labeler = labeler.fit(maps, n_threads=experiment.n_threads, progress=experiment.progress)
+        labeler = labeler.fit(
+            maps,
+            feature_cache=experiment.feature_cache,
+            n_threads=experiment.n_threads,
+            progress=experiment.progress,
+        )
     return Trained(experiment, labeler)
 
 

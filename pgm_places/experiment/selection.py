@@ -237,7 +237,9 @@ def _candidates(
 
 def _scored_cells(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
     """The one method of a configuration, trained on some maps and scored on others."""
-    labeler = make_labeler(trial.config).fit(learn.maps, n_threads=trial.n_threads)
+    labeler = make_labeler(trial.config).fit(
+        learn.maps, feature_cache=trial.feature_cache, n_threads=trial.n_threads
+    )
     scored = []
     for item in test.maps:
         graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=trial.n_threads)

@@ -37,6 +37,7 @@ from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.learning import LearnedUnary, fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
@@ -181,10 +182,14 @@ class PlaceLabeler(Labeler):
         self,
         maps: Sequence[LabelledMap],
         *,
+        feature_cache: FeatureTables | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> Self:
         """The labeler itself, fitted: the lists, then every method that learns, on the same maps.
+
+        With a ``feature_cache`` (:class:`~pgm_places.experiment.feature_cache.FeatureCache`), the
+        laser features of the maps are kept on disk and not computed again in a second training.
 
         Raises
         ------
@@ -195,7 +200,7 @@ class PlaceLabeler(Labeler):
         InputError
             The maps have different resolutions; structured weights do not carry over.
         """
-        self._fit(maps, n_threads=n_threads, progress=progress)
+        self._fit(maps, feature_cache=feature_cache, n_threads=n_threads, progress=progress)
         return self
 
     def fit_with_scores(
@@ -224,6 +229,7 @@ class PlaceLabeler(Labeler):
         maps: Sequence[LabelledMap],
         *,
         with_scores: bool = False,
+        feature_cache: FeatureTables | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> LearnedUnary:
@@ -250,6 +256,7 @@ class PlaceLabeler(Labeler):
             n_folds=self.n_folds,
             features=as_features(self.features),
             with_scores=with_scores or learn_from_scores(methods),
+            feature_cache=feature_cache,
             n_threads=n_threads,
             progress=progress,
         )

@@ -14,6 +14,7 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
+from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
@@ -93,6 +94,7 @@ def fit_unary(
     max_examples_per_map: int | None = None,
     features: tuple[Any, ...] = (),
     with_scores: bool = True,
+    feature_cache: FeatureTables | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LearnedUnary:
@@ -127,6 +129,9 @@ def fit_unary(
         Custom features, in addition to the laser's: see :mod:`pgm_places.features.own`.
     with_scores : bool
         Whether all labelled cells are scored, to train structured methods on.
+    feature_cache : FeatureTables, optional
+        Where laser features of the maps are kept; not used with custom features, whose code may
+        change.
     """
     progress = progress or Silent()
     cells = TrainingCells.of(
@@ -135,6 +140,7 @@ def fit_unary(
         features,
         n_folds=n_folds,
         limit=max_examples_per_map,
+        feature_cache=feature_cache,
         n_threads=n_threads,
         progress=progress,
     )

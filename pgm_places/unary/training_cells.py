@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.errors import OutputError
 from pgm_places.evaluation.folds import building_folds
 from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph.layout import GridLayout
@@ -15,13 +16,11 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.feature_tables import Block, FeatureTables
 
 __all__ = ["TrainingCells", "training_features"]
 
 _AT_ONCE = 65_536
-
-Block = tuple[NDArray[np.int64], NDArray[np.float32]]
-"""Numbers of cells, and their features (n, F)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +43,8 @@ class TrainingCells:
         The examples.
     features : (n, F) float32
         Laser and custom features of the examples.
+    feature_cache : FeatureTables, optional
+        Where those of all labelled cells are kept.
     """
 
     maps: tuple[LabelledMap, ...]
@@ -53,6 +54,7 @@ class TrainingCells:
     groups: NDArray[np.int64]
     chosen: NDArray[np.bool_]
     features: NDArray[np.float32]
+    feature_cache: FeatureTables | None = None
 
     @classmethod
     def of(
@@ -63,6 +65,7 @@ class TrainingCells:
         *,
         n_folds: int = 5,
         limit: int | None = None,
+        feature_cache: FeatureTables | None = None,
         n_threads: int | None = None,
         progress: Progress,
     ) -> Self:
@@ -71,6 +74,7 @@ class TrainingCells:
         truth = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
         chosen = _chosen([int(mask.sum()) for mask in masks], limit)
         examples = _split_mask(masks, chosen)
+        cache = None if own else feature_cache
         return cls(
             tuple(maps),
             sensor,
@@ -78,7 +82,10 @@ class TrainingCells:
             truth.astype(np.int64),
             building_folds(maps, masks, n_folds),
             chosen,
-            training_features(maps, sensor, n_threads, progress, own, masks=examples),
+            training_features(
+                maps, sensor, n_threads, progress, own, masks=examples, feature_cache=cache
+            ),
+            cache,
         )
 
     @cached_property
@@ -111,7 +118,8 @@ class TrainingCells:
         first = 0
         for item, size in zip(self.maps, self.sizes, strict=True):
             mask = item.labelled_cells
-            for nodes, values in _map_features(item, mask, self.sensor, self.own, n_threads):
+            parts = _map_features(item, mask, self.sensor, self.own, n_threads, self.feature_cache)
+            for nodes, values in parts:
                 yield first + nodes, values
             first += size
 
@@ -128,10 +136,12 @@ def training_features(
     own: tuple[Any, ...] = (),
     *,
     masks: Sequence[NDArray[np.bool_]] | None = None,
+    feature_cache: FeatureTables | None = None,
 ) -> NDArray[np.float32]:
     """(N, F) laser and custom features of cells, map after map in node order.
 
-    By default of all labelled cells; ``masks`` (H, W) names others.
+    By default of all labelled cells; ``masks`` (H, W) names others, which with a cache are some of
+    the labelled ones.
     """
     masks = [item.labelled_cells for item in maps] if masks is None else masks
     total = sum(int(mask.sum()) for mask in masks)
@@ -139,7 +149,8 @@ def training_features(
     start = 0
     with progress.stage("scans and features") as stage:
         for item, mask in zip(maps, masks, strict=True):
-            for nodes, values in _map_features(item, mask, sensor, own, n_threads):
+            parts = _map_features(item, mask, sensor, own, n_threads, feature_cache)
+            for nodes, values in parts:
                 features[start + nodes] = values
                 stage.update((start + int(nodes[-1])) / max(total, 1))
             start += int(mask.sum())
@@ -152,7 +163,15 @@ def _map_features(
     sensor: Sensor,
     own: tuple[Any, ...],
     n_threads: int | None,
+    feature_cache: FeatureTables | None = None,
 ) -> Iterator[Block]:
+    if feature_cache is not None:
+        table = _cached_table(item, sensor, n_threads, feature_cache)
+        rows = np.flatnonzero(mask[item.labelled_cells])
+        for first in range(0, len(rows), _AT_ONCE):
+            some = rows[first : first + _AT_ONCE]
+            yield np.arange(first, first + len(some)), table[some]
+        return
     of_cells = values_on_map(own, item.grid, np.argwhere(mask))
     for block in iter_cast(item.grid, sensor, mask=mask, n_threads=n_threads):
         values = feature_values(
@@ -163,6 +182,21 @@ def _map_features(
             n_threads=n_threads,
         )
         yield block.nodes, values
+
+
+def _cached_table(
+    item: LabelledMap, sensor: Sensor, n_threads: int | None, cache: FeatureTables
+) -> NDArray[np.float32]:
+    """(N, F) laser features of all labelled cells of a map, from the cache or into it."""
+    mask = item.labelled_cells
+    key, shape = cache.key(item, sensor), (int(mask.sum()), n_columns(()))
+    table = cache.kept(key, shape)
+    if table is None:
+        cache.keep(key, shape, _map_features(item, mask, sensor, (), n_threads))
+        table = cache.kept(key, shape)
+    if table is None:
+        raise OutputError(f"cannot read back the features written to {cache}; check the disk")
+    return table
 
 
 def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_]:

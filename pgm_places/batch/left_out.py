@@ -1,0 +1,154 @@
+"""Every building left out in turn: trained on the others, tested on it, all results as one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pgm_places.batch.workers import Workers
+from pgm_places.errors import ConfigError, OutputError
+from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.experiment.comparison import Comparison, MethodResult, score_intervals
+from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.feature_cache import FeatureCache
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare
+from pgm_places.experiment.setup import make_labeler
+
+__all__ = ["FoldTask", "compare_buildings", "compare_fold", "fold_tasks"]
+
+
+@dataclass(frozen=True, eq=False)
+class FoldTask:
+    """A building to leave out.
+
+    Parameters
+    ----------
+    building : str
+    config : ExperimentConfig
+        Trains on the other buildings' maps and tests on its own.
+    folder : Path
+        What the configuration's paths are relative to.
+    feature_cache : FeatureCache, optional
+    n_threads : int
+    """
+
+    building: str
+    config: ExperimentConfig
+    folder: Path
+    feature_cache: FeatureCache | None
+    n_threads: int
+
+
+def fold_tasks(experiment: Experiment, *, n_threads: int = 1) -> list[FoldTask]:
+    """A task per building of the training maps.
+
+    Raises
+    ------
+    ConfigError
+        All maps are of one building, or steps of drives are labelled.
+    """
+    config = experiment.config
+    if config.nodes != "cells":
+        raise ConfigError("--by-building leaves out buildings of maps; use it for nodes = 'cells'")
+    buildings = [item.building for item in load_maps(experiment, "train")]
+    names = list(dict.fromkeys(buildings))
+    if len(names) < 2:
+        raise ConfigError(
+            "--by-building needs maps of two buildings in [[train]], and there is one; name the "
+            "building of each map: building = '...', or buildings = 'table.csv'"
+        )
+    tasks = []
+    for name in names:
+        sources = list(zip(config.train, buildings, strict=True))
+        fold = replace(
+            config,
+            train=tuple(item for item, of in sources if of != name),
+            test=tuple(item for item, of in sources if of == name),
+        )
+        cache = experiment.feature_cache
+        tasks.append(FoldTask(str(name), fold, experiment.folder, cache, n_threads))
+    return tasks
+
+
+def compare_fold(task: FoldTask) -> Comparison:
+    """All methods, trained on the other buildings and run on the one that is left out."""
+    experiment = Experiment(
+        task.config, task.folder, n_threads=task.n_threads, feature_cache=task.feature_cache
+    )
+    return compare(experiment)
+
+
+def compare_buildings(
+    experiment: Experiment, workers: Workers, *, n_threads: int = 1
+) -> Comparison:
+    """All methods of a configuration on each building of its training maps, left out in turn.
+
+    Options of ``[select]`` are chosen anew for every building, on the others. ``[[test]]`` is not
+    looked at.
+
+    Raises
+    ------
+    ConfigError
+        There are not two buildings.
+    OutputError
+        A worker died on a building each time.
+    """
+    make_labeler(experiment.config)  # refuses bad options before the maps are read
+    tasks = fold_tasks(experiment, n_threads=n_threads)
+    found: dict[str, Comparison] = {}
+    with experiment.progress.stage("buildings left out") as stage:
+        for task, result in workers.run(compare_fold, tasks):
+            if result is None:
+                raise OutputError(
+                    f"every worker died while {task.building} was left out: probably killed for "
+                    "memory; use fewer --jobs, or set max_examples_per_map"
+                )
+            found[task.building] = result
+            stage.update(len(found) / len(tasks), f"{len(found)} of {len(tasks)}")
+    parts = [found[task.building] for task in tasks]
+    return _together(experiment, parts)
+
+
+def _together(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison:
+    """The comparisons of all buildings as one."""
+    first = parts[0]
+    maps = tuple(item for part in parts for item in part.maps)
+    seconds: dict[str, float] = {}
+    inputs = dict(experiment.inputs)
+    for part in parts:
+        inputs |= part.inputs
+        for name, value in part.stage_seconds.items():
+            seconds[name] = seconds.get(name, 0.0) + value
+    methods = []
+    for number, _ in enumerate(first.methods):
+        results = [part.methods[number] for part in parts]
+        merged = _merged(results)
+        intervals = score_intervals(maps, merged.labelings, len(first.label_names))
+        methods.append(replace(merged, intervals=intervals))
+    warnings = dict.fromkeys((*experiment.warnings, *(w for part in parts for w in part.warnings)))
+    return replace(
+        first,
+        title=f"{first.title}: each of {len(parts)} buildings left out",
+        maps=maps,
+        methods=tuple(methods),
+        stage_seconds=seconds,
+        inputs=inputs,
+        warnings=tuple(warnings),
+        selection=None,
+    )
+
+
+def _merged(results: Sequence[MethodResult]) -> MethodResult:
+    """The results of one method on all buildings; what it learned differs between them."""
+    return replace(
+        results[0],
+        labelings=tuple(item for result in results for item in result.labelings),
+        evaluations=tuple(item for result in results for item in result.evaluations),
+        evaluation=Evaluation.merged([result.evaluation for result in results]),
+        seconds={key: sum(result.seconds[key] for result in results) for key in ("learn", "infer")},
+        learned={},
+        histories=tuple(item for result in results for item in result.histories),
+        learning={},
+        doors=tuple(item for result in results for item in result.doors),
+    )

@@ -1,0 +1,158 @@
+"""Tables of maps that name many at once: patterns, and the buildings that the maps belong to."""
+
+import glob
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pgm_places.errors import ConfigError, nearest_name, shown
+from pgm_places.experiment.config_paths import resolved_path
+from pgm_places.io.csv_table import open_table
+
+__all__ = ["without_patterns"]
+
+_WILDCARD = re.compile(r"\*\*/?|\*|\?|\[[^\]]+\]")
+_BESIDE = ("labels", "regions")
+_MAX_BYTES = 16 << 20
+
+
+def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> dict[str, Any]:
+    """A configuration's content with a table per map where a table's ``map`` is a pattern.
+
+    ``map = "floors/*/map.yaml"`` stands for all files that match, in the order of their names.
+    ``labels`` or ``regions`` is a pattern with as many wildcards, and names for each map the file
+    where its wildcards stand for the same. ``buildings`` is a table (CSV) with columns ``map``, a
+    name or a path relative to the table, and ``building``.
+
+    Parameters
+    ----------
+    content : mapping
+        As ``tomllib`` reads it.
+    folder : Path
+        The configuration's.
+    where : str
+        The configuration, for messages.
+
+    Raises
+    ------
+    ConfigError
+        A pattern matches nothing or does not fit the one of the maps, or a map has no building.
+    """
+    found = dict(content)
+    for part in ("train", "test"):
+        tables = found.get(part)
+        if not isinstance(tables, list):
+            continue  # refused where options are checked
+        made: list[Any] = []
+        for number, table in enumerate(tables):
+            if not isinstance(table, dict) or not isinstance(table.get("map"), str):
+                made.append(table)
+                continue
+            made += _tables(table, folder, f"{where}: {part}[{number}]")
+        found[part] = made
+    return found
+
+
+def _tables(table: dict[str, Any], folder: Path, where: str) -> list[dict[str, Any]]:
+    """The tables of the maps that one table names."""
+    pattern = table["map"]
+    many = glob.has_magic(pattern) and not resolved_path(pattern, folder).exists()
+    if not many and "buildings" not in table:
+        return [table]
+    rest = {key: value for key, value in table.items() if key != "buildings"}
+    made = list(_matches(rest, folder, where)) if many else [rest]
+    if "buildings" in table:
+        if "building" in table:
+            raise ConfigError(f"{where}: give building, or buildings (a table), not both")
+        buildings = _buildings(resolved_path(str(table["buildings"]), folder))
+        for item in made:
+            path = resolved_path(item["map"], folder)
+            item["building"] = _building_of(path, buildings, where)
+    return made
+
+
+def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[str, Any]]:
+    pattern = table["map"]
+    base = resolved_path(_before_wildcards(pattern), folder)
+    rest = pattern[len(_before_wildcards(pattern)) :]
+    matcher = re.compile(_regex(rest))
+    beside = {key: table[key] for key in _BESIDE if isinstance(table.get(key), str)}
+    n_wildcards = len(_WILDCARD.findall(rest))
+    for key, other in beside.items():
+        if len(_WILDCARD.findall(other)) != n_wildcards:
+            raise ConfigError(
+                f"{where}: map has {n_wildcards} wildcards ({pattern!r}), so {key} must have as "
+                f"many, which stand for the same, got {other!r}"
+            )
+    if "name" in table:
+        raise ConfigError(f"{where}: name is for one map, and map = {pattern!r} names several")
+    names = sorted(glob.glob(rest, root_dir=base, recursive=True))  # noqa: PTH207  from a root
+    if not names:
+        raise ConfigError(f"{where}: no file matches map = {pattern!r} in {folder}")
+    for name in names:
+        match = matcher.fullmatch(Path(name).as_posix())
+        if match is None:
+            raise ConfigError(
+                f"{where}: cannot tell what the wildcards of {pattern!r} are in {name!r}"
+            )
+        filled = {key: _filled(other, match.groups()) for key, other in beside.items()}
+        yield {**table, "map": _before_wildcards(pattern) + name, **filled}
+
+
+def _before_wildcards(pattern: str) -> str:
+    """The folders before the first wildcard, with the slash."""
+    match = _WILDCARD.search(pattern)
+    assert match is not None  # it was found to be a pattern
+    return pattern[: pattern.rfind("/", 0, match.start()) + 1]
+
+
+def _regex(pattern: str) -> str:
+    """A regular expression with a group per wildcard."""
+    found, end = "", 0
+    for match in _WILDCARD.finditer(pattern):
+        found += re.escape(pattern[end : match.start()])
+        text, end = match.group(), match.end()
+        if text.startswith("**"):
+            found += "((?:.*/)?)" if text.endswith("/") else "(.*)"
+        elif text.startswith("["):
+            found += "([" + text[1:-1].replace("!", "^", 1 if text[1] == "!" else 0) + "])"
+        else:
+            found += "([^/]*)" if text == "*" else "([^/])"
+    return found + re.escape(pattern[end:])
+
+
+def _filled(pattern: str, parts: tuple[str, ...]) -> str:
+    """The pattern with each wildcard replaced by what the map's stands for."""
+    values = iter(parts)
+    return _WILDCARD.sub(lambda _: next(values), pattern)
+
+
+def _buildings(path: Path) -> dict[str, str]:
+    """The building of each map, by the map's name or its path."""
+    what = "a table of buildings (CSV with the columns map and building)"
+    with open_table(path, ConfigError, what, max_bytes=_MAX_BYTES) as table:
+        columns = [table.index("map", "name", "floor"), table.index("building")]
+        if None in columns:
+            raise ConfigError(
+                f"{path}: expected the columns map and building, got {shown(table.names)}"
+            )
+        _, (maps, buildings) = table.read([], [column for column in columns if column is not None])
+    found: dict[str, str] = {}
+    for key, building in zip(maps, buildings, strict=True):
+        looks_like_path = "/" in key or key.endswith((".yaml", ".yml"))
+        key = str(resolved_path(key, path.parent)) if looks_like_path else key
+        if found.setdefault(key, building) != building:
+            raise ConfigError(f"{path}: {key} is in two buildings, {found[key]} and {building}")
+    return found
+
+
+def _building_of(path: Path, buildings: Mapping[str, str], where: str) -> str:
+    name = path.parent.name if path.stem == "map" else path.stem
+    found = buildings.get(str(path)) or buildings.get(name)
+    if not found:
+        raise ConfigError(
+            f"{where}: no building of {path} in the table, neither for its path nor for {name!r}. "
+            f"{nearest_name(name, list(buildings))}"
+        )
+    return found
