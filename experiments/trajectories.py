@@ -16,6 +16,7 @@ from experiments.cold import cold_table
 from experiments.drives.methods import methods_table
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
+from experiments.map_prior import map_prior_table
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, PLACES, Building79, load_building79
@@ -127,6 +128,7 @@ def main() -> None:
         "PLACES": lambda: places_table(building),
         "METHODS": lambda: methods_table("building79.toml"),
         "FLOORS": lambda: methods_table("floors.toml"),
+        "PRIOR": lambda: map_prior_table(building),
         "CATEGORIES": lambda: categories_table(building),
         "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),

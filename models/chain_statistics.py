@@ -11,7 +11,14 @@ from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 
-__all__ = ["ChainCounts", "count_chains", "count_table", "normalised", "require_chain"]
+__all__ = [
+    "ChainCounts",
+    "count_chains",
+    "count_table",
+    "normalised",
+    "require_chain",
+    "usual_step_m",
+]
 
 
 class ChainCounts(NamedTuple):
@@ -68,6 +75,15 @@ def count_chains(
     if share.sum() == smoothing * n_labels:
         raise InputError("no step is labelled, so there is nothing to train on")
     return ChainCounts(moves, seen, first, share)
+
+
+def usual_step_m(problems: Sequence[LabelingProblem]) -> NDArray[np.float64] | None:
+    """(1,) the median distance between the steps of chains; None where positions are unknown."""
+    places = [problem.graph.positions_m for problem in problems]
+    moved = [np.linalg.norm(np.diff(xy, axis=0), axis=1) for xy in places if xy is not None]
+    steps = np.concatenate([*moved, np.zeros(0)])
+    steps = steps[steps > 0]
+    return np.array([np.median(steps)]) if len(steps) else None
 
 
 def require_chain(graph: LabelGraph) -> None:

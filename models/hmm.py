@@ -18,8 +18,15 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
-from pgm_places.models.chain_statistics import count_chains, count_table, normalised, require_chain
+from pgm_places.models.chain_statistics import (
+    count_chains,
+    count_table,
+    normalised,
+    require_chain,
+    usual_step_m,
+)
 from pgm_places.models.evidence_weight import BALANCES, WEIGHTS, best_weights
+from pgm_places.models.transition_power import transition_power
 from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import (
     ChainBeliefs,
@@ -37,6 +44,8 @@ logger = logging.getLogger(__name__)
 Mode = Literal["filter", "smooth", "viterbi"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 MOVE, STAY = 0, 1
+RUNS_M = 0.35
+"""Mean distance of the simulated runs that transitions are counted on, without labelled drives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +117,8 @@ class HiddenMarkovModel:
     """(K,) share of each label in training."""
     stay: NDArray[np.float64] | None = learned()
     """(K, K) like ``transition``, where the robot stayed; None for the same label again."""
+    counted_m: NDArray[np.float64] | None = learned()
+    """(1,) metres between the steps that ``transition`` was counted on; None for simulated runs."""
     fitted_weights: NDArray[np.float64] | None = learned()
     """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
     fitted_balances: NDArray[np.float64] | None = learned()
@@ -144,6 +155,7 @@ class HiddenMarkovModel:
             confusion=normalised(counts.confusions),
             initial=normalised(counts.first),
             prior=normalised(counts.shares),
+            counted_m=usual_step_m(problems),
         )
         return learned_now.with_sequences(problems, labelings)
 
@@ -240,6 +252,7 @@ class HiddenMarkovModel:
             learned_now["prior"] = normalised(found["confusions"].sum(axis=1) + self.smoothing)
         if "moves" in found:
             learned_now["transition"] = normalised(found["moves"] + self.smoothing)
+            learned_now["counted_m"] = None
         if "stays" in found:
             learned_now["stay"] = normalised(found["stays"])
         if first is not None:
@@ -250,9 +263,36 @@ class HiddenMarkovModel:
             learned_now["initial"] = np.full(int(n_labels), 1.0 / int(n_labels))
         return replace(self, **learned_now)
 
+    def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
+        """One for updates every ``to_m`` metres, and how far its table had to be changed.
+
+        Parameters
+        ----------
+        from_m, to_m : float
+            Distance between updates until now, and from now on.
+
+        Transitions counted over more than ``from_m`` (on simulated runs) are right for updates as
+        far apart as they were counted, and stay as they are until there; see
+        :func:`pgm_places.models.transition_power.transition_power`.
+        """
+        if self.transition is None:
+            raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
+        counted_m = RUNS_M if self.counted_m is None else float(self.counted_m[0])
+        factor = to_m / from_m
+        if factor > 1:
+            factor = max(to_m, counted_m) / max(from_m, counted_m)
+        table, changed = transition_power(self.transition, factor)
+        return replace(self._weighted(to_m / from_m), transition=table), changed
+
+    def _weighted(self, factor: float) -> Self:
+        """One whose fitted weights fit fewer observations, where the factor is above 1."""
+        if self.fitted_weights is None:
+            return self
+        return replace(self, fitted_weights=np.minimum(self.fitted_weights * max(factor, 1.0), 1.0))
+
     # ------------------------------------------------------------------ inference
 
-    def infer(self, problem: LabelingProblem) -> Labeling:
+    def infer(self, problem: LabelingProblem, *, further: ArrayLike | None = None) -> Labeling:
         """A label per step, with its beliefs unless the mode is ``viterbi``.
 
         ``info["impossible"]`` names the steps whose observation has probability 0; they are passed
@@ -261,6 +301,14 @@ class HiddenMarkovModel:
 
         Labels that are known or forbidden (-inf) in the problem hold whatever was learned: where
         they contradict transitions of probability 0, these count as 1e-200.
+
+        Parameters
+        ----------
+        problem : LabelingProblem
+            A chain.
+        further : (T, K) float, optional
+            Log-likelihoods of what else was observed at each step, such as where it is on a
+            labelled map.
 
         Raises
         ------
@@ -273,6 +321,8 @@ class HiddenMarkovModel:
         unary = evident_unary(problem, "hmm")
         require_chain(problem.graph)
         observed = self._log_likelihood(unary)
+        if further is not None:
+            observed += finite_array("further", further, observed.shape)
         found = self._explained(problem.graph, observed)
         impossible = found.impossible
         contradicts = problem.evidence[impossible]
@@ -315,18 +365,28 @@ class HiddenMarkovModel:
         return methods[self.mode](start, tables, observed, actions=self._actions(graph))
 
     def advance(
-        self, unary: ArrayLike, state: Any = None, *, moved_m: float | None = None
+        self,
+        unary: ArrayLike,
+        state: Any = None,
+        *,
+        moved_m: float | None = None,
+        further: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], Any, bool]:
         """The belief (K,) after one more observation, the state to go on from, and if possible.
 
         Arguments as of :meth:`step`, but for the state, which is None at the first step: what the
         model has to know of all before. Here that is the belief.
         """
-        belief, was_possible = self.step(unary, state, moved_m=moved_m)
+        belief, was_possible = self.step(unary, state, moved_m=moved_m, further=further)
         return belief, belief, was_possible
 
     def step(
-        self, unary: ArrayLike, belief: ArrayLike | None = None, *, moved_m: float | None = None
+        self,
+        unary: ArrayLike,
+        belief: ArrayLike | None = None,
+        *,
+        moved_m: float | None = None,
+        further: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], bool]:
         """The belief (K,) after one more observation, and whether that was possible: online use.
 
@@ -339,15 +399,26 @@ class HiddenMarkovModel:
             The belief so far; None at the first step.
         moved_m : float, optional
             Distance from the step before, for ``stay_below_m``; None counts as moved.
+        further : (K,) float, optional
+            Log-likelihoods of what else was observed.
         """
-        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
-        observed = self._log_likelihood(row[None])
+        row, observed = self._observed(unary, further)
         stays = moved_m is not None and moved_m < self.stay_below_m
         action = STAY if stays else MOVE
-        after, possible = self._forward.step(observed[0], belief, action)
-        if not possible and (row == -np.inf).any() and row.max() > -np.inf:
-            after, _ = self._forward_of_possible.step(observed[0], belief, action)
-        return after, possible
+        after, was_possible = self._forward.step(observed, belief, action)
+        if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
+            after, _ = self._forward_of_possible.step(observed, belief, action)
+        return after, was_possible
+
+    def _observed(
+        self, unary: ArrayLike, further: ArrayLike | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The checked unary (K,) of one step, and the log-likelihoods (K,) of all its sources."""
+        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
+        observed = self._log_likelihood(row[None])[0]
+        if further is not None:
+            observed += finite_array("further", further, row.shape)
+        return row, observed
 
     def _log_likelihood(self, unary: NDArray[np.float64]) -> NDArray[np.float64]:
         """(T, K) ``log P(z_t | l)`` up to a constant per step; -inf where a label is forbidden.

@@ -8,21 +8,17 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.chain_evidence import possible
 from pgm_places.models.durations import EDGES_M, Durations, constant_durations, learn_durations
-from pgm_places.models.hmm import HiddenMarkovModel
+from pgm_places.models.hmm import RUNS_M, HiddenMarkovModel
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
 
 __all__ = ["SemiMarkovModel"]
-
-MOVE_M = 0.35
-"""Mean distance of the simulated runs that transitions are counted on, without labelled drives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +71,17 @@ class SemiMarkovModel(HiddenMarkovModel):
         counted = replace(self, edges_m=np.array(EDGES_M), rates=found.rates, leaving=found.leaving)
         return super(SemiMarkovModel, counted).with_sequences(problems, labelings)
 
+    def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
+        """One for updates every ``to_m`` metres: rates are per metre, only weights differ."""
+        return self._weighted(to_m / from_m), 0.0
+
     def step(
-        self, unary: ArrayLike, belief: ArrayLike | None = None, *, moved_m: float | None = None
+        self,
+        unary: ArrayLike,
+        belief: ArrayLike | None = None,
+        *,
+        moved_m: float | None = None,
+        further: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], bool]:
         """Not to be had: a belief does not say how long a place has lasted; see :meth:`advance`.
 
@@ -90,25 +95,29 @@ class SemiMarkovModel(HiddenMarkovModel):
                 "a semi-Markov model cannot go on from a belief, which does not say how long the "
                 "place has lasted; use advance, which returns a state"
             )
-        found, _, was_possible = self.advance(unary, moved_m=moved_m)
+        found, _, was_possible = self.advance(unary, moved_m=moved_m, further=further)
         return found, was_possible
 
     def advance(
-        self, unary: ArrayLike, state: Any = None, *, moved_m: float | None = None
+        self,
+        unary: ArrayLike,
+        state: Any = None,
+        *,
+        moved_m: float | None = None,
+        further: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], SemiMarkovState, bool]:
         """The belief (K,) after one more observation, the state to go on from, and if possible.
 
         Parameters
         ----------
-        unary : (K,) float
+        unary, further : (K,) float
             As of :meth:`HiddenMarkovModel.step`.
         state : SemiMarkovState, optional
             That of the step before; None at the first step.
         moved_m : float, optional
             Distance from the step before.
         """
-        row = finite_array("unary", unary, ("K",), allow_minus_inf=True)
-        observed = self._log_likelihood(row[None])[0]
+        row, observed = self._observed(unary, further)
         stays = state is None or moved_m is None or moved_m < self.stay_below_m
         moved = 0.0 if stays else float(moved_m or 0.0)
         after, was_possible = self._chain.step(observed, state, moved)
@@ -136,7 +145,7 @@ class SemiMarkovModel(HiddenMarkovModel):
             return Durations(self.rates, self.leaving)
         if self.transition is None:
             raise NotFittedError("the semi-Markov model knows no durations yet; call fit first")
-        return constant_durations(self.transition, MOVE_M)
+        return constant_durations(self.transition, RUNS_M)
 
     @cached_property
     def _chain(self) -> SemiMarkovChain:

@@ -451,6 +451,12 @@ def track(
         Path | None,
         typer.Option("--map", metavar="MAP.yaml", help="Map in the frame of the log's poses."),
     ] = None,
+    map_labels: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder that label wrote for this map: its labels count as well."
+        ),
+    ] = None,
     mode: Annotated[
         str, typer.Option(help="filter (as online), or smooth or viterbi (complete logs only).")
     ] = "filter",
@@ -484,20 +490,29 @@ def track(
     follow: Annotated[
         bool,
         typer.Option(
-            "--follow", "-f", help="Follow a growing CARMEN log, or -: one line per update."
+            "--follow", "-f", help="Follow a growing CARMEN log or CSV, or -: one line per scan."
         ),
+    ] = False,
+    jsonl: Annotated[
+        bool, typer.Option("--jsonl", help="With --follow: each line as a JSON object.")
     ] = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Label the places along a trajectory. The log may be complete or growing."""
-    from pgm_places.cli.track import TrackOptions, run_follow, run_track
+    from pgm_places.cli.track import TrackOptions, run_track
 
     options = TrackOptions(
-        model, map_yaml, mode, beams, every, max_range, truth, counts, counts_within
+        model, map_yaml, mode, beams, every, max_range, truth, counts, counts_within, map_labels
     )
     if follow:
-        run_follow(log, out, options, force=force, quiet=quiet)
+        from pgm_places.cli.follow import run_follow
+
+        run_follow(log, out, options, json_lines=jsonl, force=force, quiet=quiet)
+    elif jsonl:
+        from pgm_places.errors import ConfigError
+
+        raise ConfigError("--jsonl is for --follow; beliefs.csv has a row per scan of a whole log")
     else:
         run_track(log, out, options, force=force, quiet=quiet)
 

@@ -1,17 +1,14 @@
 """``pgm-places track``: label a whole log, or one that is still being written."""
 
-import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
-from pgm_places.cli.terminal import complain, say, say_written
-from pgm_places.errors import ConfigError, LogError
+from pgm_places.cli.terminal import say, say_written
+from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,12 +18,24 @@ if TYPE_CHECKING:
     from pgm_places.labelers.tracking import Track
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.maps.occupancy_grid import OccupancyGrid
+    from pgm_places.persistence.map_prior import LabelledMapFolder
     from pgm_places.progress import Progress
-    from pgm_places.trajectories.scan import Scan
     from pgm_places.trajectories.trajectory import Trajectory
     from pgm_places.vision.object_counts import ObjectCounts
 
-__all__ = ["TrackOptions", "run_follow", "run_track"]
+__all__ = [
+    "Seen",
+    "TrackOptions",
+    "labelled_map",
+    "map_of",
+    "run_track",
+    "seen_objects",
+    "track_labeler",
+    "write",
+]
+
+MOST_CHANGED = 0.01
+"""Change of a transition, made so that it can be rescaled, that nobody needs to know of."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,7 @@ class TrackOptions:
     truth: Path | None = None
     counts: Path | None = None
     counts_within_s: float = 5.0
+    map_labels: Path | None = None
 
 
 def run_track(
@@ -57,17 +67,17 @@ def run_track(
     if str(log) == "-":
         raise ConfigError("standard input requires --follow; without it, name a log file")
     progress = make_progress(quiet=quiet)
-    labeler = _labeler(options, progress)
-    grid = _map(options)
-    counts = _counts(options, labeler, progress)
+    labeler = track_labeler(options, progress)
+    grid, known = map_of(options), labelled_map(options, labeler)
+    counts = seen_objects(options, labeler, progress)
     with output_set(out, "track", names=TRACK, force=force) as files:
         with progress.stage("log"):
             read = read_trajectory(log, range_max_m=options.max_range_m)
         for message in read.warnings:
             progress.warn(message)
-        track = _track(read, labeler, grid, counts, options, progress)
+        track = _track(read, labeler, grid, known, counts, options, progress)
         with progress.stage("writing files"):
-            _write(track, grid, files.stage)
+            write(track, grid, files.stage)
     say(_summary(track))
     say_written(files)
 
@@ -76,7 +86,8 @@ def _track(
     read: "LoadedLog",
     labeler: "TrajectoryLabeler",
     grid: "OccupancyGrid | None",
-    counts: "_Seen | None",
+    known: "LabelledMapFolder | None",
+    counts: "Seen | None",
     options: TrackOptions,
     progress: "Progress",
 ) -> "Track":
@@ -91,7 +102,13 @@ def _track(
         warnings += counts.complaints(trajectory.times_s)
     for message in warnings[len(read.warnings) :]:
         progress.warn(message)
-    labeling = labeler.label(trajectory, known_map=grid, extra=extra, progress=progress)
+    labeling = labeler.label(
+        trajectory,
+        known_map=grid,
+        map_prior=None if known is None else known.prior,
+        extra=extra,
+        progress=progress,
+    )
     impossible = labeling.info.get("impossible", [])
     if impossible:
         warnings.append(
@@ -101,70 +118,8 @@ def _track(
     return Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
 
 
-def run_follow(
-    log: Path, out: Path | None, options: TrackOptions, *, force: bool, quiet: bool
-) -> None:
-    """Label scans as they are written, until interrupted."""
-    from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import TRACK
-
-    if options.mode != "filter":
-        raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
-    progress = make_progress(quiet=quiet)
-    labeler = _labeler(options, progress)
-    grid = _map(options)
-    counts = _counts(options, labeler, progress)
-    scans: list[Scan] = []
-    beliefs: list[object] = []
-    with ExitStack() as stack:
-        files = None
-        if out is not None:
-            files = stack.enter_context(output_set(out, "track", names=TRACK, force=force))
-        with _log_bytes(log) as (stream, poll_s):
-            try:
-                _follow(stream, poll_s, labeler, grid, counts, options, scans, beliefs)
-            except KeyboardInterrupt:
-                if not quiet:
-                    complain(f"stopped after {len(beliefs)} scans")
-        if not beliefs:
-            progress.warn(f"{log}: no scans received")
-        elif files is not None:
-            _write(_followed(log, labeler, scans[: len(beliefs)], beliefs), grid, files.stage)
-    if files is not None:
-        say_written(files)
-
-
-def _follow(
-    stream: BinaryIO,
-    poll_s: float | None,
-    labeler: "TrajectoryLabeler",
-    grid: "OccupancyGrid | None",
-    counts: "_Seen | None",
-    options: TrackOptions,
-    scans: "list[Scan]",
-    beliefs: list[object],
-) -> None:
-    """A line per scan: time, position, label, probability; scans and beliefs are kept."""
-    from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
-    from pgm_places.io.logs.log_lines import follow_lines
-
-    online = None
-    names = labeler.label_names
-    lines = follow_lines(stream, poll_s=poll_s)
-    for scan in iter_carmen_scans(lines, reader=CarmenReader("front", options.max_range_m)):
-        if online is None:
-            online = labeler.online(scan.geometry, known_map=grid)
-        extra = None if counts is None else counts.columns([scan.time_s])[0]
-        belief = online.step(scan, extra=extra)
-        scans.append(scan)
-        beliefs.append(belief)
-        best = online.choose(belief)
-        x, y = scan.pose[:2]
-        say(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {names[best]} {belief[best]:.3f}")
-
-
 @dataclass(frozen=True)
-class _Seen:
+class Seen:
     """The objects that a camera saw, as the columns that the model wants."""
 
     counts: "ObjectCounts"
@@ -185,9 +140,9 @@ class _Seen:
         ]
 
 
-def _counts(
+def seen_objects(
     options: TrackOptions, labeler: "TrajectoryLabeler", progress: "Progress"
-) -> _Seen | None:
+) -> Seen | None:
     """The counts of objects, if the model learned with any."""
     names = labeler.scan_model_.extra_names
     if options.counts is None:
@@ -198,6 +153,7 @@ def _counts(
         return None
     if not names:
         raise ConfigError("this model uses the laser only; omit --counts")
+
     from pgm_places.io.logs.object_counts import read_object_counts
 
     counts = read_object_counts(options.counts)
@@ -209,28 +165,11 @@ def _counts(
         )
     if missing:
         progress.warn(f"{options.counts} has no {', '.join(missing)}: counted as never seen")
-    return _Seen(counts, names, options.counts_within_s)
+    return Seen(counts, names, options.counts_within_s)
 
 
-@contextmanager
-def _log_bytes(log: Path) -> Iterator[tuple[BinaryIO, float | None]]:
-    """The bytes of a growing file, or of a pipe, and how to wait for more."""
-    from pgm_places.io.input_file import file_kind, open_input
-    from pgm_places.io.logs.bag_access import is_bag
-
-    if str(log) == "-":
-        yield sys.stdin.buffer, None
-        return
-    kind = log.suffix.lower()
-    if kind == ".gz":
-        raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
-    if kind == ".csv" or is_bag(log):
-        raise LogError(f"{log} is no CARMEN log, which --follow needs; track it without --follow")
-    with open_input(log, LogError, "a CARMEN log", pipes=True) as stream:
-        yield stream, 0.2 if file_kind(log) == "file" else None
-
-
-def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
+def track_labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
+    """The stored labeler, with the options of the command."""
     from pgm_places.models.hmm import HiddenMarkovModel
 
     labeler = _stored_labeler(options.model or _default_model(options))
@@ -246,14 +185,24 @@ def _labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler"
     if chosen is not None:
         labeler = _changed(labeler, beams__missing=chosen)
     if options.every_m is not None:
-        if is_hmm and options.every_m != labeler.every_m:
+        with named_as_flags({"every_m": "--every"}):
+            labeler, changed = labeler.updated_every(options.every_m)
+        if changed > MOST_CHANGED:
             progress.warn(
-                f"--every {options.every_m:g}: the model's transitions were learned for updates "
-                f"every {labeler.every_m:g} m and remain unchanged; for the best labels, train a "
-                "model at this distance"
+                f"--every {options.every_m:g}: no continuous motion has exactly the transitions of "
+                f"this model; the nearest that has differs by up to {changed:.3f} in a "
+                "probability. For the best labels, train a model at this distance"
             )
-        labeler = _changed(labeler, every_m=options.every_m)
     return labeler
+
+
+def labelled_map(options: TrackOptions, labeler: "TrajectoryLabeler") -> "LabelledMapFolder | None":
+    """The map that was labelled beforehand, if one is named."""
+    if options.map_labels is None:
+        return None
+    from pgm_places.persistence.map_prior import read_labelled_map
+
+    return read_labelled_map(options.map_labels, labeler.label_names)
 
 
 def _changed(labeler: "TrajectoryLabeler", **options: object) -> "TrajectoryLabeler":
@@ -294,28 +243,15 @@ def _with_truth(
     return with_truth(trajectory, options.truth, label_names)
 
 
-def _map(options: TrackOptions) -> "OccupancyGrid | None":
+def map_of(options: TrackOptions) -> "OccupancyGrid | None":
+    """The map in the frame of the log, if one is named."""
     from pgm_places.io.maps.map_server import load_map
 
     return None if options.map_yaml is None else load_map(options.map_yaml).grid
 
 
-def _followed(
-    log: Path, labeler: "TrajectoryLabeler", scans: "list[Scan]", beliefs: list[object]
-) -> "Track":
-    import numpy as np
-
-    from pgm_places.inference.labeling import Labeling, Status
-    from pgm_places.labelers.tracking import Track
-    from pgm_places.trajectories.trajectory import Trajectory
-
-    name = "standard input" if str(log) == "-" else log.stem
-    table = np.array(beliefs, np.float64)
-    labeling = Labeling(labeler.method_.choose(table), Status.CONVERGED, beliefs=table)
-    return Track(Trajectory.from_scans(scans, name=name), labeling, tuple(labeler.label_names))
-
-
-def _write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
+def write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
+    """All files of a track, drawn on the map or on one of its scans."""
     from pgm_places.labelers.tracking import map_of_scans
     from pgm_places.report.track_files import write_track
 

@@ -184,6 +184,10 @@ def _check_nodes(config: ExperimentConfig) -> None:
                 raise ConfigError(
                     f"{where} is a map, but steps of drives are labelled; give a log or a drive"
                 )
+            if item.map_labels is not None and (part == "train" or nodes != "steps"):
+                raise ConfigError(
+                    f"{where}: map_labels is for drives to test on, with nodes = 'steps'"
+                )
             if nodes == "both" and item.log is not None and item.map is None:
                 raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
     if nodes == "both" and not has_drive:

@@ -12,8 +12,10 @@ from pgm_places.experiment.maps import load_grid, load_map_of
 from pgm_places.experiment.source_config import DriveConfig, LaserConfig, SourceConfig
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.logs.truth_table import translated, with_truth
+from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
 from pgm_places.trajectories.scan import ScanGeometry
@@ -32,10 +34,13 @@ class SourceDrive:
         With true places by the experiment's label names, -1 where unknown.
     map : LabelledMap or None
         In the frame of the poses; all labels are -1 if none are given.
+    prior : MapPrior or None
+        A map that was labelled beforehand, in the frame of the poses.
     """
 
     trajectory: Trajectory
     map: LabelledMap | None
+    prior: MapPrior | None = None
 
     @property
     def grid(self) -> OccupancyGrid | None:
@@ -85,6 +90,10 @@ def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
                 found = _simulated(experiment, source.drive, where)
             else:
                 found = _recorded(experiment, source, where)
+            if source.map_labels is not None:
+                folder = experiment.resolve(source.map_labels)
+                prior = read_labelled_map(folder, experiment.config.labels.names).prior
+                found = replace(found, prior=prior)
             drives.append(_windowed(source, found, where))
             stage.update((done + 1) / len(chosen), drives[-1].trajectory.name)
     return drives

@@ -100,6 +100,9 @@ class SourceConfig(MapConfig):
         scans.
     from_step, to_step : int, optional
         The half-open range of the log's steps to use.
+    map_labels : str, optional
+        Folder that ``pgm-places label`` wrote for the map of this drive: what methods are told of
+        the places there, not the truth. For drives to test on.
     region : (float, float, float, float), optional
         Use only the true places of steps in this rectangle: minimum x and y, then maximum, in
         metres. The robot is tracked outside it all the same.
@@ -116,6 +119,7 @@ class SourceConfig(MapConfig):
     from_step: Annotated[int, Ge(0)] | None = None
     to_step: Annotated[int, Ge(0)] | None = None
     region: tuple[float, float, float, float] | None = None
+    map_labels: str | None = None
 
     @property
     def is_drive(self) -> bool:
@@ -134,7 +138,9 @@ class SourceConfig(MapConfig):
                     f"{list(self.region)}"
                 )
         if self.drive is not None:
-            self._refuse(_OF_LOGS - {"region"} | _OF_MAPS, "drive", "put it into drive = {...}")
+            self._refuse(
+                _OF_LOGS - {"region", "map_labels"} | _OF_MAPS, "drive", "put it into drive = {...}"
+            )
         elif self.log is None:
             self._refuse(_OF_LOGS, "map", "it is for logs")
             self._check_map()

@@ -107,7 +107,7 @@ def _steps(
     grid = drive.grid if drive.grid is not None else map_of_scans(path)
 
     def label(labeler: TrajectoryLabeler) -> list[Labeling]:
-        return [labeler.infer(path, scores, truth=path.labels)]
+        return [labeler.infer(path, scores, map_prior=drive.prior, truth=path.labels)]
 
     return [TestDrive(path.name, path, grid)], label
 

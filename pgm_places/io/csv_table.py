@@ -59,6 +59,30 @@ class CsvTable:
         """The first of the names that is a column."""
         return next((self.names.index(name) for name in names if name in self.names), None)
 
+    def rows(self, numbers: Sequence[int]) -> Iterator[tuple[list[float], list[str]]]:
+        """The values of the columns of numbers, and all fields, row by row as they can be read.
+
+        Raises
+        ------
+        error
+            A row has another number of fields than the heading, or a field that should be a finite
+            number is none.
+        """
+        for number, row in enumerate(self._rows, 1):
+            where = f"{self.path}, row {number} after the heading"
+            if len(row) != len(self.names):
+                raise self._error(
+                    f"{where}: {len(row)} fields, but there are {len(self.names)} columns"
+                )
+            values = [plain_number(row[column]) for column in numbers]
+            for column, value in zip(numbers, values, strict=True):
+                if not isfinite(value):
+                    raise self._error(
+                        f"{where}: {self.names[column]} must be a finite number, got "
+                        f"{shown(row[column])}"
+                    )
+            yield values, row
+
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = ()
     ) -> tuple[NDArray[np.float64], list[list[str]]]:
@@ -67,31 +91,21 @@ class CsvTable:
         Raises
         ------
         error
-            There are no rows or too many, one has another number of fields than the heading, or a
-            field that should be a finite number is none.
+            As of :meth:`rows`; also where there are no rows or too many.
         """
         values = array("d")
         columns: list[list[str]] = [[] for _ in texts]
         once: dict[str, str] = {}
         number = 0
-        for number, row in enumerate(self._rows, 1):
-            where = f"{self.path}, row {number} after the heading"
-            if len(row) != len(self.names):
-                raise self._error(
-                    f"{where}: {len(row)} fields, but there are {len(self.names)} columns"
-                )
+        for number, (found, row) in enumerate(self.rows(numbers), 1):
             if number * (len(numbers) + len(texts)) > MAX_VALUES:
-                raise self._error(f"{where}: more than {MAX_VALUES} values; divide the table")
-            for column in numbers:
-                value = plain_number(row[column])
-                if not isfinite(value):
-                    raise self._error(
-                        f"{where}: {self.names[column]} must be a finite number, got "
-                        f"{shown(row[column])}"
-                    )
-                values.append(value)
-            for found, column in zip(columns, texts, strict=True):
-                found.append(once.setdefault(row[column], row[column]))
+                raise self._error(
+                    f"{self.path}, row {number} after the heading: more than {MAX_VALUES} values; "
+                    "divide the table"
+                )
+            values.extend(found)
+            for fields, column in zip(columns, texts, strict=True):
+                fields.append(once.setdefault(row[column], row[column]))
         if number == 0:
             raise self._error(f"{self.path} has column names but no rows")
         return np.frombuffer(values, np.float64).reshape(number, -1), columns

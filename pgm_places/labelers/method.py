@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import ConfigError
 from pgm_places.graph.node_kind import NodeKind
@@ -25,6 +25,7 @@ __all__ = [
     "check_labels_maps",
     "check_sees_doorways",
     "infer",
+    "infer_further",
     "labels_chains_only",
     "labels_spaces",
     "unfitted",
@@ -162,3 +163,23 @@ def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None
     found = keep_evidence(problem, backend.infer(problem, **options))
     kinds = problem.graph.node_kind
     return found if kinds is None else found.part(slice(np.count_nonzero(kinds == NodeKind.CELL)))
+
+
+def infer_further(
+    backend: Any,
+    problem: LabelingProblem,
+    further: NDArray[np.float64],
+    truth: ArrayLike | None = None,
+) -> Labeling:
+    """The same, with log-likelihoods (N, K) of further observations.
+
+    A backend with a model of its observations is told them apart; for others they are part of the
+    unary.
+    """
+    if "further" in inspect.signature(backend.infer).parameters:
+        found: Labeling = backend.infer(problem, further=further)
+        return found
+    assert problem.unary is not None  # it is a problem of scores
+    unary = problem.unary + further
+    unary = unary - np.logaddexp.reduce(unary, axis=1, keepdims=True)
+    return infer(backend, dataclasses.replace(problem, unary=unary), truth)

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
@@ -29,14 +30,19 @@ class BeliefFilter:
         Fitted.
     every_m : float
         Distance in metres that ends a segment.
+    map_prior : MapPrior, optional
+        What a labelled map says of the positions; as of the observation, the mean over a segment.
     """
 
-    def __init__(self, model: HiddenMarkovModel, every_m: float) -> None:
-        self._model = model
+    def __init__(
+        self, model: HiddenMarkovModel, every_m: float, map_prior: MapPrior | None = None
+    ) -> None:
+        self._model, self._map_prior = model, map_prior
         self._gate = DistanceGate(every_m)
         self._before: Any = None  # the model's state at the end of the segment before
         self._state: Any = None
         self._sum: NDArray[np.float64] | None = None
+        self._map_sum: NDArray[np.float64] | None = None
         self._count = 0
         self._moved_m = float("inf")
 
@@ -51,13 +57,18 @@ class BeliefFilter:
         if moved is not None:
             self._before, self._moved_m = self._state, moved
             self._sum, self._count = np.zeros(len(log_z)), 0
+            self._map_sum = np.zeros(len(log_z))
         assert self._sum is not None  # the first step opens a segment
         self._sum = self._sum + np.exp(log_z)
         self._count += 1
         with np.errstate(divide="ignore"):
             mean = np.log(self._sum / self._count)
+        further = None
+        if self._map_prior is not None:
+            self._map_sum = self._map_sum + self._map_prior.at([[x, y]])[0]
+            further = self._map_prior.log_likelihood(self._map_sum / self._count)
         belief, self._state, possible = self._model.advance(
-            mean, self._before, moved_m=self._moved_m
+            mean, self._before, moved_m=self._moved_m, further=further
         )
         return belief, possible
 

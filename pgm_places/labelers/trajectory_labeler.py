@@ -14,7 +14,8 @@ from pgm_places.features.own import as_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import as_backend, infer, unfitted, with_edge_kinds
+from pgm_places.labelers.map_prior import MapPrior
+from pgm_places.labelers.method import as_backend, infer, infer_further, unfitted, with_edge_kinds
 from pgm_places.labelers.online import BeliefFilter, OnlineLabeler
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_learning import (
@@ -393,7 +394,11 @@ class TrajectoryLabeler(Labeler):
     # ------------------------------------------------------------------ labelling
 
     def online(
-        self, geometry: ScanGeometry, *, known_map: OccupancyGrid | None = None
+        self,
+        geometry: ScanGeometry,
+        *,
+        known_map: OccupancyGrid | None = None,
+        map_prior: MapPrior | None = None,
     ) -> OnlineLabeler:
         """A fresh labeler for one robot with that laser: ``step(scan) -> belief``.
 
@@ -406,7 +411,7 @@ class TrajectoryLabeler(Labeler):
         """
         self.check_fitted()
         observer = self.beams.observer(geometry, self.scan_model_.sensor, known_map)
-        return OnlineLabeler(self.scan_model_, observer, self._filter(), self.label_names_)
+        return OnlineLabeler(self.scan_model_, observer, self._filter(map_prior), self.label_names_)
 
     def scores(
         self,
@@ -431,6 +436,7 @@ class TrajectoryLabeler(Labeler):
         trajectory: Trajectory,
         *,
         known_map: OccupancyGrid | None = None,
+        map_prior: MapPrior | None = None,
         extra: ArrayLike | None = None,
         truth: ArrayLike | None = None,
         n_threads: int | None = None,
@@ -447,6 +453,8 @@ class TrajectoryLabeler(Labeler):
             With scans, or without them if there is a known map to cast them in.
         known_map : OccupancyGrid, optional
             A map in the frame of the poses.
+        map_prior : MapPrior, optional
+            A labelled map in the frame of the poses, whose labels count as further observations.
         extra : (T, D) float, optional
             The columns in addition to the laser's that the model was trained with.
         truth, n_threads, progress
@@ -455,23 +463,30 @@ class TrajectoryLabeler(Labeler):
         scores = self.scores(
             trajectory, known_map=known_map, extra=extra, n_threads=n_threads, progress=progress
         )
-        return self.infer(trajectory, scores, truth=truth)
+        return self.infer(trajectory, scores, map_prior=map_prior, truth=truth)
 
     def infer(
         self,
         trajectory: Trajectory,
         scores: NDArray[np.float64],
         *,
+        map_prior: MapPrior | None = None,
         truth: ArrayLike | None = None,
     ) -> Labeling:
         """The method's labelling of given scores (T, K)."""
         self.check_fitted()
         if isinstance(self.method_, HiddenMarkovModel) and self.method_.mode == "filter":
-            return self._filter().run(trajectory.poses, scores)
+            return self._filter(map_prior).run(trajectory.poses, scores)
         segments = Segments(trajectory.poses, self.every_m)
         if truth is not None:
             truth = segments.majority(truth, len(self.label_names_))
-        found = infer(self.method_, self.problem(segments, scores), truth)
+        problem = self.problem(segments, scores)
+        if map_prior is None:
+            found = infer(self.method_, problem, truth)
+        else:
+            map_prior.check_labels(self.label_names_)
+            means = segments.means(map_prior.at(trajectory.poses[:, :2]))
+            found = infer_further(self.method_, problem, map_prior.log_likelihood(means), truth)
         beliefs = None if found.beliefs is None else found.beliefs[segments.of_step]
         return replace(found, labels=found.labels[segments.of_step], beliefs=beliefs)
 
@@ -482,13 +497,38 @@ class TrajectoryLabeler(Labeler):
             segments, scores, self.label_names_, loop_m=loops_for(self.method_, self.loop_m)
         )
 
+    def updated_every(self, every_m: float) -> tuple[Self, float]:
+        """A fitted copy for another distance between updates, its transitions rescaled.
+
+        The second result is how far a probability had to be changed for that: see
+        :meth:`HiddenMarkovModel.rescaled <pgm_places.models.hmm.HiddenMarkovModel.rescaled>`. Other
+        methods stay as they are.
+
+        Raises
+        ------
+        InputError
+            The transitions cannot be had for such a distance, or the distance is no number above 0.
+        """
+        self.check_fitted()
+        found, changed = self.with_options(every_m=every_m), 0.0
+        if isinstance(self.method_, HiddenMarkovModel) and every_m != self.every_m:
+            if not (every_m > 0 and self.every_m > 0):
+                raise InputError(
+                    f"transitions for updates every {self.every_m:g} m cannot be rescaled to every "
+                    f"{every_m:g} m; train the model at this distance"
+                )
+            found.method_, changed = self.method_.rescaled(self.every_m, every_m)
+        return found, changed
+
     def _part(self, name: str) -> Any:
         return as_backend(self.method) if name == "method" else super()._part(name)
 
-    def _filter(self) -> BeliefFilter:
+    def _filter(self, map_prior: MapPrior | None = None) -> BeliefFilter:
         if not isinstance(self.method_, HiddenMarkovModel):
             raise InputError(
                 f"{type(self.method_).__name__} labels whole trajectories; online labelling needs "
                 "the method 'hmm'"
             )
-        return BeliefFilter(self.method_, self.every_m)
+        if map_prior is not None:
+            map_prior.check_labels(self.label_names_)
+        return BeliefFilter(self.method_, self.every_m, map_prior)

@@ -19,11 +19,13 @@ from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.io.places.topology_files import save_topology
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.topology.from_labels import topological_map
 from pgm_places.trajectories.similarity import Similarity
 from pgm_places.trajectories.trajectory import Trajectory
 
@@ -293,3 +295,18 @@ def test_a_table_of_another_length_is_refused(folder: Path) -> None:
     write_trajectory(folder / "short.csv", loaded(folder, log="drive.csv")[:7])
     with pytest.raises(LogError, match=r"short\.csv has 7 rows but the log \d+ steps"):
         loaded(folder, log="drive.log.gz", truth="short.csv")
+
+
+def test_a_labelled_map_counts_in_tests_and_is_refused_elsewhere(tmp_path: Path) -> None:
+    building = generate_building(seed=2)
+    assert tuple(building.label_names) == NAMES
+    right = topological_map(building.grid, building.labels, NAMES, correct=False)
+    save_topology(tmp_path, right)
+    methods = [{"name": "hmm"}, {"name": "relaxation"}]
+    labelled = simulated(1) | {"map_labels": str(tmp_path)}
+    plain = compare(Experiment(config(methods=methods), Path()))
+    told = compare(Experiment(config(methods=methods, test=[labelled]), Path()))
+    for before, after in zip(plain.methods, told.methods, strict=True):
+        assert after.evaluation.accuracy > before.evaluation.accuracy + 0.02
+    with pytest.raises(ConfigError, match=r"train\[0\]: map_labels is for drives to test on"):
+        config(train=[simulated(0) | {"map_labels": "folder"}])

@@ -2,16 +2,18 @@
 
 import gzip
 import io
+import os
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import IO, BinaryIO, TypeVar
 
 from pgm_places.errors import LogError
 from pgm_places.io.input_file import open_input
 
-__all__ = ["LogLines", "follow_lines"]
+__all__ = ["LogLines", "follow_files", "follow_lines"]
 
 MAX_LINE = 4 << 20
 """Bytes of a line: a scan of half a million beams."""
@@ -108,6 +110,59 @@ def follow_lines(
         _checked(part, "the log")
     if part:
         yield bytes(part)
+
+
+def follow_files(
+    path: Path,
+    *,
+    poll_s: float = 0.2,
+    is_over: Callable[[], bool] = lambda: False,
+) -> Iterator[Iterator[bytes]]:
+    """The lines of a growing file, and those of every file that takes its place under its name.
+
+    A log may be truncated and begun again, or moved away and replaced (as logrotate does). The
+    lines of the first one end then, after what was still written to it, and those of the new one
+    follow from its beginning.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+    poll_s, is_over
+        As of :func:`follow_lines`.
+
+    Raises
+    ------
+    LogError
+        The file cannot be opened or read, or a line has more than 4 MiB.
+    """
+    while True:
+        with open_input(path, LogError, "a log") as stream:
+            yield _until_replaced(path, stream, poll_s, is_over)
+        if is_over():
+            return
+
+
+def _until_replaced(
+    path: Path, stream: BinaryIO, poll_s: float, is_over: Callable[[], bool]
+) -> Iterator[bytes]:
+    """The lines of one file; a part of a line that its successor cut off is none."""
+    ends = partial(_is_replaced, path, stream)
+    for line in follow_lines(stream, poll_s=poll_s, is_over=lambda: is_over() or ends()):
+        if line.endswith(b"\n") or not ends():
+            yield line
+
+
+def _is_replaced(path: Path, stream: IO[bytes]) -> bool:
+    """Whether another file has that name now, or this one is shorter than what was read of it."""
+    ours = os.fstat(stream.fileno())
+    if ours.st_size < stream.tell():
+        return True
+    try:
+        named = path.stat()
+    except FileNotFoundError:
+        return False  # moved away; the next one is not there yet
+    return (named.st_dev, named.st_ino) != (ours.st_dev, ours.st_ino)
 
 
 def _checked(line: AnyBytes, where: str) -> AnyBytes:

@@ -2,10 +2,12 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
 from pgm_places.errors import LabelError, LogError, shown
@@ -15,7 +17,7 @@ from pgm_places.io.input_file import user_path
 from pgm_places.io.logs.loaded_log import LoadedLog, order_warnings
 from pgm_places.trajectories.trajectory import Trajectory, headings_along
 
-__all__ = ["read_pose_csv", "write_pose_csv"]
+__all__ = ["iter_pose_csv", "read_pose_csv", "write_pose_csv"]
 
 MAX_BYTES = 1 << 30
 _TIME = ("t_s", "time_s", "timestamp", "time", "t")
@@ -62,12 +64,10 @@ def read_pose_csv(
     with open_table(path, LogError, "a table of poses (CSV)", max_bytes=MAX_BYTES) as table:
         place = _required(table, "the places", (label_column,)) if label_column else None
         place = table.index(*_LABEL) if label_column is None else place
-        columns = [_required(table, "x in metres", _X), _required(table, "y in metres", _Y)]
-        time, heading = table.index(*_TIME), table.index(*_HEADING)
-        degrees = table.index(*_HEADING_DEGREES) if heading is None else None
-        optional = [column for column in (time, heading, degrees) if column is not None]
-        numbers, texts = table.read(columns + optional, [] if place is None else [place])
-    found = dict(zip(optional, numbers.T[2:], strict=True))
+        columns = _Columns.of(table)
+        numbers, texts = table.read(columns.numbers, [] if place is None else [place])
+    time, heading, degrees = columns.time, columns.heading, columns.degrees
+    found = dict(zip(columns.optional, numbers.T[2:], strict=True))
     times = np.arange(len(numbers), dtype=np.float64) if time is None else found[time]
     if heading is not None:
         headings = found[heading]
@@ -80,6 +80,73 @@ def read_pose_csv(
     if place is not None:
         trajectory = _labelled(trajectory, table, table.names[place], texts[0], label_names)
     return LoadedLog(trajectory, path, tuple(order_warnings(trajectory)), {"rows": len(trajectory)})
+
+
+class _Columns(NamedTuple):
+    """The columns that poses are taken from."""
+
+    x: int
+    y: int
+    time: int | None
+    heading: int | None
+    degrees: int | None
+
+    @classmethod
+    def of(cls, table: CsvTable) -> Self:
+        x, y = _required(table, "x in metres", _X), _required(table, "y in metres", _Y)
+        heading = table.index(*_HEADING)
+        degrees = table.index(*_HEADING_DEGREES) if heading is None else None
+        return cls(x, y, table.index(*_TIME), heading, degrees)
+
+    @property
+    def optional(self) -> list[int]:
+        return [column for column in self[2:] if column is not None]
+
+    @property
+    def numbers(self) -> list[int]:
+        return [self.x, self.y, *self.optional]
+
+
+def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, NDArray[Any]]]:
+    """The time and the pose (3,) of each row of such a table, as its lines come.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    lines : iterable of bytes
+        From its heading on; see :func:`~pgm_places.io.logs.log_lines.follow_files`.
+
+    Raises
+    ------
+    LogError
+        As of :func:`read_pose_csv`, at the row that is wrong.
+    """
+    table = CsvTable(path, _fields(path, lines), LogError)
+    columns = _Columns.of(table)
+    before, heading = None, 0.0
+    for number, (values, _) in enumerate(table.rows(columns.numbers)):
+        found = dict(zip(columns.numbers, values, strict=True))
+        here = np.array(values[:2])
+        if columns.heading is not None:
+            heading = found[columns.heading]
+        elif columns.degrees is not None:
+            heading = float(np.deg2rad(found[columns.degrees]))
+        elif before is not None and (here != before).any():
+            heading = float(np.arctan2(*(here - before)[::-1]))
+        before = here
+        time_s = float(number) if columns.time is None else found[columns.time]
+        yield time_s, np.array([*here, heading])
+
+
+def _fields(path: Path, lines: Iterable[bytes]) -> Iterator[list[str]]:
+    """The fields of each line that is not empty."""
+    try:
+        for row in csv.reader(line.decode("utf-8-sig") for line in lines):
+            if row:
+                yield row
+    except (csv.Error, UnicodeDecodeError) as problem:
+        raise LogError(f"{path} is not a table of poses (CSV): {shown(problem)}") from None
 
 
 def _required(table: CsvTable, what: str, names: Sequence[str]) -> int:

@@ -1,0 +1,72 @@
+"""Transitions over another distance than they were counted at: fractional powers of their table."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
+
+__all__ = ["transition_power"]
+
+LEAST_EIGENVALUE = 1e-12
+"""Of a table that has a logarithm: below, one step forgets all that was before."""
+
+
+def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np.float64], float]:
+    """The transitions (K, K) over ``exponent`` steps, and how far the table had to be changed.
+
+    ``P^e = exp(e Q)`` with the generator ``Q = log P``, whose rates must not be negative. Not every
+    table of probabilities is that of a process in continuous time. Where ``Q`` has negative rates,
+    they are set to 0 and its rows made to sum to 0 (Israel, Rosenthal and Wei, "Finding generators
+    for Markov chains via empirical transition matrices", Mathematical Finance 11, 2001); the second
+    result is then the largest difference of any probability between ``P`` and ``exp(Q)``. Whole
+    powers are exact, and it is 0.
+
+    Parameters
+    ----------
+    transition : (K, K) float
+        Probability of each label (column) one step after each (row).
+    exponent : float
+        Above 0: below 1 for shorter steps.
+
+    Raises
+    ------
+    InputError
+        Rows do not sum to one, the exponent is not above 0, or the table has no real logarithm.
+
+    Examples
+    --------
+    >>> half, changed = transition_power([[0.9, 0.1], [0.2, 0.8]], 0.5)
+    >>> (half @ half).round(6).tolist(), changed < 1e-9
+    ([[0.9, 0.1], [0.2, 0.8]], True)
+    """
+    table = finite_array("transition", transition, ("K", "K"))
+    if table.min(initial=0.0) < 0 or abs(table.sum(axis=-1) - 1.0).max(initial=0.0) > 1e-6:
+        raise InputError("transition must hold probabilities that sum to one in every row")
+    if not 0 < exponent < np.inf:
+        raise InputError(f"the exponent must be above 0, got {exponent}")
+    if float(exponent).is_integer():
+        return np.linalg.matrix_power(table, int(exponent)), 0.0
+    rates = _generator(table)
+    from scipy.linalg import expm
+
+    changed = float(np.abs(expm(rates) - table).max(initial=0.0))
+    found = np.maximum(expm(exponent * rates), 0.0)
+    return found / found.sum(axis=1, keepdims=True), changed
+
+
+def _generator(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The logarithm of a table with rates of at least 0 and rows that sum to 0."""
+    from scipy.linalg import logm
+
+    values = np.linalg.eigvals(table)
+    if ((np.abs(values.imag) < 1e-12) & (values.real < LEAST_EIGENVALUE)).any():
+        raise InputError(
+            "these transitions cannot be had for part of a step: one step forgets what was before; "
+            "train the model at the distance that it is used at"
+        )
+    rates = np.real(logm(table))
+    np.fill_diagonal(rates, 0.0)
+    rates = np.maximum(rates, 0.0)
+    np.fill_diagonal(rates, -rates.sum(axis=1))
+    return np.asarray(rates, np.float64)

@@ -1,0 +1,212 @@
+"""``pgm-places track --follow``: label the scans of a log that is still being written."""
+
+import json
+import sys
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.cli.track import (
+    Seen,
+    TrackOptions,
+    labelled_map,
+    map_of,
+    seen_objects,
+    track_labeler,
+    write,
+)
+from pgm_places.errors import ConfigError, LogError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pgm_places.labelers.online import OnlineLabeler
+    from pgm_places.labelers.tracking import Track
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
+    from pgm_places.persistence.map_prior import LabelledMapFolder
+    from pgm_places.trajectories.scan import Scan
+
+__all__ = ["run_follow"]
+
+POLL_S = 0.2
+
+
+def run_follow(
+    log: Path,
+    out: Path | None,
+    options: TrackOptions,
+    *,
+    json_lines: bool,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Label scans as they are written, until interrupted: a line on standard output for each."""
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import TRACK
+
+    if options.mode != "filter":
+        raise ConfigError("--follow labels scan by scan, which only --mode filter can do")
+    if options.truth is not None:
+        raise ConfigError("--truth scores complete logs; track the log without --follow to use it")
+    progress = make_progress(quiet=quiet)
+    labeler, grid = track_labeler(options, progress), map_of(options)
+    if log.suffix.lower() == ".csv":  # poses without scans
+        labeler = labeler.with_options(beams__missing="known-map", beams__all_from_map=True)
+    known = labelled_map(options, labeler)
+    follower = _Follower(labeler, grid, known, seen_objects(options, labeler, progress), json_lines)
+    with ExitStack() as stack:
+        files = None
+        if out is not None:
+            files = stack.enter_context(output_set(out, "track", names=TRACK, force=force))
+        try:
+            with closing(_scans(log, options, labeler, grid, quiet)) as scans:
+                for scan in scans:
+                    follower.add(scan)
+        except KeyboardInterrupt:
+            if not quiet:
+                complain(f"stopped after {len(follower.beliefs)} scans")
+        if not follower.beliefs:
+            progress.warn(f"{log}: no scans received")
+        elif files is not None:
+            write(follower.track(log), grid, files.stage)
+    if files is not None:
+        say_written(files)
+
+
+class _Follower:
+    """Labels scans one by one, says each, and keeps them for the report."""
+
+    def __init__(
+        self,
+        labeler: "TrajectoryLabeler",
+        grid: "OccupancyGrid | None",
+        known: "LabelledMapFolder | None",
+        counts: Seen | None,
+        json_lines: bool,
+    ) -> None:
+        self._labeler, self._grid, self._known = labeler, grid, known
+        self._counts, self._json_lines = counts, json_lines
+        self._online: OnlineLabeler | None = None
+        self._scans: list[Scan] = []
+        self.beliefs: list[NDArray[np.float64]] = []
+
+    def add(self, scan: "Scan") -> None:
+        """One more scan."""
+        if self._online is None:
+            prior = None if self._known is None else self._known.prior
+            self._online = self._labeler.online(
+                scan.geometry, known_map=self._grid, map_prior=prior
+            )
+        extra = None if self._counts is None else self._counts.columns([scan.time_s])[0]
+        belief = self._online.step(scan, extra=extra)
+        self._scans.append(scan)
+        self.beliefs.append(belief)
+        best = self._online.choose(belief)
+        if self._json_lines:
+            say(json.dumps(self._record(scan, belief, best), ensure_ascii=False))
+        else:
+            x, y = scan.pose[:2]
+            name = self._labeler.label_names[best]
+            say(f"{scan.time_s:.3f} {x:.3f} {y:.3f} {name} {belief[best]:.3f}")
+
+    def _record(self, scan: "Scan", belief: "NDArray[np.float64]", best: int) -> dict[str, Any]:
+        names = self._labeler.label_names
+        x, y, heading = (round(float(value), 6) for value in scan.pose)
+        record: dict[str, Any] = {
+            "time_s": scan.time_s,
+            "x_m": x,
+            "y_m": y,
+            "heading_rad": heading,
+            "label": names[best],
+            "beliefs": {
+                name: round(float(value), 6) for name, value in zip(names, belief, strict=True)
+            },
+        }
+        if self._known is not None:
+            region = self._known.places.region_at(x, y)
+            found = None if region is None else {"id": region.id, "name": region.name}
+            record["region"] = found
+        return record
+
+    def track(self, log: Path) -> "Track":
+        """All that was labelled so far."""
+        import numpy as np
+
+        from pgm_places.inference.labeling import Labeling, Status
+        from pgm_places.labelers.tracking import Track
+        from pgm_places.trajectories.trajectory import Trajectory
+
+        name = "standard input" if str(log) == "-" else log.stem
+        table = np.array(self.beliefs, np.float64)
+        labels = self._labeler.method_.choose(table)
+        labeling = Labeling(labels, Status.CONVERGED, beliefs=table)
+        path = Trajectory.from_scans(self._scans[: len(table)], name=name)
+        return Track(path, labeling, tuple(self._labeler.label_names))
+
+
+def _scans(
+    log: Path,
+    options: TrackOptions,
+    labeler: "TrajectoryLabeler",
+    grid: "OccupancyGrid | None",
+    quiet: bool,
+) -> "Generator[Scan]":
+    """The scans of a log as they come."""
+    from pgm_places.io.logs.bag_access import is_bag
+    from pgm_places.io.logs.carmen import CarmenReader, iter_carmen_scans
+
+    kind = log.suffix.lower()
+    if str(log) != "-" and kind == ".gz":
+        raise LogError(f"{log} is compressed, so it cannot grow; track it without --follow")
+    if str(log) != "-" and is_bag(log):
+        raise LogError(
+            f"{log} is a bag, whose index is written when recording ends; track it then, without "
+            "--follow"
+        )
+    if kind == ".csv" and grid is None:
+        raise LogError(
+            f"{log} has poses but no scans; pass the map to cast them in: --map MAP.yaml"
+        )
+    reader = CarmenReader("front", options.max_range_m)
+    for number, lines in enumerate(_files(log)):
+        if number and not quiet:
+            complain(f"{log} was replaced or begun again; going on with the new one")
+        if kind == ".csv":
+            yield from _cast_scans(log, lines, labeler)
+        else:
+            yield from iter_carmen_scans(lines, reader=reader)
+
+
+def _files(log: Path) -> Iterator[Iterator[bytes]]:
+    """The lines of a growing file and of its successors, or of a pipe."""
+    from pgm_places.io.input_file import file_kind, open_input
+    from pgm_places.io.logs.log_lines import follow_files, follow_lines
+
+    if str(log) == "-":
+        yield follow_lines(sys.stdin.buffer, poll_s=None)
+    elif file_kind(log) == "file":
+        yield from follow_files(log, poll_s=POLL_S)
+    else:
+        with open_input(log, LogError, "a CARMEN log", pipes=True) as stream:
+            yield follow_lines(stream, poll_s=None)
+
+
+def _cast_scans(
+    log: Path, lines: Iterator[bytes], labeler: "TrajectoryLabeler"
+) -> "Iterator[Scan]":
+    """Empty scans at the poses of a table: all their beams are taken from the map."""
+    import numpy as np
+
+    from pgm_places.io.logs.pose_csv import iter_pose_csv
+    from pgm_places.trajectories.scan import Scan, ScanGeometry
+
+    reach_m = labeler.scan_model_.sensor.max_range_m
+    geometry = ScanGeometry.half_circle(2, range_max_m=reach_m)
+    ranges = np.full(geometry.n_beams, reach_m, np.float32)
+    for time_s, pose in iter_pose_csv(log, lines):
+        yield Scan(time_s, pose, ranges, geometry)

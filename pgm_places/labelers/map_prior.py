@@ -1,0 +1,115 @@
+"""MapPrior: what a map that was labelled beforehand says of the place at a position."""
+
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import label_raster
+from pgm_places.errors import InputError, LabelError
+from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+
+__all__ = ["MapPrior"]
+
+WEIGHT = 1.0
+"""Default weight of what the map says at one update: that of an observation of its own."""
+
+CERTAIN = 0.9
+"""Probability of the label of a cell, where labels come without probabilities."""
+
+LEAST = 0.01
+"""No label of a map is less probable: a drive must be able to contradict it."""
+
+
+class MapPrior:
+    """A labelled map, asked at positions.
+
+    The labels' shares on the map tell how surprising a cell's label is: a position adds
+    ``weight * (log p(l | cell) - log share(l))`` to the log-likelihoods of a step. Positions
+    outside the map, or on cells without a label, add nothing.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        The map, in the frame of the poses.
+    probabilities : (H, W, K) float
+        Probability of each label at each cell; 0 for all labels where nothing is known.
+    weight : float
+        Above 0: how much the map counts at one update, compared with an observation of its own.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0, -1]], resolution_m=1.0)
+    >>> prior = MapPrior.of_labels(grid, [[0, 0, 1, -1]], 2)
+    >>> prior.at([[0.5, 0.5], [2.5, 0.5], [3.5, 0.5], [9.0, 9.0]]).round(2).tolist()
+    [[0.9, 0.1], [0.1, 0.9], [0.63, 0.37], [0.63, 0.37]]
+    """
+
+    def __init__(
+        self, grid: OccupancyGrid, probabilities: ArrayLike, *, weight: float = WEIGHT
+    ) -> None:
+        table = np.asarray(probabilities, np.float32)
+        if table.ndim != 3 or table.shape[:2] != grid.shape or not table.shape[2]:
+            raise InputError(
+                f"probabilities must have shape ({grid.shape[0]}, {grid.shape[1]}, K) like the "
+                f"map, got {table.shape}"
+            )
+        if not weight > 0:
+            raise InputError(f"weight must be above 0, got {weight}")
+        total = table.sum(axis=2)
+        if not (np.isfinite(total).all() and table.min(initial=0.0) >= 0):
+            raise InputError("probabilities must be at least 0 and finite")
+        known = total > 0
+        if not known.any():
+            raise LabelError("no cell of the labelled map has a label")
+        self.grid, self.weight = grid, float(weight)
+        rows = np.maximum(table[known] / total[known, None], LEAST)
+        self._rows = rows / rows.sum(axis=1, keepdims=True)
+        self._number = np.full(grid.shape, -1, np.int32)
+        self._number[known] = np.arange(len(rows))
+        self.shares: NDArray[np.float64] = self._rows.mean(axis=0, dtype=np.float64)
+        """(K,) how frequent each label is on the map."""
+        self.shares /= self.shares.sum()
+
+    @classmethod
+    def of_labels(
+        cls, grid: OccupancyGrid, labels: ArrayLike, n_labels: int, *, weight: float = WEIGHT
+    ) -> Self:
+        """One of labels (H, W) without probabilities, -1 where there is none."""
+        raster = label_raster("labels", labels, grid.shape, n_labels=n_labels)
+        rest = (1.0 - CERTAIN) / max(n_labels - 1, 1)
+        table = np.full((n_labels + 1, n_labels), rest, np.float32)  # the last row is that of -1
+        np.fill_diagonal(table, CERTAIN)
+        table[-1] = 0.0
+        return cls(grid, table[raster], weight=weight)
+
+    @classmethod
+    def of_places(cls, places: LabelledPlaces, *, weight: float = WEIGHT) -> Self:
+        """One of a map as :func:`pgm_places.labelers.label_map.label_map` labels it."""
+        beliefs = places.labeling.beliefs
+        if beliefs is None:
+            n_labels = len(places.label_names)
+            return cls.of_labels(places.grid, places.labels, n_labels, weight=weight)
+        return cls(places.grid, places.on_map(np.float32(beliefs), 0.0), weight=weight)
+
+    def check_labels(self, label_names: Sequence[str]) -> None:
+        """Refuse labels of another number than the map's."""
+        if len(label_names) != len(self.shares):
+            raise LabelError(
+                f"the labelled map has {len(self.shares)} labels, but the model has "
+                f"{len(label_names)}: {', '.join(label_names)}"
+            )
+
+    def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+        """(T, K) probabilities at positions (T, 2); the labels' shares where nothing is known."""
+        cells = self.grid.cells_at_m(positions_m)
+        inside = (cells.min(axis=1) >= 0) & (cells < np.array(self.grid.shape)).all(axis=1)
+        row, column = np.where(inside[:, None], cells, 0).T
+        number = np.where(inside, self._number[row, column], -1)
+        return np.where((number >= 0)[:, None], self._rows[number], self.shares)
+
+    def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What probabilities (..., K) from :meth:`at`, or means of them, add to each label."""
+        return np.asarray(self.weight * (np.log(probabilities) - np.log(self.shares)))

@@ -1,0 +1,77 @@
+"""Reading a map that ``pgm-places label`` labelled beforehand, to look up poses on it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import LabelError
+from pgm_places.io.input_file import user_path
+from pgm_places.io.maps.raster_image import open_image
+from pgm_places.io.places.topology_files import load_topology
+from pgm_places.labelers.map_prior import MapPrior
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["LabelledMapFolder", "read_labelled_map"]
+
+
+class LabelledMapFolder(NamedTuple):
+    """What a labelled map says of positions.
+
+    Parameters
+    ----------
+    prior : MapPrior
+        How probable each label is there.
+    places : TopologicalMap
+        Which region is there.
+    """
+
+    prior: MapPrior
+    places: TopologicalMap
+
+
+def read_labelled_map(folder: Path | str, label_names: Sequence[str]) -> LabelledMapFolder:
+    """The labels, probabilities and regions in a folder that ``pgm-places label`` wrote.
+
+    Where the method had no probabilities, the labels of the regions are taken.
+
+    Parameters
+    ----------
+    folder : Path
+    label_names : sequence of K str
+        The labels, in the order of beliefs.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged.
+    LabelError
+        The map has other labels, or an image of another size.
+    """
+    place = user_path(folder, LabelError)
+    places = load_topology(place)
+    if set(places.label_names) != set(label_names):
+        raise LabelError(
+            f"{place} has the labels {', '.join(places.label_names)}, but the model has "
+            f"{', '.join(label_names)}; label the map with labels of the same names"
+        )
+    files = [place / f"probability_{name}.png" for name in label_names]
+    if all(file.is_file() for file in files):
+        table = np.stack([_probabilities(file, places.grid.shape) for file in files], axis=2)
+        return LabelledMapFolder(MapPrior(places.grid, table), places)
+    number = np.array([list(label_names).index(name) for name in places.label_names] + [-1])
+    prior = MapPrior.of_labels(places.grid, number[places.labels], len(label_names))
+    return LabelledMapFolder(prior, places)
+
+
+def _probabilities(path: Path, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """(H, W) from an image of greys, row 0 at the bottom."""
+    with open_image(path, LabelError) as image:
+        if image.shape != shape or image.is_indexed or image.is_deep:
+            raise LabelError(
+                f"{path}: expected greys of 8 bits in {shape[0]} rows x {shape[1]} columns, like "
+                "the regions beside it; label the map again"
+            )
+        return np.asarray(image.stored()[::-1], np.float32) / 255.0
