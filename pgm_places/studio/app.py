@@ -70,6 +70,8 @@ class _Answers:
         tabs, deadline = self._n_tabs(), time.monotonic() + WAIT_S
         while self.desk.tick == after and self._n_tabs() == tabs and time.monotonic() < deadline:
             await asyncio.sleep(LOOK_S)
+            if self.desk.closing:
+                break
             if await request.is_disconnected():
                 self.tabs.pop(tab, None)
                 return _json({})

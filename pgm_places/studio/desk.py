@@ -52,6 +52,8 @@ class Desk:
     ----------
     tick : int
         Grows whenever something changes that the browser shows.
+    closing : bool
+        Whether the studio ends: nobody should wait for news any more.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Desk:
         self.files = [SourceFile(source.yaml_path), SourceFile(source.image_path)]
         self.tick, self.n_lessons, self.learns = 0, 0, True
         self.lesson: Lesson | None = None
+        self.closing = False
         self._lock = threading.RLock()
         journal = journal_for(folder, self.files[1].sha256)
         try:

@@ -20,11 +20,10 @@ from pgm_places.studio.tiles import (
     Theme,
     encode_labels,
     encode_map,
-    entropy_colours,
     hatched,
     label_palette,
     png,
-    probability_colours,
+    value_colours,
 )
 
 __all__ = ["LABEL_SOURCES", "Layers"]
@@ -105,8 +104,7 @@ class Layers:
             return png(self._errors(name, where, ground), ERRORS)
         if layer == "entropy" or kind == "probability":
             tile = self._on_free(self._value(layer, name).tile(*where), ground)
-            gradient = entropy_colours() if layer == "entropy" else probability_colours()
-            return png(tile, [CLEAR, *gradient[1:]])
+            return png(tile, [CLEAR, *value_colours(kind, theme)[1:]])
         raise InputError(f"there is no layer {layer[:40]!r}")
 
     def _on_free(self, tile: NDArray[np.uint8], ground: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -9,6 +9,7 @@ from pgm_places.io.places.region_features import region_features
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import EXPORTS
 from pgm_places.studio.pyramid import TILE
+from pgm_places.studio.tiles import GROUNDS, value_colours
 from pgm_places.teaching.taught import Taught
 
 __all__ = ["cell_record", "drive_record", "places_record", "state_record"]
@@ -66,6 +67,10 @@ def state_record(desk: Desk) -> dict[str, Any]:
         },
         "sources": desk.layers.sources,
         "drive": desk.drive_xy_m is not None,
+        "gradients": {
+            theme: {name: value_colours(name, theme)[::32] for name in ("entropy", "probability")}
+            for theme in GROUNDS
+        },
         "exports": {name: item.words for name, item in EXPORTS.items()},
         "notices": _notices(desk),
         "model": desk.model if desk.labeler is not None else None,

@@ -46,7 +46,19 @@ def serve(desk: Desk, *, port: int = 0, on_address: Callable[[str], None]) -> No
         )
         desk.start()
         on_address(f"http://{HOST}:{number}/{token}/")
-        uvicorn.Server(config).run(sockets=[listener])
+        _Server(config, desk).run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """A server that lets those go who wait for news, before it ends."""
+
+    def __init__(self, config: uvicorn.Config, desk: Desk) -> None:
+        super().__init__(config)
+        self._desk = desk
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._desk.closing = True
+        await super().shutdown(sockets)
 
 
 def _listening(port: int) -> socket.socket:

@@ -18,11 +18,10 @@ __all__ = [
     "Theme",
     "encode_labels",
     "encode_map",
-    "entropy_colours",
     "hatched",
     "label_palette",
     "png",
-    "probability_colours",
+    "value_colours",
 ]
 
 Theme = Literal["light", "dark"]
@@ -56,14 +55,16 @@ def label_palette(colours: Sequence[str]) -> list[str]:
     return [CLEAR, *colours]
 
 
-def probability_colours() -> list[str]:
-    """Colours of probabilities from 0 to 255."""
-    return [*levels("probability", 256)]
+def value_colours(gradient: str, theme: Theme) -> list[str]:
+    """Colours of values from 0 to 255: of probabilities, or of entropies as a share of the largest.
 
-
-def entropy_colours() -> list[str]:
-    """Colours of entropies from 0 to 255, 255 being that of equal probabilities."""
-    return [*levels("entropy", 256)]
+    On a dark map they run the other way, and low values let it through.
+    """
+    colours = levels(gradient, 256)
+    if theme == "light":
+        return [*colours]
+    alpha = np.round(255 * np.linspace(0.0, 1.0, 256) ** 0.6).astype(int)
+    return [f"{colour}{a:02x}" for colour, a in zip(reversed(colours), alpha, strict=True)]
 
 
 def hatched(tile: NDArray[np.uint8], n_labels: int) -> NDArray[np.uint8]:

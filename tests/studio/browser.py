@@ -50,7 +50,10 @@ class StudioProcess:
     def __init__(self, *arguments: object) -> None:
         words = [sys.executable, "-m", "pgm_places", "studio", *map(str, arguments)]
         self.process = subprocess.Popen(
-            [*words, "--no-browser", "--quiet"], stdout=subprocess.PIPE, text=True
+            [*words, "--no-browser", "--quiet"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         assert self.process.stdout is not None
         self.address = self.process.stdout.readline().strip()
@@ -67,10 +70,11 @@ class StudioProcess:
     def _end(self, number: signal.Signals) -> int:
         if self.process.poll() is None:
             self.process.send_signal(number)
-        code = self.process.wait(timeout=60)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
-        return code
+            _, self.complaints = self.process.communicate(timeout=60)
+        for stream in (self.process.stdout, self.process.stderr):
+            if stream is not None:
+                stream.close()
+        return int(self.process.returncode)
 
 
 @contextlib.contextmanager

@@ -2,10 +2,10 @@
 
 import { h } from "./dom.js";
 
-const SOURCES = {
+export const SOURCES = {
   taught: "Labels now",
   before: "Labels at the start",
-  unary: "Each cell alone, before the graph",
+  unary: "Each cell alone",
   truth: "Labels to compare with",
 };
 
@@ -36,7 +36,7 @@ export class Layers {
   }
 
   render(state) {
-    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.on, this.sources, this.value, !!state.lesson]);
+    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.on, this.studio.theme.name, this.sources, this.value, !!state.lesson]);
     if (key === this.key) return;
     this.key = key;
     const truth = state.sources.includes("truth");
@@ -75,12 +75,18 @@ export class Layers {
 
   #values(state) {
     const known = state.lesson.known.map((k) => [`probability-${k}`, `of ${state.classes[k].name}`]);
-    return this.#choice("Which probability", [["entropy", "uncertainty (entropy)"], ...known], this.value, (value) => {
+    const gradient = state.gradients[this.studio.theme.name][this.value.split("-")[0]];
+    const bar = h("i");
+    bar.style.background = `linear-gradient(90deg, ${gradient.join(", ")})`;
+    const ends = this.value === "entropy" ? ["sure", "unsure"] : ["0 %", "100 %"];
+    const legend = h("div", { className: "legend" }, ends[0], bar, ends[1]);
+    const choice = this.#choice("Which probability", [["entropy", "uncertainty (entropy)"], ...known], this.value, (value) => {
       this.value = value;
       if (!this.shown.values) this.set("values", this.last.values);
       this.key = null;
       this.studio.changed();
     });
+    return [choice, legend];
   }
 
   #compare(state) {
@@ -91,7 +97,7 @@ export class Layers {
     const pick = (side, words) =>
       this.#choice(words, listed, this.sources[side], (value) => {
         this.sources[side] = value;
-        this.studio.redraw();
+        this.studio.swipe.move(this.studio.swipe.share);
       });
     return [
       pick("left", swipe.on ? "Labels on the left" : "Labels shown"),

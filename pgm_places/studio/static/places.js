@@ -24,6 +24,8 @@ export class Places {
     for (const region of this.regions) {
       region.outline = new Path2D();
       for (const ring of region.polygons.flat()) this.#trace(region.outline, ring);
+      region.shell = new Path2D();
+      for (const [ring] of region.polygons) this.#trace(region.shell, ring);
       region.anchor = this.frame.fromMetres(region.anchor_m);
       region.reach = region.clearance_m / map.resolution_m;
     }
@@ -137,7 +139,7 @@ export class Places {
     ]) {
       context.strokeStyle = colour;
       context.lineWidth = width * pixel;
-      context.stroke(region.outline);
+      context.stroke(region.shell);
     }
   }
 }

@@ -1,5 +1,8 @@
 // The divider between two labellings, moved by pointer or arrow keys.
 
+import { byId } from "./dom.js";
+import { SOURCES } from "./layers.js";
+
 export class Swipe {
   constructor(element, studio) {
     Object.assign(this, { element, studio, on: false, share: 0.5 });
@@ -30,6 +33,9 @@ export class Swipe {
 
   move(share) {
     this.share = Math.min(0.97, Math.max(0.03, share));
+    const { left, right } = this.studio.layers.sources;
+    byId("left-side").textContent = SOURCES[left];
+    byId("right-side").textContent = SOURCES[right];
     this.element.style.left = `${100 * this.share}%`;
     this.element.setAttribute("aria-valuenow", Math.round(100 * this.share));
     this.studio.redraw();

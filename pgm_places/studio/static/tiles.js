@@ -27,7 +27,7 @@ export class TileLayer {
       column: Math.ceil(map.columns / side) - 1,
       row: Math.ceil(map.rows / side) - 1,
     };
-    context.imageSmoothingEnabled = view.scale * 2 ** level < 1;
+    context.imageSmoothingEnabled = view.scale * 2 ** level < 1.9;
     for (let row = clamp(from.y / side, last.row); row <= clamp(to.y / side, last.row); row++) {
       for (let c = clamp(from.x / side, last.column); c <= clamp(to.x / side, last.column); c++) {
         this.#drawTile(context, level, row, c, map);
@@ -92,9 +92,9 @@ export class TileLayer {
   }
 }
 
-/** The coarsest level whose pixels are no larger than those of the screen. */
+/** The level whose pixels are nearest to those of the screen. */
 export function bestLevel(scale, levels) {
-  return Math.max(0, Math.min(levels - 1, Math.floor(Math.log2(1 / scale) + 1e-6)));
+  return Math.max(0, Math.min(levels - 1, Math.round(Math.log2(1 / scale))));
 }
 
 const key = (level, row, column) => `${level}/${row}/${column}`;
