@@ -178,9 +178,12 @@ class CutMaster:
             lower,
             np.full(len(lower), np.inf),
             verbose=False,
-            eps_abs=1e-7,
-            eps_rel=1e-7,
+            eps_abs=1e-8,  # OSQP before 1.0 does not look at the gap, and ends earlier for it
+            eps_rel=1e-8,
             max_iter=20_000,
+            # OSQP before 1.0 adapts its step by the clock unless told otherwise, so that even the
+            # number of its iterations changes from run to run; this is what later versions do
+            adaptive_rho_interval=50,
         )
         weights = self._multipliers @ self._gradients
         slack = max(float((self._offsets - self._gradients @ weights).max()), 0.0)

@@ -175,6 +175,7 @@ def _solver_options(name: str, tolerance: float, time_limit_s: float | None) -> 
         options = {"eps_abs": tolerance, "eps_rel": tolerance}
     else:
         options = {"scaling": 0, "eps_abs": tolerance, "eps_rel": tolerance, "max_iter": 20_000}
+        options["adaptive_rho_interval"] = 50  # before 1.0, the clock decides unless told otherwise
     if time_limit_s is not None and name != "piqp":  # piqp has no limit of time
         options["time_limit"] = time_limit_s
     return options
