@@ -15,10 +15,14 @@ SEEDS = {
     "cells": 7,
     "clinic": 6,
     "hall": 1,
+    "home": 1,
     "hotel": 4,
+    "mall": 3,
+    "museum": 4,
     "open-plan": 3,
     "ring": 8,
     "school": 9,
+    "suite": 3,
     "university": 2,
 }
 RESOLUTION_M = 0.1

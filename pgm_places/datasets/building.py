@@ -40,9 +40,6 @@ _MARGIN_CM = 150
 STYLES: tuple[str, ...] = get_args(StyleName)
 """The styles of generated buildings."""
 
-_SHORTENED = (60, 110)
-"""Per cent of their wings' length that the corridors of a kind of building have."""
-
 _FINEST_M, _COARSEST_M = 0.02, 0.2
 
 
@@ -123,8 +120,9 @@ def generate_building(
     style : str
         ``"office"``; or, for floors only, ``"varied"``: corridors of 1.2 to 3.8 m, rooms from cells
         to halls, doors of 0.7 to 1.8 m, drawn for each building; or a kind of building:
-        ``"cells"``, ``"clinic"``, ``"hall"``, ``"hotel"``, ``"open-plan"``, ``"ring"``,
-        ``"school"``, ``"university"``, with the sizes that real ones have.
+        ``"cells"``, ``"clinic"``, ``"hall"``, ``"home"``, ``"hotel"``, ``"mall"``, ``"museum"``,
+        ``"open-plan"``, ``"ring"``, ``"school"``, ``"suite"``, ``"university"``, with the sizes
+        that real ones have.
     furniture : bool
         Whether anybody has moved in.
     slam_noise : bool
@@ -205,7 +203,7 @@ def _draw_plan(
     dice = Dice(seed, crc32(style.encode()))  # a school and a clinic of one seed are not alike
     kind = style_of_kind(dice, style)
     length = sum(dice.integer(*size.wing_cm) for _ in range(wings))
-    layout = draw_layout(dice, kind, length * dice.integer(*_SHORTENED) // 100)
+    layout = draw_layout(dice, kind, length * dice.integer(*kind.length_percent) // 100)
     width, height = (scale.cells(cm + kind.deepest_cm) for cm in layout.size)
     plan = draw_floor(dice, scale, kind, layout, (height, width))
     margin = scale.cells(_MARGIN_CM)

@@ -62,6 +62,8 @@ def draw_floor(
         back = max((frontage.extent(room)[3] for room in row.rooms), default=0)
         row.rooms = [site.enlarged(dice, frontage, room, back) for room in row.rooms]
         _add_inner_rooms(dice, scale, style, frontage, row)
+        if style.back_rooms is not None:
+            _add_back_rooms(dice, scale, style.back_rooms, frontage, row)
         plan.add(row)
     for corridor in plan.corridors:
         if dice.chance(1, 4):
@@ -241,6 +243,38 @@ def _inner_room(
             doors=[Door(frontage.rect(*beside, at, at + gap), inward, has_leaf=False)],
         )
     return FloorPlan()
+
+
+def _add_back_rooms(
+    dice: Dice, scale: Scale, share: tuple[int, int], frontage: Frontage, row: FloorPlan
+) -> None:
+    """Give some large rooms of a row smaller ones along their back wall, with doors to them."""
+    for room in row.rooms:
+        u0, u1, v0, v1 = frontage.extent(room)
+        is_large = u1 - u0 >= scale.cells(800) and v1 - v0 >= scale.cells(700)
+        if is_large and dice.chance(*share):
+            row.add(_back_rooms(dice, scale, frontage, (u0, u1), v1))
+
+
+def _back_rooms(
+    dice: Dice, scale: Scale, frontage: Frontage, span: tuple[int, int], back: int
+) -> FloorPlan:
+    """A row of small rooms along ``span``, whose back wall is ``back`` cells from the corridor."""
+    plan, wall, narrowest = FloorPlan(), scale.cells(10), scale.cells(230)
+    front = back - scale.cells(dice.integer(240, 380))
+    start, end = span
+    plan.walls.append(frontage.rect(start, end, front - wall, front))
+    while start < end:
+        stop = min(end, start + scale.cells(dice.integer(250, 480)))
+        stop = end if end - stop < narrowest else stop
+        width = scale.cells(dice.integer(75, 100))
+        low = dice.integer(start + wall, stop - wall - width)
+        door = frontage.rect(low, low + width, front - wall, front)
+        plan.doors.append(Door(door, frontage.inward, has_leaf=dice.chance(1, 2)))
+        if stop < end:
+            plan.walls.append(frontage.rect(stop, stop + wall, front, back))
+        start = stop + wall
+    return plan
 
 
 def _fire_door(dice: Dice, scale: Scale, corridor: Rect, plan: FloorPlan, site: Site) -> FloorPlan:

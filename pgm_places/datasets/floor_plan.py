@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
+from itertools import pairwise
 from typing import Literal, Self
 
 from pgm_places.datasets.dice import Dice
@@ -208,7 +209,7 @@ def row_of_rooms(dice: Dice, scale: Scale, style: Style, frontage: Frontage) -> 
         plan.rooms.append(room)
         plan.doors.extend(_front_doors(dice, scale, style, frontage, front, (start, end - wall)))
         plan.windows.extend(windows(dice, scale, frontage, (start, end - wall), front + depth))
-        if previous is not None and dice.chance(1, 4):
+        if previous is not None and dice.chance(*style.side_doors):
             shallower = min(previous.size[1 - "xy".index(frontage.along)], depth)
             plan.doors.append(
                 _side_door(dice, scale, style, frontage, front, start, shallower, previous)
@@ -243,13 +244,17 @@ def _front_doors(
     front: int,
     slot: tuple[int, int],
 ) -> list[Door]:
-    """One door from the corridor, or two where the room is large."""
+    """One door from the corridor, or more where the room is large."""
     width, post = scale.cells(dice.integer(*style.door_cm)), scale.cells(25)
     start, end = slot
     spans = [slot]
     if end - start > scale.cells(620) and dice.chance(2, 3):
         third = (end - start) // 3
         spans = [(start, start + third), (end - third, end)]
+    if style.doors_apart_cm is not None:
+        n_doors = max(1, (end - start) // scale.cells(style.doors_apart_cm))
+        ends = [start + (end - start) * number // n_doors for number in range(n_doors + 1)]
+        spans = list(pairwise(ends))
     doors = []
     for low, high in spans:
         at = dice.integer(low + post, max(low + post, high - post - width))

@@ -1,4 +1,4 @@
-"""Kinds of buildings: schools, clinics, hotels and others, with their typical sizes."""
+"""Kinds of buildings: schools, clinics, homes and others, with their typical sizes."""
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import OFFICE, Span, Style
@@ -75,6 +75,41 @@ _HALL = Style(
     halls=(0, 2),
     inner_rooms=(1, 6),
 )
+_HOME = Style(
+    fronts_cm=((160, 240), (250, 340), (300, 420), (380, 560)),
+    narrowest_cm=150,
+    small_depth_cm=(240, 460),
+    large_depth_cm=(300, 520),
+    deepest_cm=560,
+    side_door_cm=(75, 140),
+    layouts=("bar",),
+    inner_rooms=(1, 8),
+    side_doors=(1, 3),
+    length_percent=(12, 25),
+)
+_MALL = Style(
+    fronts_cm=((450, 700), (600, 1000), (900, 1600)),
+    narrowest_cm=400,
+    small_depth_cm=(500, 1100),
+    large_depth_cm=(800, 1600),
+    deepest_cm=1700,
+    layouts=("bar", "comb", "court"),
+    halls=(0, 2),
+    inner_rooms=(1, 4),
+    side_doors=(1, 12),
+)
+_MUSEUM = Style(
+    fronts_cm=((500, 900), (700, 1200), (900, 1600)),
+    narrowest_cm=450,
+    small_depth_cm=(500, 900),
+    large_depth_cm=(600, 1400),
+    deepest_cm=1450,
+    side_door_cm=(110, 260),
+    layouts=("foyer", "foyer", "bar", "court"),
+    halls=(0, 1),
+    large_room_cm=((1000, 2000), (900, 1600)),
+    side_doors=(3, 4),
+)
 _RING = Style(
     fronts_cm=_OFFICE_FRONTS,
     narrowest_cm=240,
@@ -95,6 +130,18 @@ _OPEN_PLAN = Style(
     layouts=("bar", "ladder", "foyer"),
     halls=(0, 2),
 )
+_SUITE = Style(
+    fronts_cm=((300, 450), (900, 1600), (1500, 3000)),
+    narrowest_cm=280,
+    small_depth_cm=(350, 560),
+    large_depth_cm=(760, 1300),
+    deepest_cm=1350,
+    layouts=("bar", "comb", "ladder", "foyer"),
+    halls=(0, 2),
+    side_doors=(0, 1),
+    doors_apart_cm=600,
+    back_rooms=(1, 2),
+)
 _CELLS = Style(
     fronts_cm=((200, 260), (230, 300), (260, 340)),
     narrowest_cm=190,
@@ -110,10 +157,14 @@ KINDS: dict[str, tuple[Style, tuple[Span, ...], tuple[Span, ...]]] = {
     "cells": (_CELLS, ((120, 160), (150, 200), (180, 240)), ((70, 85), (75, 90))),
     "clinic": (_CLINIC, ((180, 220), (210, 260), (240, 320)), ((90, 130), (110, 140))),
     "hall": (_HALL, _OFFICE_CORRIDORS, _DOORS),
+    "home": (_HOME, ((90, 120), (110, 150), (140, 200)), ((70, 85), (75, 95))),
     "hotel": (_HOTEL, ((140, 170), (150, 190), (170, 220)), ((80, 95),)),
+    "mall": (_MALL, ((450, 650), (600, 900), (800, 1200)), ((100, 180), (150, 300))),
+    "museum": (_MUSEUM, ((200, 300), (260, 400), (350, 600)), ((110, 160), (140, 260))),
     "open-plan": (_OPEN_PLAN, _OFFICE_CORRIDORS, ((90, 120), (100, 200))),
     "ring": (_RING, _OFFICE_CORRIDORS, _DOORS),
     "school": (_SCHOOL, _SCHOOL_CORRIDORS, ((85, 100), (90, 120), (100, 170))),
+    "suite": (_SUITE, _OFFICE_CORRIDORS, _DOORS),
     "university": (_UNIVERSITY, ((160, 210), (200, 260), (240, 320)), _DOORS),
 }
 """Style, widths of corridors and widths of doors of each kind; one width of each is drawn for a

@@ -13,10 +13,14 @@ StyleName = Literal[
     "cells",
     "clinic",
     "hall",
+    "home",
     "hotel",
+    "mall",
+    "museum",
     "open-plan",
     "ring",
     "school",
+    "suite",
     "university",
 ]
 """Offices, offices with other widths and sizes, and kinds of buildings."""
@@ -54,6 +58,14 @@ class Style:
         Length and width of a gym or a lecture theatre at a corridor's end, if there may be one.
     inner_rooms : (int, int)
         How many rooms of so many have a washroom or a store inside.
+    side_doors : (int, int)
+        How many rooms of so many have a door to the one before them.
+    length_percent : (int, int)
+        Length of the corridors, in per cent of that of the wings.
+    doors_apart_cm : int or None
+        The distance between the doors of a large room; one or two doors by default.
+    back_rooms : (int, int) or None
+        How many large rooms of so many have smaller ones along their back wall; none by default.
     """
 
     corridor_cm: Span = (165, 250)
@@ -71,6 +83,10 @@ class Style:
     halls: Span = (0, 0)
     large_room_cm: tuple[Span, Span] | None = None
     inner_rooms: tuple[int, int] = (0, 1)
+    side_doors: tuple[int, int] = (1, 4)
+    length_percent: Span = (60, 110)
+    doors_apart_cm: int | None = None
+    back_rooms: tuple[int, int] | None = None
 
 
 OFFICE = Style()

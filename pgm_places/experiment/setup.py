@@ -99,8 +99,16 @@ def joint_labeler(config: ExperimentConfig) -> JointLabeler:
 
 
 def resolved_config(config: ExperimentConfig, methods: Mapping[str, PlaceMethod]) -> dict[str, Any]:
-    """The configuration with every default of its built methods written out, as plain data."""
+    """The configuration with every default of its built methods written out, as plain data.
+
+    Maps and drives, of which there may be a hundred, have only the keys that were given.
+    """
     content: dict[str, Any] = plain_values(config)
+    for part in ("train", "test"):
+        content[part] = [
+            {key: value for key, value in item.items() if value is not None}
+            for item in content[part]
+        ]
     content["methods"] = [
         {
             "id": method.id,

@@ -28,6 +28,8 @@ __all__ = ["DOORWAY", "RECIPES", "WHOLE", "Scored", "folded", "scored_maps"]
 
 CORRIDOR, DOORWAY = NAMES.index("corridor"), NAMES.index("doorway")
 N_LASER, N_SEGMENTS = 321, 321 + 121
+_CONTENT = ("scores", "at gate", "gate", "place")
+"""What is kept of a map."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,8 @@ class Scored:
         The probability of the likeliest gate that each cell lies at, 0 for none.
     gate : (G,) float64
         The probability that each gate is a doorway.
+    place : (m,) int32
+        The place between accepted gates that each of the lattice's cells belongs to, -1 for none.
     """
 
     sample: Sample
@@ -85,6 +89,7 @@ class Scored:
     log_z: Mapping[str, NDArray[np.float64]]
     at_gate: NDArray[np.float32]
     gate: NDArray[np.float64]
+    place: NDArray[np.int32]
 
     @property
     def truth(self) -> NDArray[np.int64]:
@@ -122,6 +127,8 @@ def scored_maps(
     samples: Sequence[Sample],
     fold: NDArray[np.int64],
     recipes: Mapping[str, Recipe] = RECIPES,
+    *,
+    learned: NDArray[np.bool_] | None = None,
 ) -> list[Scored]:
     """Every map that is tested, scored by lists that have not seen its building.
 
@@ -136,14 +143,18 @@ def scored_maps(
         The fold of each map; the last one is never tested.
     recipes : mapping of str to Recipe
         How lists are learned.
+    learned : (M,) bool, optional
+        Maps that lists may learn from when their fold is not tested; all by default.
     """
+    learned = np.ones(len(samples), np.bool_) if learned is None else learned
     kept = KeptArrays(setting.kept)
     stems = [each.stem for each in samples]
-    run = fingerprint(__version__, recipes, ClassifierOptions(), SpaceOptions(), stems, fold)
+    options = ClassifierOptions(), SpaceOptions()
+    run = fingerprint(__version__, _CONTENT, recipes, options, stems, fold, learned)
     tested = range(int(fold.max()))
     names = {number: f"{run}-fold-{number}" for number in tested}
     missing = [number for number in tested if not kept.has(names[number])]
-    rows = _Rows.of(setting, samples, fold, missing) if missing else None
+    rows = _Rows.of(setting, samples, fold, missing, learned) if missing else None
     found = []
     for number in tested:
         with setting.progress.stage(f"buildings left out: {number + 1} of {len(tested)}") as stage:
@@ -173,6 +184,7 @@ def _scored(
             {name: arrays[f"{k} {name}"].astype(np.float64) for name in recipes},
             arrays[f"{k} at gate"],
             arrays[f"{k} gate"],
+            arrays[f"{k} place"],
         )
         for k in np.flatnonzero(fold == number).tolist()
     ]
@@ -180,7 +192,7 @@ def _scored(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """The examples of all maps, and the gates."""
+    """The examples of the maps that are learned from, and all gates."""
 
     samples: Sequence[Sample]
     fold: NDArray[np.int64]
@@ -197,14 +209,17 @@ class _Rows:
         samples: Sequence[Sample],
         fold: NDArray[np.int64],
         tested: Sequence[int],
+        learned: NDArray[np.bool_],
     ) -> "_Rows":
-        """The rows of all maps; the columns of places once for each fold that is tested."""
-        gates = _gates_of(samples, fold, setting.progress)
+        """The rows of these maps; the columns of places once for each fold that is tested."""
+        gates = _gates_of(samples, fold, learned, setting.progress)
         judges = _judges(gates, fold, tested, setting)
         parts: list[NDArray[np.float32]] = []
         of_places: dict[int, list[NDArray[np.float32]]] = {number: [] for number in tested}
         with setting.progress.stage("what examples see of spaces") as stage:
-            for k, each in enumerate(samples):
+            used = np.flatnonzero(learned).tolist()
+            for count, k in enumerate(used, start=1):
+                each = samples[k]
                 found = _spaces_of_examples(
                     each, gates.values[gates.map == k], judges[int(fold[k])]
                 )
@@ -212,8 +227,8 @@ class _Rows:
                     of_places[number].append(around[:, N_SEGMENTS - N_LASER :])
                 segments = found[tested[0]][:, : N_SEGMENTS - N_LASER]
                 parts.append(np.concatenate([each.example_features(), segments], axis=1))
-                stage.update((k + 1) / len(samples), each.known.item.name)
-        labels = [each.known.finer[each.examples] for each in samples]
+                stage.update(count / len(used), each.known.item.name)
+        labels = [samples[k].known.finer[samples[k].examples] for k in used]
         return cls(
             samples,
             fold,
@@ -221,7 +236,7 @@ class _Rows:
             np.concatenate(parts),
             {number: np.concatenate(columns) for number, columns in of_places.items()},
             np.concatenate(labels).astype(np.int64),
-            np.repeat(np.arange(len(samples)), [len(part) for part in parts]),
+            np.repeat(used, [len(part) for part in parts]),
         )
 
     def score(
@@ -273,17 +288,22 @@ def _candidates(sample: Sample) -> Gates:
     return gate_candidates(Segmentation.of(sample.known.item.grid))
 
 
-def _gates_of(samples: Sequence[Sample], fold: NDArray[np.int64], progress: Progress) -> _GateRows:
+def _gates_of(
+    samples: Sequence[Sample],
+    fold: NDArray[np.int64],
+    learned: NDArray[np.bool_],
+    progress: Progress,
+) -> _GateRows:
     values, truth, known, sizes = [], [], [], []
     with progress.stage("gates of all maps") as stage:
-        for count, each in enumerate(samples, start=1):
+        for k, each in enumerate(samples):
             gates = _candidates(each)
             match = match_doors(gates, each.known.item.labels, DOORWAY)
             values.append(gate_features(gates).astype(np.float32))
             truth.append(match.is_doorway.astype(np.int64))
-            known.append(match.known | match.is_doorway)
+            known.append((match.known | match.is_doorway) & learned[k])
             sizes.append(len(gates))
-            stage.update(count / len(samples), each.known.item.name)
+            stage.update((k + 1) / len(samples), each.known.item.name)
     return _GateRows(
         np.concatenate(values),
         np.concatenate(truth),
@@ -334,5 +354,6 @@ def _scores_of_map(
         some = np.ascontiguousarray(values[:, : recipe.n_columns])
         log_z = aligned_log_proba(lists[name], some, len(NAMES) + recipe.halls, n_threads)
         found[name] = log_z.astype(np.float32)
+    found["place"] = spaces.places.segments.raster()[sample.lattice].astype(np.int32)
     found["at gate"] = spaces.at_gates(GridLayout(sample.lattice.shape, cells.astype(np.int32)))
     return found

@@ -25,17 +25,20 @@ from pgm_places.unary.halls import HallNames
 from pgm_places.unary.training_cells import training_features
 
 __all__ = [
+    "CELLS_M",
     "DRAWN",
     "EXAMPLES_PER_MAP",
     "GENERATED",
     "LATTICE_STEP",
     "NAMES",
     "SIMULATED",
+    "WITH_HALLS",
     "KnownMap",
     "Sample",
     "building_numbers",
     "known_maps",
     "real_maps",
+    "sampled",
     "sampled_maps",
 ]
 
@@ -183,7 +186,7 @@ def sampled_maps(setting: Setting) -> list[Sample]:
         plans += _generated()
         for number, known in enumerate(plans):
             for each in _with_copy(known, number, kept):
-                found.append(_sample(each, kept))
+                found.append(sampled(each, kept))
                 found[-1].example_features(setting.n_threads)
             stage.update((number + 1) / len(plans), known.item.name)
     return found
@@ -204,7 +207,8 @@ def _with_copy(known: KnownMap, number: int, kept: KeptArrays) -> Iterator[Known
 _COPIED = ("school", "office")
 
 
-def _sample(known: KnownMap, kept: KeptArrays) -> Sample:
+def sampled(known: KnownMap, kept: KeptArrays) -> Sample:
+    """The sample of a map; its features are computed when they are wanted, and kept."""
     grid = known.item.grid
     sampling = (__version__, EXAMPLES_PER_MAP, LATTICE_STEP, grid.resolution_m)
     return Sample(known, kept, fingerprint(sampling, grid.cells, known.item.labels))

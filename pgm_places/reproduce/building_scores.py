@@ -28,8 +28,10 @@ __all__ = [
     "SHIPPED",
     "MapResult",
     "Means",
+    "doors_of",
     "map_results",
     "means",
+    "places_of",
     "rescaled",
 ]
 
@@ -59,6 +61,8 @@ class MapResult:
         Of the gates that are doorways rather than not.
     gates : Evaluation or None
         Of all gates whose truth is known, with the reliability of their probabilities.
+    places : Evaluation or None
+        Of all places of at least 1 m2, likewise.
     """
 
     scored: Scored
@@ -66,6 +70,7 @@ class MapResult:
     labels: NDArray[np.int64]
     doors: DoorScores
     gates: Evaluation | None
+    places: Evaluation | None
 
 
 @dataclass(frozen=True)
@@ -75,8 +80,8 @@ class Means:
     Parameters
     ----------
     accuracy, balanced_accuracy : float
-    doorway_f1, cell_error, gate_error : float or None
-        The last two are expected calibration errors.
+    doorway_f1, cell_error, gate_error, place_error : float or None
+        The last three are expected calibration errors.
     """
 
     accuracy: float
@@ -84,6 +89,7 @@ class Means:
     doorway_f1: float | None
     cell_error: float | None
     gate_error: float | None
+    place_error: float | None
 
 
 def means(results: Sequence[MapResult], step: str) -> Means:
@@ -91,12 +97,14 @@ def means(results: Sequence[MapResult], step: str) -> Means:
     found = [item.evaluations[step] for item in results]
     doorways = [value for item in found if (value := item.f1["doorway"]) is not None]
     gates = [item.gates for item in results if item.gates is not None]
+    places = [item.places for item in results if item.places is not None]
     return Means(
         float(np.mean([item.accuracy for item in found])),
         float(np.mean([item.balanced_accuracy for item in found])),
         float(np.mean(doorways)) if doorways else None,
         Evaluation.merged(found).expected_calibration_error,
         Evaluation.merged(gates).expected_calibration_error if gates else None,
+        Evaluation.merged(places).expected_calibration_error if places else None,
     )
 
 
@@ -124,11 +132,13 @@ def _result(scored: Scored, scaled: Mapping[str, NDArray[np.float64]]) -> MapRes
     }
     for name, found in _smoothed(scored, steps[SHIPPED]).items():
         evaluations[name] = evaluate(truth, found.labels, NAMES, beliefs=found.beliefs)
-    doors, gates = _doors(scored)
-    return MapResult(scored, evaluations, steps[SHIPPED].argmax(axis=1), doors, gates)
+    doors, gates = doors_of(scored)
+    labels, places = steps[SHIPPED].argmax(axis=1), places_of(scored, steps[SHIPPED])
+    return MapResult(scored, evaluations, labels, doors, gates, places)
 
 
-def _doors(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
+def doors_of(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
+    """The doors found and invented, and all gates whose truth is known with their probabilities."""
     item = scored.sample.known.item
     match = match_doors(gate_candidates(Segmentation.of(item.grid)), item.labels, DOORWAY)
     known = match.known | match.is_doorway
@@ -139,6 +149,31 @@ def _doors(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
     beliefs = np.stack([1 - scored.gate, scored.gate], axis=1)[known]
     truth, found = match.is_doorway[known].astype(np.int64), accepted[known].astype(np.int64)
     return doors, evaluate(truth, found, ("other", "doorway"), beliefs=beliefs)
+
+
+def places_of(scored: Scored, log_z: NDArray[np.float64]) -> Evaluation | None:
+    """The places of at least 1 m2: their most frequent label, and the mean of their cells' beliefs.
+
+    The first is what the label with the largest of the latter should be. Cells at accepted gates
+    belong to no place; None without any place.
+    """
+    inside = (scored.place >= 0) & (scored.at_gate <= 0.5)
+    n_places = int(scored.place.max(initial=-1)) + 1
+    place, beliefs = scored.place[inside], np.exp(log_z[inside])
+    votes = np.stack(
+        [
+            np.bincount(place[scored.truth[inside] == k], minlength=n_places)
+            for k in range(len(NAMES))
+        ]
+    )
+    sums = np.stack([np.bincount(place, column, n_places) for column in beliefs.T])
+    cell_m2 = (LATTICE_STEP * scored.sample.known.item.grid.resolution_m) ** 2
+    large = votes.sum(axis=0) * cell_m2 >= 1.0
+    if not large.any():
+        return None
+    means = (sums[:, large] / sums[:, large].sum(axis=0)).T
+    truth = votes[:, large].argmax(axis=0).astype(np.int64)
+    return evaluate(truth, means.argmax(axis=1), NAMES, beliefs=means)
 
 
 def _smoothed(scored: Scored, log_z: NDArray[np.float64]) -> dict[str, Labeling]:

@@ -77,7 +77,8 @@ def run(setting: Setting) -> Outcome:
         remarks=(
             "Accuracy, balanced accuracy and F1 are means over maps. Doors found are a share of "
             "the labelled doors, doors invented a share of the accepted gates. ECE, the expected "
-            "calibration error, is over all cells or all gates of a kind.",
+            "calibration error, is over all cells, all gates or all places of at least 1 m2 of a "
+            "kind.",
             "Platt's scaling and temperatures are fitted to the held-out cells of the other folds. "
             "The two rows without some of the training maps keep the gates of the full training "
             "set. Run it with `pgm-places reproduce buildings`.",
@@ -117,6 +118,7 @@ def _kind_table(kinds: Mapping[str, Sequence[MapResult]]) -> Table:
         "doors invented",
         "ECE of cells",
         "ECE of gates",
+        "ECE of places",
         "worst map",
     )
     rows = []
@@ -131,6 +133,7 @@ def _kind_table(kinds: Mapping[str, Sequence[MapResult]]) -> Table:
                 *map(percent, _door_shares(results)),
                 percent(found.cell_error),
                 percent(found.gate_error),
+                percent(found.place_error),
                 _name(min(results, key=_accuracy)),
             )
         )

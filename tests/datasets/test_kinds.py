@@ -43,10 +43,14 @@ def test_every_kind_is_a_style() -> None:
         ("cells", "08ab2412da499dee"),
         ("clinic", "2942ae8481ce5db2"),
         ("hall", "ccaf34ca4cc1ea6a"),
+        ("home", "0e2c8b248d697c74"),
         ("hotel", "d723d477e4ea6e46"),
+        ("mall", "fb09dc6b1f70d1a7"),
+        ("museum", "1ed12e4ae95dcb03"),
         ("open-plan", "d3e2bd2af575dc14"),
         ("ring", "c39cc14c91ada874"),
         ("school", "89eead681041bd22"),
+        ("suite", "d48ca2a264e8ae29"),
         ("university", "ac2998bb5c2d6e3e"),
     ],
 )
@@ -120,6 +124,34 @@ def test_sizes_differ_between_kinds() -> None:
         return float(np.median(areas))
 
     assert room_m2("cells") < 14 < 17 < room_m2("clinic") < room_m2("school") < 60
+
+
+def share_between_rooms(kind: StyleName) -> float:
+    """The share of doorways that touch no corridor and no hall, in four empty buildings."""
+    count = total = 0
+    for seed in range(4):
+        made = generate_building(
+            seed, style=kind, resolution_m=0.1, furniture=False, slam_noise=False, halls="hall"
+        )
+        ways = ndimage.binary_dilation(np.isin(made.labels, (CORRIDOR, HALL)), iterations=2)
+        doors, n_doors = ndimage.label(made.labels == DOORWAY)
+        count += n_doors - len(set(np.unique(doors[ways]).tolist()) - {0})
+        total += n_doors
+    return count / total
+
+
+@pytest.mark.parametrize("kind", ["museum", "suite"])
+def test_rooms_of_some_kinds_lead_to_other_rooms(kind: StyleName) -> None:
+    """In a mall, shops are entered from the way between them."""
+    assert share_between_rooms(kind) > 1.5 * share_between_rooms("mall")
+
+
+def test_a_home_is_small() -> None:
+    def area_m2(kind: StyleName) -> float:
+        made = generate_building(2, style=kind, resolution_m=0.1, furniture=False, slam_noise=False)
+        return float((made.labels >= 0).sum() * 0.01)
+
+    assert 30 < area_m2("home") < 300 < area_m2("hotel")
 
 
 def test_halls_fold_into_corridors_rooms_or_stay() -> None:

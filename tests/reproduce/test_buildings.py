@@ -1,6 +1,7 @@
 """Buildings left out: nothing that scores a building has seen it, and a stopped run goes on."""
 
 import functools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from pgm_places.reproduce.building_maps import (
     building_numbers,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import RESCALED, lattice_graph, rescaled
+from pgm_places.reproduce.building_scores import RESCALED, lattice_graph, places_of, rescaled
 from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
@@ -85,8 +86,6 @@ def test_the_labels_of_a_building_do_not_change_its_own_scores(small: Setting) -
 
 def _relabelled(sample: Sample) -> Sample:
     """The same cells with other labels."""
-    from dataclasses import replace
-
     item = sample.known.item
     labels = np.where(item.labels >= 0, (item.labels + 1) % 3, -1)
     known = replace(sample.known, item=replace(item, labels=labels))
@@ -146,7 +145,50 @@ def _drawn_from_beliefs(seed: int) -> Scored:
     log_z = 2 * np.log(np.maximum(belief, 1e-6))
     log_z -= np.logaddexp.reduce(log_z, axis=1, keepdims=True)
     sample = Sample(KnownMap(item, "school", DRAWN), KeptArrays(None), "")
-    return Scored(sample, seed, {WHOLE: log_z}, np.zeros(10_000, np.float32), np.zeros(0))
+    place = np.repeat(np.arange(100, dtype=np.int32), 100)
+    return Scored(sample, seed, {WHOLE: log_z}, np.zeros(10_000, np.float32), np.zeros(0), place)
+
+
+def test_a_place_is_as_sure_as_its_cells_on_average() -> None:
+    """Places of 4 m2: their figures worked out one by one; cells of no place count nowhere."""
+    scored = _drawn_from_beliefs(3)
+    place = scored.place.copy()
+    place[200:350] = -1  # all of one place, half of the next
+    place[9990:] = 100  # ten cells of 0.04 m2: too small
+    scored = replace(scored, place=place)
+    log_z = scored.log_z[WHOLE]
+    found = places_of(scored, log_z)
+    assert found is not None
+    right, sure, total = 0, 0.0, 0
+    for number in set(range(100)) - {2}:
+        cells = place == number
+        mean = np.exp(log_z[cells]).mean(axis=0)
+        truth = np.bincount(scored.truth[cells], minlength=3)
+        right += int(truth.argmax() == mean.argmax())
+        sure += float(mean.max() / mean.sum())
+        total += 1
+    assert found.n == total == 99
+    assert found.accuracy == pytest.approx(right / total, abs=1e-12)
+    assert found.reliability is not None
+    weighed = np.nansum(found.reliability.mean_confidence * found.reliability.count)
+    assert weighed == pytest.approx(sure, rel=1e-9)
+    assert places_of(replace(scored, place=np.full_like(place, -1)), log_z) is None
+
+
+def test_maps_that_are_not_learned_from_change_nothing(small: Setting) -> None:
+    samples = sampled_maps(small)
+    fold, learned = building_numbers(samples, 2), np.arange(len(samples)) > 0
+    before = scored_maps(small, samples, fold, learned=learned)
+    first = _relabelled(samples[0])
+    after = scored_maps(Setting(), [first, *samples[1:]], fold, learned=learned)
+    for one, other in zip(before, after, strict=True):
+        assert all(np.array_equal(one.log_z[name], other.log_z[name]) for name in one.log_z)
+        assert np.array_equal(one.gate, other.gate)
+    whole = scored_maps(small, samples, fold)
+    assert any(
+        not np.array_equal(one.log_z[WHOLE], other.log_z[WHOLE])
+        for one, other in zip(before, whole, strict=True)
+    )
 
 
 def test_damaged_files_are_made_again(tmp_path: Path) -> None:
