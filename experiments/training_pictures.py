@@ -15,9 +15,9 @@ SEEDS = {
     "cells": 7,
     "clinic": 6,
     "hall": 1,
-    "home": 1,
+    "home": 4,
     "hotel": 4,
-    "mall": 3,
+    "mall": 2,
     "museum": 4,
     "open-plan": 3,
     "ring": 8,
@@ -34,10 +34,10 @@ def panel(item: LabelledMap, title: str) -> Panel:
     return Panel(label_canvas(item.grid, item.labels, NAMES, view), title)
 
 
-def write(path: Path, panels: Sequence[Panel]) -> None:
+def write(path: Path, panels: Sequence[Panel], columns: int) -> None:
     """A sheet of maps with one legend."""
     legend = (*label_swatches(NAMES), *GROUND_SWATCHES)
-    path.write_bytes(sheet_png(panels, columns=2, legend=legend, long_side=2000))
+    path.write_bytes(sheet_png(panels, columns=columns, legend=legend, long_side=1000 * columns))
     print(f"wrote {path}")
 
 
@@ -50,7 +50,7 @@ def main() -> None:
                 SEEDS[style], style=style, resolution_m=RESOLUTION_M, halls="hall"
             )
             kinds.append(panel(LabelledMap(made.grid, made.labels), style))
-    write(IMAGES / "kinds_of_buildings.png", kinds)
+    write(IMAGES / "kinds_of_buildings.png", kinds, columns=4)
     drawn = generate_building(
         9,
         style="school",
@@ -62,7 +62,7 @@ def main() -> None:
     plan = LabelledMap(drawn.grid, drawn.labels, name="plan")
     robots = {seed: simulate_map(plan, NAMES, seed=seed) for seed in (0, 1, 4)}
     maps = [panel(made, f"simulated, seed {seed}") for seed, made in robots.items()]
-    write(IMAGES / "simulated_maps.png", [panel(plan, "plan"), *maps])
+    write(IMAGES / "simulated_maps.png", [panel(plan, "plan"), *maps], columns=2)
 
 
 if __name__ == "__main__":
