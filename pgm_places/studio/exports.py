@@ -11,6 +11,7 @@ from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.topology_files import NAMES_FILE, save_topology
+from pgm_places.persistence.stored import save
 from pgm_places.studio.desk import Desk
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
@@ -108,6 +109,13 @@ def _training(desk: Desk) -> list[Path]:
     return [config, image, image.with_suffix(".yaml")]
 
 
+def _model(desk: Desk) -> list[Path]:
+    """What has been learned so far, paint included, for other maps."""
+    folder = desk.folder / "model"
+    record = {"taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model}}
+    return [save(_taught(desk).labeler, folder, record=record)]
+
+
 def _taught(desk: Desk) -> Taught:
     taught = desk.taught
     if taught is None:
@@ -126,5 +134,6 @@ EXPORTS = {
     "corrections": Export("Corrections (image and GeoJSON)", _corrections),
     "places": Export("Places (GeoJSON, topology)", _places),
     "nav2": Export("Nav2 (route and zones)", _nav2),
+    "model": Export("Model, with what it has learned", _model),
     "training": Export("Training configuration", _training),
 }

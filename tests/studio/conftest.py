@@ -23,7 +23,7 @@ def two_rooms() -> OccupancyGrid:
     cells[4:26, 4:47] = OCCUPIED
     cells[5:25, 5:25] = cells[5:25, 26:46] = FREE
     cells[13:17, 25] = FREE
-    return OccupancyGrid(cells, 0.1, (1.0, -2.0))
+    return OccupancyGrid(cells, 0.2, (1.0, -2.0))
 
 
 @pytest.fixture

@@ -1,0 +1,121 @@
+"""What the application answers about a desk that has learned."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places.experiment.config import load_config
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.persistence.stored import load
+from pgm_places.studio.desk import Desk
+from tests.studio.conftest import Client
+
+
+def rectangle(label: int, *corners: list[float]) -> dict[str, object]:
+    stroke = {"tool": "rectangle", "points": list(corners), "radius": 1}
+    return {"kind": "stroke", "label": label, "stroke": stroke}
+
+
+@pytest.fixture
+def taught(desk: Desk, client: Client) -> Client:
+    """Two rooms, one of them painted corridor, and the door between them; all learned."""
+    desk.start()
+    for label, left, right in ((0, 6, 24), (1, 27, 45)):
+        client.post("edit", json=rectangle(label, [left, 6], [right, 24])).raise_for_status()
+    client.post("edit", json=rectangle(2, [25, 13], [26, 17])).raise_for_status()
+    deadline = time.monotonic() + 120
+    while desk.lesson is None or desk.lesson.revision < 3:
+        assert not desk.learner.state.problem and time.monotonic() < deadline
+        time.sleep(0.02)
+    return client
+
+
+def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
+    taught: Client, desk: Desk, map_yaml: Path
+) -> None:
+    state = taught.get("state").json()
+    assert state["sources"] == ["taught", "before", "unary"]
+    assert state["lesson"]["revision"] == 3
+    cell = taught.get("cell", params={"x": 10.5, "y": 10.5}).json()
+    assert (cell["ground"], cell["paint"], cell["label"]) == ("free", "corridor", "corridor")
+    assert cell["probabilities"]["corridor"] == pytest.approx(1.0)
+    assert (cell["x_m"], cell["y_m"]) == pytest.approx((3.1, 0.1))
+    for layer in ("labels-taught", "labels-unary", "entropy", "probability-0", "probability-2"):
+        assert taught.get(f"tile/{layer}/0/0/0.png", params={"theme": "dark"}).status_code == 200
+
+    places = taught.get("places").json()
+    door = next(item for item in places["regions"] if item["class"] == "doorway")
+    rooms = [item for item in places["regions"] if item["class"] != "doorway"]
+    assert sorted(door["neighbours"]) == sorted(item["id"] for item in rooms)
+    assert {check["id"] for check in places["checks"]} == {i["id"] for i in places["regions"]}
+
+    for item in rooms:
+        request = {"kind": "rename", "point_m": item["anchor_m"], "name": "kitchen"}
+        found = taught.post("edit", json=request)
+        if item is rooms[0]:
+            found.raise_for_status()
+        else:
+            assert "another place is called 'kitchen'" in found.json()["problem"]
+
+    for what in state["exports"]:
+        written = taught.post("export", json={"what": what}).json()["files"]
+        assert written and all(Path(path).exists() for path in written)
+        assert all(Path(path).is_relative_to(desk.folder) for path in written)
+    names = ("corridor", "room", "doorway")
+    kept = load_labels(desk.folder / "corrections.png", names, grid=desk.grid)
+    assert (kept == desk.painting.labels).all()
+    topology = json.loads((desk.folder / "topology.json").read_text())
+    assert "kitchen" in [item["name"] for item in topology["regions"]]
+    assert load_config(desk.folder / "train.toml").labels.names == names
+    assert set(load(desk.folder / "model").label_names_) == set(names)
+
+    one, other = (item["id"] for item in rooms)
+    taught.post("edit", json={"kind": "merge", "first": one, "second": other}).raise_for_status()
+    painted = desk.painting.labels[desk.painting.labels >= 0]
+    assert np.unique(painted).size == 1  # the door between them, too
+    assert desk.painting.labels[15, 25] == painted[0]
+
+
+def test_a_question_for_news_is_answered_when_there_are_some(
+    client: Client, desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pgm_places.studio.app.WAIT_S", 0.1)
+    tick = client.get("state").json()["tick"]
+    assert client.get("state", params={"after": tick}).json()["tick"] == tick
+    client.post("edit", json=rectangle(0, [6, 6], [9, 9]))
+    found = client.get("state", params={"after": tick}).json()
+    assert found["tick"] > tick and found["painted"] == 9
+
+
+@pytest.mark.parametrize(
+    "path", ["cell", "cell?x=1", "cell?x=nan&y=1", "cell?x=1e300&y=1", "state?after=x"]
+)
+def test_questions_that_make_no_sense_are_refused(client: Client, path: str) -> None:
+    assert client.get(path).status_code == 400
+
+
+@pytest.mark.parametrize("body", ["[]", "{", "null", '"x"', "[" * 100_000])
+def test_requests_that_are_no_objects_are_refused(client: Client, body: str) -> None:
+    headers = {"content-type": "application/json"}
+    found = client.post("edit", content=body, headers=headers)
+    assert found.status_code == 400
+    assert found.json()["problem"] == "a request must be a JSON object"
+
+
+def test_the_classes_of_a_file_to_compare_with_are_offered(
+    map_yaml: Path, open_desk: Callable[[], Desk]
+) -> None:
+    from pgm_places.io.maps.map_server import load_map
+
+    loaded = load_map(map_yaml)
+    truth = np.where(loaded.grid.free, 1, -1).astype(np.int16)
+    desk = Desk(loaded, map_yaml.parent / "k", None, truth=truth, classes=("hall", "lab"))
+    try:
+        assert desk.painting.classes.names == ("hall", "lab")
+        assert desk.layers.sources == ["truth"]
+    finally:
+        desk.close()
