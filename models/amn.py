@@ -15,14 +15,6 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
-from pgm_places.models.amn_features import (
-    Standardization,
-    edge_feature_count,
-    edge_features,
-    node_features,
-    parse_edge_features,
-    parse_node_features,
-)
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Learner,
@@ -34,6 +26,14 @@ from pgm_places.models.amn_learning import (
 )
 from pgm_places.models.amn_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.linear_features import (
+    Standardization,
+    edge_feature_count,
+    edge_features,
+    node_features,
+    parse_edge_features,
+    parse_node_features,
+)
 from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
@@ -90,7 +90,7 @@ class AssociativeMarkovNetwork:
         ``constant``, ``diagonal``, ``kind``, ``unary-difference``, ``raw-difference``,
         ``given``; or ``auto``: ``constant``, ``raw-difference`` where the problem has node
         features, and ``given`` where it has edge features. See
-        :func:`pgm_places.models.amn_features.edge_features`.
+        :func:`pgm_places.models.linear_features.edge_features`.
     edge_scale : float
         Edge features are multiplied by this before learning: the larger, the less the size of
         edge weights counts against that of node weights.

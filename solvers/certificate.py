@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from pgm_places.solvers.expansion import ExpansionGraph
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
-    augmented_potentials,
     hinge,
     objective,
 )
@@ -54,7 +53,7 @@ def certify_weights(
     max_iterations : int
         They end after so many in any case.
     """
-    unary, agreement = augmented_potentials(problem, weights)
+    unary, agreement = problem.augmented_potentials(weights)
     graph = ExpansionGraph(problem.n_nodes, problem.edges)
     quick = graph.expand(unary, agreement)
     known = objective(problem, weights, hinge(problem, weights, quick.score))

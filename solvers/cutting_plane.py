@@ -23,8 +23,6 @@ from pgm_places.solvers.max_margin import (
     MaxMarginSolution,
     OnStep,
     Oracle,
-    augmented_potentials,
-    cut_of,
     objective,
     reached,
     relative_gap,
@@ -187,8 +185,8 @@ class _Search:
         weights = point.weights
         if not at_master:
             weights = weights + (1.0 - self.step) * (self.weights - weights)
-        labels = self.oracle(*augmented_potentials(self.problem, weights))
-        found = self._add(cut_of(self.problem, labels), weights)
+        labels = self.oracle(*self.problem.augmented_potentials(weights))
+        found = self._add(self.problem.cut_of(labels), weights)
         value = objective(self.problem, weights, self.master.height(weights))
         if value < self.objective:
             self.weights, self.objective, self.certified = weights, value, None
@@ -200,8 +198,8 @@ class _Search:
         if self.thorough is None:
             return False
         self.oracle, self.thorough = self.thorough, None
-        labels = self.oracle(*augmented_potentials(self.problem, self.weights))
-        self._look_again(cut_of(self.problem, labels))
+        labels = self.oracle(*self.problem.augmented_potentials(self.weights))
+        self._look_again(self.problem.cut_of(labels))
         return True
 
     def verify(self, tolerance: float) -> bool:
@@ -212,7 +210,7 @@ class _Search:
         self.certified = certificate.objective
         if relative_gap(self.certified, self.lower_bound) <= tolerance:
             return False
-        return self._look_again(cut_of(self.problem, certificate.labels))
+        return self._look_again(self.problem.cut_of(certificate.labels))
 
     def _look_again(self, cut: Cut) -> bool:
         """Take in a cut at the best weights, and what it says of their objective."""

@@ -10,9 +10,16 @@ from pgm_places.errors import InputError
 from pgm_places.solvers._belief_kernels import decode_forest, forest_order, pass_forest
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.belief_propagation import beliefs_from_messages
+from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
-__all__ = ["ForestDecoding", "ForestMarginals", "forest_marginals", "forest_maximum"]
+__all__ = [
+    "ForestDecoding",
+    "ForestMarginals",
+    "forest_marginals",
+    "forest_maximum",
+    "is_forest",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +48,19 @@ class ForestMarginals:
         Probability of each label; rows sum to one.
     log_partition : float
         ``log Z``, the logarithm of the sum of ``exp(score)`` over all labellings.
+    pair_beliefs : (E, K, K) float or None
+        Probability of each pair of labels at an edge's first and second node, where it was asked
+        for.
     """
 
     beliefs: NDArray[np.float64]
     log_partition: float
+    pair_beliefs: NDArray[np.float64] | None = None
 
 
 def forest_maximum(
     unary: ArrayLike,
-    edges: ArrayLike,
+    edges: ArrayLike | Adjacency,
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
 ) -> ForestDecoding:
@@ -59,7 +70,7 @@ def forest_maximum(
     ----------
     unary : (N, K) float
         Log-potentials of the nodes; -inf forbids a label.
-    edges : (E, 2) int
+    edges : (E, 2) int or Adjacency
         Node pairs without a cycle.
     agreement : (E, K) float, optional
         Log-potential of an edge whose ends agree on each label.
@@ -89,13 +100,16 @@ def forest_maximum(
 
 def forest_marginals(
     unary: ArrayLike,
-    edges: ArrayLike,
+    edges: ArrayLike | Adjacency,
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
+    *,
+    pairs: bool = False,
 ) -> ForestMarginals:
     """The exact marginals and partition function; forward-backward on a chain.
 
-    Parameters and errors are those of :func:`forest_maximum`.
+    Parameters and errors are those of :func:`forest_maximum`; ``pairs`` asks for the marginals of
+    the edges, too.
 
     Examples
     --------
@@ -108,29 +122,57 @@ def forest_marginals(
     log_z = pass_forest(False, model.terms, model.around.arcs, order, parent, message)
     if log_z == -np.inf:
         raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
-    return ForestMarginals(frozen(beliefs_from_messages(model, message)), log_z + model.offset)
+    beliefs = frozen(beliefs_from_messages(model, message))
+    joint = frozen(_pair_beliefs(model, message)) if pairs else None
+    return ForestMarginals(beliefs, log_z + model.offset, joint)
+
+
+def is_forest(around: Adjacency) -> bool:
+    """Whether a graph has no cycle."""
+    return _closing_edge(around)[0] < 0
+
+
+def _pair_beliefs(model: PairwiseModel, message: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(E, K, K) from log-messages per arc (2 E, K): what each end hears from all others, joined."""
+    heard = model.unary.copy()
+    edges = model.around.edges
+    np.add.at(heard, edges[:, ::-1].reshape(-1), message)  # arc 2 e leads to the second node
+    both = heard[edges]
+    impossible = both == -np.inf  # -inf - -inf is no number
+    both -= np.where(impossible, 0.0, message.reshape(-1, 2, model.n_labels)[:, ::-1])
+    joint = both[:, 0, :, None] + both[:, 1, None, :] + _tables(model)
+    flat = joint.reshape(len(edges), model.n_labels**2)
+    return normalised(flat).reshape(joint.shape)
+
+
+def _tables(model: PairwiseModel) -> NDArray[np.float64]:
+    """(E or 1, K, K) the potentials of the edges."""
+    if model.agreement is None:
+        return model.tables
+    return model.agreement[:, :, None] * np.eye(model.n_labels)
 
 
 def _ordered(
     unary: ArrayLike,
-    edges: ArrayLike,
+    edges: ArrayLike | Adjacency,
     agreement: ArrayLike | None,
     pairwise: ArrayLike | None,
 ) -> tuple[PairwiseModel, NDArray[np.uint32], NDArray[np.uint32]]:
+    """The model, every node after its parent, and the arc to that parent."""
     model = pairwise_model(unary, edges, agreement, pairwise)
-    order, parent = _leaves_last(model.around)
-    return model, order, parent
-
-
-def _leaves_last(around: Adjacency) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Every node after its parent, and the arc to that parent."""
-    order = np.empty(around.n_nodes, np.uint32)
-    parent = np.empty(around.n_nodes, np.uint32)
-    edge = forest_order(around.arcs, order, parent, np.zeros(around.n_nodes, np.bool_))
+    edge, order, parent = _closing_edge(model.around)
     if edge >= 0:
-        i, j = around.edges[edge]
+        i, j = model.around.edges[edge]
         raise InputError(
             f"exact inference needs a graph without cycles, but edge {edge} ({i}, {j}) closes one; "
             "use another decoder"
         )
-    return order, parent
+    return model, order, parent
+
+
+def _closing_edge(around: Adjacency) -> tuple[int, NDArray[np.uint32], NDArray[np.uint32]]:
+    """The first edge that closes a cycle, -1 for none; the order and parents, whole without one."""
+    order = np.empty(around.n_nodes, np.uint32)
+    parent = np.empty(around.n_nodes, np.uint32)
+    edge = forest_order(around.arcs, order, parent, np.zeros(around.n_nodes, np.bool_))
+    return int(edge), order, parent

@@ -23,8 +23,6 @@ from pgm_places.solvers.max_margin import (
     MaxMarginSolution,
     OnStep,
     Oracle,
-    augmented_potentials,
-    cut_of,
     reached,
 )
 
@@ -55,8 +53,8 @@ class _Block:
 
     def ask(self, weights: NDArray[np.float64]) -> float:
         """Remember the plane that the oracle finds at ``weights``; its height there."""
-        labels = self.oracle(*augmented_potentials(self.problem, weights))
-        cut = cut_of(self.problem, labels)
+        labels = self.oracle(*self.problem.augmented_potentials(weights))
+        cut = self.problem.cut_of(labels)
         self._make_room()
         self.gradients = np.vstack([self.gradients, self.share * cut.gradient])
         self.offsets = np.append(self.offsets, self.share * cut.offset)

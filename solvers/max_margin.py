@@ -32,8 +32,6 @@ __all__ = [
     "MaxMarginSolution",
     "OnStep",
     "Oracle",
-    "augmented_potentials",
-    "cut_of",
     "hinge",
     "joined",
     "joint_features",
@@ -47,6 +45,18 @@ __all__ = [
 
 Oracle = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.int64]]
 """(unary (N, K), agreement (E, K)) -> a labelling (N,) of large score."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A plane below the hinge: H(w) >= offset - gradient . w for every w."""
+
+    gradient: NDArray[np.float64]
+    offset: float
+
+    def value(self, weights: NDArray[np.float64]) -> float:
+        """The plane's height at ``weights``."""
+        return self.offset - float(self.gradient @ weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,22 +124,33 @@ class MaxMarginProblem:
         """(D + F) K, the length of the flat weight vector."""
         return self.n_node_weights + self.edge_features.shape[1] * self.n_labels
 
+    def augmented_potentials(
+        self, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Unary and agreement of score plus loss: l_i is added to every wrong label of node i."""
+        unary, agreement = potentials_of(self, weights)
+        unary += self.loss[:, None]
+        unary[np.arange(self.n_nodes), self.labels] -= self.loss
+        return unary, agreement
+
+    def cut_of(self, labels: NDArray[np.int64]) -> Cut:
+        """The plane that a labelling gives: its loss and its joint features against the truth's."""
+        wrong = float(self.loss[labels != self.labels].sum())
+        difference = np.zeros(self.n_weights)
+        add_feature_difference(
+            np.ascontiguousarray(labels, np.int64),
+            self.labels,
+            self.node_features,
+            self.edges,
+            self.edge_features,
+            *split_weights(self, difference),
+        )
+        return Cut(difference / self.n_nodes, wrong / self.n_nodes)
+
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
         """The joint features of the true labelling."""
         return frozen(joint_features(self, self.labels))
-
-
-@dataclass(frozen=True, eq=False)
-class Cut:
-    """A plane below the hinge: H(w) >= offset - gradient . w for every w."""
-
-    gradient: NDArray[np.float64]
-    offset: float
-
-    def value(self, weights: NDArray[np.float64]) -> float:
-        """The plane's height at ``weights``."""
-        return self.offset - float(self.gradient @ weights)
 
 
 @dataclass(frozen=True)
@@ -297,31 +318,6 @@ def potentials_of(
     """Unary (N, K) and agreement (E, K) of the score."""
     node_weights, edge_weights = split_weights(problem, weights)
     return problem.node_features @ node_weights, problem.edge_features @ edge_weights
-
-
-def augmented_potentials(
-    problem: MaxMarginProblem, weights: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The potentials of score plus loss: l_i is added to every wrong label of node i."""
-    unary, agreement = potentials_of(problem, weights)
-    unary += problem.loss[:, None]
-    unary[np.arange(problem.n_nodes), problem.labels] -= problem.loss
-    return unary, agreement
-
-
-def cut_of(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> Cut:
-    """The plane that a labelling gives: its loss and its joint features against the truth's."""
-    wrong = float(problem.loss[labels != problem.labels].sum())
-    difference = np.zeros(problem.n_weights)
-    add_feature_difference(
-        np.ascontiguousarray(labels, np.int64),
-        problem.labels,
-        problem.node_features,
-        problem.edges,
-        problem.edge_features,
-        *split_weights(problem, difference),
-    )
-    return Cut(difference / problem.n_nodes, wrong / problem.n_nodes)
 
 
 def hinge(

@@ -23,7 +23,6 @@ from pgm_places.solvers.max_margin import (
     LearningStep,
     MaxMarginProblem,
     MaxMarginSolution,
-    augmented_potentials,
     hinge,
     objective,
     reached,
@@ -114,7 +113,7 @@ def relaxed_objective(
     ``split`` (E, K) is b; it is clipped to [-S/2, S/2] and the node duals are recomputed as the
     smallest feasible ones.
     """
-    unary, agreement = augmented_potentials(problem, weights)
+    unary, agreement = problem.augmented_potentials(weights)
     half = 0.5 * agreement
     b = np.clip(split, -half, half)
     for k in range(problem.n_labels):

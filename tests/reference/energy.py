@@ -76,6 +76,20 @@ def distribution(model: Model) -> tuple[Array, float]:
     return marginals / total, float(top + np.log(total))
 
 
+def pair_marginals(model: Model) -> Array:
+    """(E, K, K) probability of the labels at both ends of each edge under ``p ~ exp(score)``."""
+    n_labels = model.unary.shape[1]
+    top = best_score(model)
+    found = np.zeros((len(model.edges), n_labels, n_labels))
+    total = 0.0
+    for labels in labelings(model):
+        weight = float(np.exp(score(model, labels) - top))
+        total += weight
+        for edge, (i, j) in enumerate(model.edges):
+            found[edge, labels[i], labels[j]] += weight
+    return found / total
+
+
 def cut_value(
     source: Array,
     sink: Array,

@@ -17,7 +17,6 @@ from pgm_places.solvers.max_margin import (
     LearningStep,
     MaxMarginProblem,
     MaxMarginSolution,
-    augmented_potentials,
     joined,
 )
 from pgm_places.solvers.max_margin_qp import max_margin_qp
@@ -329,7 +328,7 @@ def test_a_verifier_finds_the_cuts_that_the_oracle_misses() -> None:
     def verifier(task: MaxMarginProblem, weights: NDArray[np.float64]) -> Certificate:
         nonlocal asked
         asked += 1
-        labels = strong(*augmented_potentials(task, weights))
+        labels = strong(*task.augmented_potentials(weights))
         return Certificate(reference.objective(task, weights), labels)
 
     alone = cutting_plane(problem, lazy, tolerance=1e-6)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.solvers.forest import forest_marginals, forest_maximum
-from tests.reference.energy import Model, best_score, distribution, score
+from tests.reference.energy import Model, best_score, distribution, pair_marginals, score
 from tests.strategies import models
 
 
@@ -26,6 +26,13 @@ def test_marginals_are_sums_over_all_labellings(model: Model) -> None:
     np.testing.assert_allclose(found.log_partition, log_partition, rtol=0, atol=1e-9)
 
 
+@given(models(forest=True))
+def test_marginals_of_edges_are_sums_over_all_labellings(model: Model) -> None:
+    found = forest_marginals(*model.arrays, pairs=True).pair_beliefs
+    assert found is not None
+    np.testing.assert_allclose(found, pair_marginals(model), rtol=0, atol=1e-9)
+
+
 @given(models(("tables", "shared table"), forest=True, n_labels=st.integers(2, 3)), st.data())
 def test_forbidden_pairs_are_never_taken(model: Model, data: st.DataObject) -> None:
     """Labels may only stay or rise along an edge; 0 everywhere is always left."""
@@ -37,8 +44,10 @@ def test_forbidden_pairs_are_never_taken(model: Model, data: st.DataObject) -> N
     found = forest_maximum(*barred.arrays)
     np.testing.assert_allclose(found.score, best_score(barred), rtol=0, atol=1e-9)
     marginals, _ = distribution(barred)
-    beliefs = forest_marginals(*barred.arrays).beliefs
-    np.testing.assert_allclose(beliefs, marginals, rtol=0, atol=1e-9)
+    exact = forest_marginals(*barred.arrays, pairs=True)
+    np.testing.assert_allclose(exact.beliefs, marginals, rtol=0, atol=1e-9)
+    assert exact.pair_beliefs is not None
+    np.testing.assert_allclose(exact.pair_beliefs, pair_marginals(barred), rtol=0, atol=1e-9)
 
 
 def test_long_chains_neither_overflow_nor_underflow() -> None:

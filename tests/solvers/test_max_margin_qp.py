@@ -9,8 +9,6 @@ from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers import max_margin_qp as module
 from pgm_places.solvers.max_margin import (
     MaxMarginProblem,
-    augmented_potentials,
-    cut_of,
     hinge,
     joined,
     joint_features,
@@ -50,10 +48,10 @@ def test_a_cut_is_below_the_hinge_and_touches_it_at_its_labelling() -> None:
     exact = reference.objective(problem, weights)
     heights = []
     for labels in reference.all_labelings(6, 2):
-        cut = cut_of(problem, labels)
+        cut = problem.cut_of(labels)
         heights.append(objective(problem, weights, cut.value(weights)))
     assert max(heights) == pytest.approx(exact, rel=1e-12)
-    unary, agreement = augmented_potentials(problem, weights)
+    unary, agreement = problem.augmented_potentials(weights)
     best = reference.exact_oracle(problem)(unary, agreement)
     same = best[problem.edges[:, 0]] == best[problem.edges[:, 1]]
     maximum = unary[np.arange(6), best].sum() + agreement[same, best[problem.edges[same, 0]]].sum()

@@ -5,7 +5,7 @@ from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.amn_features import (
+from pgm_places.models.linear_features import (
     LOG_FLOOR,
     Standardization,
     edge_feature_count,

@@ -1,4 +1,4 @@
-"""The node and edge features of an associative Markov network, prepared for linear weights."""
+"""Features of nodes and edges, prepared for models that are linear in their weights."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

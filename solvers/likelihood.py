@@ -1,0 +1,367 @@
+"""Maximum likelihood of a field's weights: exact on forests, by two surrogates on other graphs.
+
+Learning minimises, with N labelled nodes and the true labels t, ::
+
+    f(w) = 1/2 |w|^2 + C/N L(w)
+
+where L is minus the logarithm of one of
+
+``exact``
+    p(t), its partition function by dynamic programming (J. Lafferty, A. McCallum, F. Pereira,
+    "Conditional random fields", ICML 2001);
+``pseudo``
+    the product of p(t_i | labels of its neighbours) (J. Besag, "Statistical analysis of non-lattice
+    data", The Statistician 1975);
+``piecewise``
+    the product of p(t_i, t_j) over edges, each normalised by itself with an equal share of its
+    ends' unaries; no larger than p(t) (C. Sutton, A. McCallum, "Piecewise training for undirected
+    models", UAI 2005).
+
+Nodes of unknown label are summed over (``exact`` and ``piecewise``) or expected (``pseudo``); f is
+then no longer convex.
+"""
+
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from pgm_places.errors import InputError
+from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.max_margin import LearningStep, OnStep, reached, relative_gap
+from pgm_places.solvers.mean_field import normalised
+from pgm_places.solvers.table_field import FieldTables, TableField
+
+__all__ = ["Likelihood", "LikelihoodSolution", "maximize_likelihood", "negative_log_likelihood"]
+
+Likelihood = Literal["exact", "pseudo", "piecewise"]
+
+HIDDEN_ROUNDS = 20
+"""How often ``pseudo`` expects the unknown labels anew; they move little after the first few."""
+
+HIDDEN_MOVED = 1e-3
+"""Unknown labels are at rest when no probability moved by more than this."""
+
+MEMORY = 20
+"""Pairs of steps and gradients that L-BFGS keeps."""
+
+
+class _Expected(NamedTuple):
+    """The sum of exp(score) over labellings, and the marginals under it."""
+
+    log_partition: float
+    beliefs: NDArray[np.float64]
+    pair_beliefs: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LikelihoodSolution:
+    """Learned weights and how good they are known to be.
+
+    Parameters
+    ----------
+    weights : (n_weights,) float
+    objective : float
+        f(weights).
+    lower_bound : float
+        No weights reach less: f is strongly convex, so that f(w) exceeds its minimum by at most
+        |grad f(w)|^2 / 2. With unknown labels f is not convex, and this is 0.
+    status : str
+        ``optimal``, ``within_tolerance``, ``local_optimum`` (with unknown labels: the gradient has
+        vanished to the tolerance), ``iteration_limit``, ``time_limit``, ``stopped`` or ``stalled``.
+    iterations : int
+    history : tuple of LearningStep
+    """
+
+    weights: NDArray[np.float64]
+    objective: float
+    lower_bound: float
+    status: str
+    iterations: int
+    history: tuple[LearningStep, ...]
+
+    @property
+    def gap(self) -> float:
+        """(objective - lower bound) / objective, 0 where both are 0."""
+        return relative_gap(self.objective, self.lower_bound)
+
+
+def negative_log_likelihood(
+    field: TableField,
+    labels: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    kind: Likelihood = "exact",
+    expected: NDArray[np.float64] | None = None,
+) -> tuple[float, NDArray[np.float64]]:
+    """L at some weights, and its gradient.
+
+    Parameters
+    ----------
+    field : TableField
+    labels : (N,) int
+        The true label of each node, -1 where it is unknown.
+    weights : (n_weights,) float
+    kind : {"exact", "pseudo", "piecewise"}
+    expected : (N, K) float, optional
+        For ``pseudo``: the probabilities of the unknown labels; uniform where not given.
+
+    Raises
+    ------
+    InputError
+        ``exact`` on a graph with a cycle.
+
+    Examples
+    --------
+    >>> from pgm_places.solvers.adjacency import adjacency
+    >>> chain = TableField(np.ones((2, 1)), adjacency(2, [(0, 1)]), np.ones((1, 1)), 2)
+    >>> value, gradient = negative_log_likelihood(chain, np.array([0, 1]), np.zeros(6))
+    >>> round(value, 4), gradient.tolist()
+    (1.3863, [0.0, 0.0, 0.25, -0.75, 0.25, 0.25])
+    """
+    potentials = field.potentials(weights)
+    if kind == "pseudo":
+        soft = _soft_labels(field, labels, expected)
+        return _pseudo(field, labels, potentials, soft)
+    marginals = _exact if kind == "exact" else _piecewise
+    free = marginals(field, potentials)
+    value, gradient = free.log_partition, field.expected_features(*free[1:])
+    if (labels >= 0).all():
+        features = field.features_of(labels)
+        if kind == "exact":
+            return value - float(weights @ features), gradient - features
+    clamped = marginals(field, potentials._replace(unary=_clamped(potentials.unary, labels)))
+    return value - clamped.log_partition, gradient - field.expected_features(*clamped[1:])
+
+
+def maximize_likelihood(
+    field: TableField,
+    labels: NDArray[np.int64],
+    penalty: float,
+    *,
+    kind: Likelihood = "exact",
+    start: NDArray[np.float64] | None = None,
+    tolerance: float = 1e-3,
+    max_iterations: int = 500,
+    time_limit_s: float | None = None,
+    on_iteration: OnStep | None = None,
+) -> LikelihoodSolution:
+    """The weights of least f, by L-BFGS.
+
+    Parameters
+    ----------
+    field : TableField
+    labels : (N,) int
+        The true label of each node, -1 where it is unknown.
+    penalty : float
+        C.
+    kind : {"exact", "pseudo", "piecewise"}
+    start : (n_weights,) float, optional
+        Where to begin instead of at 0.
+    tolerance : float
+        The relative gap at which learning ends.
+    max_iterations : int
+        Limit of the steps; with ``pseudo`` and unknown labels of each round of expecting them.
+    time_limit_s : float, optional
+        Learning ends after this many seconds with the weights so far.
+    on_iteration : callable, optional
+        Called with a :class:`~pgm_places.solvers.max_margin.LearningStep`; True stops.
+
+    Raises
+    ------
+    InputError
+        No node has a label, or ``exact`` on a graph with a cycle.
+
+    Examples
+    --------
+    >>> from pgm_places.solvers.adjacency import adjacency
+    >>> edges = [(0, 1), (1, 2), (2, 3)]
+    >>> chain = TableField(np.ones((4, 1)), adjacency(4, edges), np.ones((3, 1)), 2)
+    >>> found = maximize_likelihood(chain, np.array([0, 1, 0, 1]), 10.0, tolerance=1e-6)
+    >>> found.status, found.weights[2:].round(2).tolist()
+    ('optimal', [-0.75, 1.0, 0.5, -0.75])
+    """
+    n_known = int((labels >= 0).sum())
+    if not n_known:
+        raise InputError("maximum likelihood needs at least one labelled node, got none")
+    descent = _Descent(field, labels, penalty / n_known, kind, tolerance, time_limit_s)
+    descent.on_iteration = on_iteration
+    weights = np.zeros(field.n_weights) if start is None else np.array(start, np.float64)
+    descent.run(weights, max_iterations)
+    if kind == "pseudo" and not descent.is_convex:
+        for _ in range(HIDDEN_ROUNDS):
+            if descent.ended or not descent.expect():
+                break
+            descent.run(descent.weights, max_iterations)
+    return descent.solution()
+
+
+class _Descent:
+    """L-BFGS on f, its bounds, and why it ended."""
+
+    def __init__(
+        self,
+        field: TableField,
+        labels: NDArray[np.int64],
+        price: float,
+        kind: Likelihood,
+        tolerance: float,
+        time_limit_s: float | None,
+    ) -> None:
+        self.field, self.labels, self.price, self.kind = field, labels, price, kind
+        self.tolerance, self.time_limit_s = tolerance, time_limit_s
+        self.on_iteration: OnStep | None = None
+        self.is_convex = bool((labels >= 0).all())
+        self.expected: NDArray[np.float64] | None = None
+        self.started = time.perf_counter()
+        self.history: list[LearningStep] = []
+        self.ended: str | None = None
+        self.closed = False
+        self.weights = np.zeros(field.n_weights)
+        self.value, self.excess = np.inf, np.inf
+
+    def f(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        value, gradient = negative_log_likelihood(
+            self.field, self.labels, weights, self.kind, self.expected
+        )
+        total = 0.5 * float(weights @ weights) + self.price * value
+        return total, weights + self.price * gradient
+
+    def run(self, start: NDArray[np.float64], max_iterations: int) -> None:
+        from scipy.optimize import minimize
+
+        seen: dict[bytes, tuple[float, float]] = {}
+
+        def measured(weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+            value, gradient = self.f(weights)
+            seen[weights.tobytes()] = value, 0.5 * float(gradient @ gradient)
+            return value, gradient
+
+        def step(weights: NDArray[np.float64]) -> None:
+            self._take(weights, *seen[weights.tobytes()])
+            seen.clear()
+            if self.closed or self.ended:
+                raise StopIteration
+
+        self.closed = False
+        options: Any = {"maxiter": max_iterations, "maxfun": 100 * max_iterations}
+        options |= {"maxcor": MEMORY, "gtol": 0.0, "ftol": 0.0}
+        lbfgs: Any = partial(minimize, jac=True, method="L-BFGS-B", callback=step, options=options)
+        found = lbfgs(measured, start)
+        if not self.history or self.value > found.fun:  # it began at the minimum
+            value, gradient = self.f(found.x)
+            self._take(found.x, value, 0.5 * float(gradient @ gradient))
+        if not self.closed and self.ended is None:
+            self.ended = "iteration_limit" if found.nit >= max_iterations else "stalled"
+
+    def _take(self, weights: NDArray[np.float64], value: float, excess: float) -> None:
+        """Take in a step, and see whether it is the last."""
+        self.weights, self.value, self.excess = weights.copy(), value, excess
+        seconds = time.perf_counter() - self.started
+        record = LearningStep(len(self.history) + 1, seconds, value, self.lower_bound, 0)
+        self.history.append(record)
+        self.closed = relative_gap(value, max(value - excess, 0.0)) <= self.tolerance
+        if self.on_iteration is not None and self.on_iteration(record):
+            self.ended = "stopped"
+        elif self.time_limit_s is not None and seconds >= self.time_limit_s and not self.closed:
+            self.ended = "time_limit"
+
+    @property
+    def lower_bound(self) -> float:
+        return max(self.value - self.excess, 0.0) if self.is_convex else 0.0
+
+    def expect(self) -> bool:
+        """Expect the unknown labels at the present weights; False when they are at rest."""
+        found = expected_labels(self.field, self.labels, self.weights)
+        known = self.expected
+        self.expected = found
+        return known is None or bool(np.abs(found - known).max() > HIDDEN_MOVED)
+
+    def solution(self) -> LikelihoodSolution:
+        status = self.ended or "local_optimum"
+        if self.ended is None and self.is_convex:
+            status = reached(self.value, self.lower_bound, self.tolerance)
+        return LikelihoodSolution(
+            self.weights,
+            self.value,
+            self.lower_bound,
+            status,
+            len(self.history),
+            tuple(self.history),
+        )
+
+
+def expected_labels(
+    field: TableField, labels: NDArray[np.int64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, K) probabilities of all labels given the known ones, by mean field."""
+    from pgm_places.solvers.mean_field import mean_field
+
+    unary, tables = field.potentials(weights)
+    return mean_field(_clamped(unary, labels), field.around.edges, None, tables).beliefs
+
+
+def _clamped(unary: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(N, K) the unary with all but the known label (N,) forbidden, -1 where it is unknown."""
+    others = (labels >= 0)[:, None] & (np.arange(unary.shape[1]) != labels[:, None])
+    return np.where(others, -np.inf, unary)
+
+
+def _exact(field: TableField, potentials: FieldTables) -> _Expected:
+    found = forest_marginals(potentials.unary, field.around, pairwise=potentials.tables, pairs=True)
+    assert found.pair_beliefs is not None
+    return _Expected(found.log_partition, found.beliefs, found.pair_beliefs)
+
+
+def _piecewise(field: TableField, potentials: FieldTables) -> _Expected:
+    """Each edge by itself; a node's unary is shared out among its edges."""
+    edges, k = field.around.edges, field.n_labels
+    degree = np.bincount(edges.ravel(), minlength=field.n_nodes)
+    share = 1.0 / np.maximum(degree, 1)
+    unary = potentials.unary * share[:, None]
+    first, second = edges.T
+    pairs = unary[first][:, :, None] + unary[second][:, None, :] + potentials.tables
+    flat = pairs.reshape(len(edges), k * k)
+    joint = normalised(flat).reshape(pairs.shape)
+    alone = degree == 0
+    beliefs = np.zeros((field.n_nodes, k))
+    beliefs[alone] = normalised(unary[alone])
+    np.add.at(beliefs, first, joint.sum(axis=2) * share[first, None])
+    np.add.at(beliefs, second, joint.sum(axis=1) * share[second, None])
+    total = float(logsumexp(flat, axis=1).sum()) + float(logsumexp(unary[alone], axis=1).sum())
+    return _Expected(total, beliefs, joint)
+
+
+def _soft_labels(
+    field: TableField, labels: NDArray[np.int64], expected: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """(N, K) indicators of the known labels, and the probabilities of the others."""
+    k = field.n_labels
+    soft = np.full((field.n_nodes, k), 1.0 / k) if expected is None else expected.copy()
+    known = labels >= 0
+    soft[known] = np.eye(k)[labels[known]]
+    return soft
+
+
+def _pseudo(
+    field: TableField,
+    labels: NDArray[np.int64],
+    potentials: FieldTables,
+    soft: NDArray[np.float64],
+) -> tuple[float, NDArray[np.float64]]:
+    first, second = field.around.edges.T
+    scores = potentials.unary.copy()
+    tables = potentials.tables
+    np.add.at(scores, first, np.einsum("...ab,...b->...a", tables, soft[second]))
+    np.add.at(scores, second, np.einsum("...ab,...a->...b", tables, soft[first]))
+    known = np.flatnonzero(labels >= 0)
+    value = float(logsumexp(scores[known], axis=1).sum() - scores[known, labels[known]].sum())
+    surplus = np.zeros_like(scores)
+    surplus[known] = normalised(scores[known])
+    surplus[known, labels[known]] -= 1.0
+    pairs = surplus[first][:, :, None] * soft[second][:, None, :]
+    pairs += soft[first][:, :, None] * surplus[second][:, None, :]
+    return value, field.expected_features(surplus, pairs)

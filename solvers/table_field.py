@@ -1,0 +1,159 @@
+"""Scores that are linear in weights, with a full table of label pairs for each edge feature.
+
+Node weights (D, K) and tables (F, K, K) of any sign give the score of a labelling y::
+
+    score(y) = sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij = w . phi(y) .
+
+Weights are one flat vector: node weights, then tables, both row by row.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, frozen
+from pgm_places.errors import InputError
+from pgm_places.solvers.adjacency import Adjacency, adjacency
+from pgm_places.solvers.forest import is_forest
+
+__all__ = ["FieldTables", "TableField", "beside"]
+
+
+class FieldTables(NamedTuple):
+    """The log-potentials that weights give, as decoders take them."""
+
+    unary: NDArray[np.float64]
+    """(N, K)."""
+    tables: NDArray[np.float64]
+    """(E, K, K), or (K, K) where all edges have the same features."""
+
+
+@dataclass(frozen=True, eq=False)
+class TableField:
+    """What a conditional random field knows of its nodes and edges before it has weights.
+
+    Parameters
+    ----------
+    node_features : (N, D) float
+    around : Adjacency
+        The graph, N nodes and E edges; the first and second label of a table are those of the
+        first and second node of an edge.
+    edge_features : (E, F) float
+        Of any sign.
+    n_labels : int
+        K.
+    symmetric : bool
+        Whether a table must not tell the first node of an edge from the second.
+    """
+
+    node_features: NDArray[np.float64]
+    around: Adjacency
+    edge_features: NDArray[np.float64]
+    n_labels: int
+    symmetric: bool = False
+
+    def __post_init__(self) -> None:
+        nodes = finite_array("node_features", self.node_features, (self.around.n_nodes, "D"))
+        if not len(nodes):
+            raise InputError("a field needs at least one node, got none")
+        edges = finite_array("edge_features", self.edge_features, (self.around.n_edges, "F"))
+        object.__setattr__(self, "node_features", frozen(nodes))
+        object.__setattr__(self, "edge_features", frozen(edges))
+
+    @property
+    def n_nodes(self) -> int:
+        """N."""
+        return self.around.n_nodes
+
+    @property
+    def n_node_weights(self) -> int:
+        """D K: where the tables begin in the flat vector."""
+        return self.node_features.shape[1] * self.n_labels
+
+    @property
+    def n_weights(self) -> int:
+        """D K + F K K, the length of the flat vector."""
+        return self.n_node_weights + self.edge_features.shape[1] * self.n_labels**2
+
+    @cached_property
+    def is_forest(self) -> bool:
+        """Whether the graph has no cycle, so that sums and maxima over labellings are exact."""
+        return is_forest(self.around)
+
+    @cached_property
+    def _is_uniform(self) -> bool:
+        return bool((self.edge_features == self.edge_features[:1]).all())
+
+    def split(
+        self, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Node weights (D, K) and tables (F, K, K) of a flat vector."""
+        start, k = self.n_node_weights, self.n_labels
+        tables = weights[start:].reshape(-1, k, k)
+        if self.symmetric:
+            tables = 0.5 * (tables + tables.transpose(0, 2, 1))
+        return weights[:start].reshape(-1, k), tables
+
+    def potentials(self, weights: NDArray[np.float64]) -> FieldTables:
+        """The log-potentials of nodes and edges."""
+        node_weights, tables = self.split(weights)
+        k = self.n_labels
+        unary = self.node_features @ node_weights
+        if not self.around.n_edges:
+            return FieldTables(unary, np.zeros((k, k)))
+        seen = self.edge_features[:1] if self._is_uniform else self.edge_features
+        pairs = (seen @ tables.reshape(-1, k * k)).reshape(-1, k, k)
+        return FieldTables(unary, pairs[0] if self._is_uniform else pairs)
+
+    def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The vector phi(y) with score(y) = w . phi(y), flat like the weights."""
+        k = self.n_labels
+        first, second = labels[self.around.edges].T
+        return self._flat(
+            _sums(self.node_features, labels, k),
+            _sums(self.edge_features, first * k + second, k * k),
+        )
+
+    def expected_features(
+        self, beliefs: NDArray[np.float64], pair_beliefs: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The mean of phi under marginals of the nodes (N, K) and of the edges (E, K, K)."""
+        pairs = pair_beliefs.reshape(len(pair_beliefs), self.n_labels**2)
+        return self._flat(self.node_features.T @ beliefs, self.edge_features.T @ pairs)
+
+    def _flat(self, nodes: NDArray[np.float64], pairs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums over nodes (D, K) and edges (F, K K) as one vector."""
+        k = self.n_labels
+        if self.symmetric:
+            square = pairs.reshape(-1, k, k)
+            pairs = 0.5 * (square + square.transpose(0, 2, 1))
+        return np.concatenate([nodes.ravel(), pairs.ravel()])
+
+
+def beside(fields: Sequence[TableField]) -> TableField:
+    """Several fields with the same features and labels as one of separate blocks."""
+    if len(fields) == 1:
+        return fields[0]
+    starts = np.cumsum([0, *(field.n_nodes for field in fields)])
+    edges = [field.around.edges + start for field, start in zip(fields, starts[:-1], strict=True)]
+    return replace(
+        fields[0],
+        node_features=np.concatenate([field.node_features for field in fields]),
+        around=adjacency(int(starts[-1]), np.concatenate(edges)),
+        edge_features=np.concatenate([field.edge_features for field in fields]),
+    )
+
+
+def _sums(
+    features: NDArray[np.float64], groups: NDArray[np.int64], n_groups: int
+) -> NDArray[np.float64]:
+    """(D, G) the sum of the features (N, D) of each group's rows."""
+    n = len(features)
+    member = sp.csr_array((np.ones(n), groups, np.arange(n + 1)), (n, n_groups))
+    sums: NDArray[np.float64] = np.ascontiguousarray((member.T @ features).T)
+    return sums
