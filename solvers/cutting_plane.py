@@ -9,6 +9,7 @@ from the optimum.
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from pgm_places.solvers.cut_master import CutMaster
 from pgm_places.solvers.max_margin import (
     Cut,
     LearningStep,
-    MaxMarginProblem,
+    MarginProblem,
     MaxMarginSolution,
     OnStep,
     Oracle,
@@ -31,7 +32,7 @@ from pgm_places.solvers.max_margin import (
 __all__ = ["cutting_plane"]
 
 
-Verifier = Callable[[MaxMarginProblem, NDArray[np.float64]], Certificate]
+Verifier = Callable[[Any, NDArray[np.float64]], Certificate]
 """A slower look at some weights: a rigorous objective, and the best labelling found on the way."""
 
 SAME_HEIGHT = 1e-12
@@ -39,7 +40,7 @@ SAME_HEIGHT = 1e-12
 
 
 def cutting_plane(
-    problem: MaxMarginProblem,
+    problem: MarginProblem,
     oracle: Oracle,
     *,
     tolerance: float = 1e-3,
@@ -58,7 +59,7 @@ def cutting_plane(
 
     Parameters
     ----------
-    problem : MaxMarginProblem
+    problem : MaxMarginProblem or TableMarginProblem
     oracle : callable
         A labelling of large score for given potentials; exact for two labels with a minimum cut.
         The lower bound holds whatever it misses, the objective only as far as it finds the best.
@@ -99,6 +100,7 @@ certify_weights` for one. Learning goes on with the labelling it found until the
 
     Examples
     --------
+    >>> from pgm_places.solvers.max_margin import MaxMarginProblem
     >>> from pgm_places.solvers.max_oracle import graph_cut_oracle
     >>> edges = np.array([[0, 1], [1, 2]], np.int32)
     >>> features, truth = np.array([[1.0], [0.2], [-1.0]]), np.array([0, 0, 1])
@@ -156,7 +158,7 @@ class _Search:
 
     def __init__(
         self,
-        problem: MaxMarginProblem,
+        problem: MarginProblem,
         oracle: Oracle,
         thorough: Oracle | None,
         verifier: Verifier | None,
@@ -165,9 +167,7 @@ class _Search:
     ) -> None:
         self.problem, self.verifier, self.step = problem, verifier, step
         self.oracle, self.thorough = oracle, thorough
-        self.master = CutMaster(
-            problem.n_weights, problem.n_node_weights, problem.penalty, method=master
-        )
+        self.master = CutMaster(problem.n_weights, problem.n_free, problem.penalty, method=master)
         self.typical_height = float(problem.loss.mean())  # the most that it is at weights of 0
         self.weights = np.zeros(problem.n_weights)
         self.objective = np.inf

@@ -16,6 +16,7 @@ B. Taskar, V. Chatalbashev, D. Koller, "Learning associative Markov networks", I
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ __all__ = [
     "REACHED",
     "Cut",
     "LearningStep",
+    "MarginProblem",
     "MaxMarginProblem",
     "MaxMarginSolution",
     "OnStep",
@@ -44,7 +46,7 @@ __all__ = [
 ]
 
 Oracle = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.int64]]
-"""(unary (N, K), agreement (E, K)) -> a labelling (N,) of large score."""
+"""(unary (N, K), agreement (E, K) or tables) -> a labelling (N,) of large score."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,50 @@ class Cut:
     def value(self, weights: NDArray[np.float64]) -> float:
         """The plane's height at ``weights``."""
         return self.offset - float(self.gradient @ weights)
+
+
+class MarginProblem(Protocol):
+    """A learning problem as the cutting plane sees it: the hinge, and planes below it."""
+
+    @property
+    def n_nodes(self) -> int:
+        """N."""
+        ...
+
+    @property
+    def n_weights(self) -> int:
+        """Length of the flat weight vector."""
+        ...
+
+    @property
+    def n_free(self) -> int:
+        """How many weights, the first ones, may be negative."""
+        ...
+
+    @property
+    def penalty(self) -> float:
+        """C."""
+        ...
+
+    @property
+    def loss(self) -> NDArray[np.float64]:
+        """(N,) what a wrong label costs at each node."""
+        ...
+
+    @property
+    def truth_features(self) -> NDArray[np.float64]:
+        """(n_weights,) the joint features of the true labelling."""
+        ...
+
+    def augmented_potentials(
+        self, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The potentials of score plus loss, as an :data:`Oracle` takes them."""
+        ...
+
+    def cut_of(self, labels: NDArray[np.int64]) -> Cut:
+        """The plane that a labelling gives."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +164,11 @@ class MaxMarginProblem:
     def n_node_weights(self) -> int:
         """D K: where the edge weights begin in the flat weight vector."""
         return self.node_features.shape[1] * self.n_labels
+
+    @property
+    def n_free(self) -> int:
+        """How many weights, the first ones, may be negative: those of the nodes."""
+        return self.n_node_weights
 
     @property
     def n_weights(self) -> int:
@@ -320,15 +371,13 @@ def potentials_of(
     return problem.node_features @ node_weights, problem.edge_features @ edge_weights
 
 
-def hinge(
-    problem: MaxMarginProblem, weights: NDArray[np.float64], augmented_maximum: float
-) -> float:
+def hinge(problem: MarginProblem, weights: NDArray[np.float64], augmented_maximum: float) -> float:
     """H(w), given the maximum of score plus loss; an upper bound of H from an upper bound."""
     truth = float(problem.truth_features @ weights)
     return max(augmented_maximum - truth, 0.0) / problem.n_nodes
 
 
-def objective(problem: MaxMarginProblem, weights: NDArray[np.float64], hinge: float) -> float:
+def objective(problem: MarginProblem, weights: NDArray[np.float64], hinge: float) -> float:
     """``f(w) = 1/2 |w|^2 + C H``."""
     return 0.5 * float(weights @ weights) + problem.penalty * hinge
 

@@ -94,6 +94,11 @@ def test_unknown_labels_are_summed_over(seed: int, kind: Likelihood) -> None:
     assert value == pytest.approx(plain(found, labels, weights, kind), abs=1e-9)
 
 
+def _parts(function: Any) -> tuple[Any, Any]:
+    """The value and the gradient as functions of their own."""
+    return lambda w: function(w)[0], lambda w: function(w)[1]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("symmetric", [False, True])
 @pytest.mark.parametrize("lowest", [0, -1])
@@ -102,10 +107,8 @@ def test_gradients_are_those_of_the_value(kind: Likelihood, symmetric: bool, low
         found = field(seed, forest=kind == "exact", symmetric=symmetric)
         labels = np.random.default_rng(seed).integers(lowest, 3, 5)
         expected = np.random.default_rng(seed).dirichlet(np.ones(3), 5)
-        by = partial(negative_log_likelihood, found, labels, kind=kind, expected=expected)
-        gradient_error = check_grad(
-            lambda w, by=by: by(w)[0], lambda w, by=by: by(w)[1], weights_of(found, seed)
-        )
+        by: Any = partial(negative_log_likelihood, found, labels, kind=kind, expected=expected)
+        gradient_error = check_grad(*_parts(by), weights_of(found, seed))
         assert gradient_error < 1e-5
 
 

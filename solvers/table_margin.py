@@ -1,0 +1,143 @@
+"""Max-margin learning of full tables of label pairs, for the cutting plane.
+
+The objective is that of :mod:`pgm_places.solvers.max_margin` with the score of a
+:class:`~pgm_places.solvers.table_field.TableField`: no weight is bounded, since nothing needs to be
+associative (I. Tsochantaridis et al., "Large margin methods for structured and interdependent
+output variables", JMLR 6 (2005)).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+from pgm_places.solvers.certificate import Certificate
+from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.max_margin import Cut, Oracle, hinge, objective
+from pgm_places.solvers.pairwise import pairwise_model
+from pgm_places.solvers.table_field import FieldTables, TableField
+from pgm_places.solvers.trws import trws
+
+__all__ = ["TableMarginProblem", "best_labels", "certify_tables", "table_oracle"]
+
+ORACLE_PASSES = 40
+"""Passes of TRW-S for a cut; the certificate takes more."""
+
+CERTIFICATE_PASSES = 1_000
+
+
+@dataclass(frozen=True, eq=False)
+class TableMarginProblem:
+    """One training problem, or several side by side.
+
+    Parameters
+    ----------
+    field : TableField
+    labels : (N,) int
+        The true label of every node.
+    loss : (N,) float
+        What a wrong label costs at each node; 0 where the label is only assumed.
+    penalty : float
+        C > 0, the price of the mean hinge against the size of the weights.
+    """
+
+    field: TableField
+    labels: NDArray[np.int64]
+    loss: NDArray[np.float64]
+    penalty: float
+
+    def __post_init__(self) -> None:
+        n, k = self.field.n_nodes, self.field.n_labels
+        labels = integer_array("labels", self.labels, (n,), low=0, high=k)
+        loss = finite_array("loss", self.loss, (n,))
+        if loss.min() < 0 or loss.max() <= 0:
+            raise InputError("loss must be at least 0 at every node, and positive at some")
+        if not (np.isfinite(self.penalty) and self.penalty > 0):
+            raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
+        object.__setattr__(self, "labels", frozen(labels))
+        object.__setattr__(self, "loss", frozen(loss))
+
+    @property
+    def n_nodes(self) -> int:
+        """N."""
+        return self.field.n_nodes
+
+    @property
+    def n_weights(self) -> int:
+        """Length of the flat weight vector."""
+        return self.field.n_weights
+
+    @property
+    def n_free(self) -> int:
+        """All weights may have any sign."""
+        return self.n_weights
+
+    @cached_property
+    def truth_features(self) -> NDArray[np.float64]:
+        """The joint features of the true labelling."""
+        return frozen(self.field.features_of(self.labels))
+
+    def augmented_potentials(self, weights: NDArray[np.float64]) -> FieldTables:
+        """The potentials of score plus loss: l_i is added to every wrong label of node i."""
+        unary, tables = self.field.potentials(weights)
+        unary += self.loss[:, None]
+        unary[np.arange(self.n_nodes), self.labels] -= self.loss
+        return FieldTables(unary, tables)
+
+    def cut_of(self, labels: NDArray[np.int64]) -> Cut:
+        """The plane that a labelling gives: its loss and its joint features against the truth's."""
+        wrong = float(self.loss[labels != self.labels].sum())
+        difference = self.truth_features - self.field.features_of(labels)
+        return Cut(difference / self.n_nodes, wrong / self.n_nodes)
+
+
+def best_labels(
+    field: TableField, unary: NDArray[np.float64], tables: NDArray[np.float64], max_passes: int
+) -> NDArray[np.int64]:
+    """A labelling of large score: the best on a forest, elsewhere the best that TRW-S sees."""
+    if field.is_forest:
+        return forest_maximum(unary, field.around, pairwise=tables).labels
+    return trws(unary, field.around, pairwise=tables, max_iterations=max_passes).labels
+
+
+def table_oracle(field: TableField) -> Oracle:
+    """What finds labellings of large score for given potentials of a field."""
+
+    def best(unary: NDArray[np.float64], tables: NDArray[np.float64]) -> NDArray[np.int64]:
+        return best_labels(field, unary, tables, ORACLE_PASSES)
+
+    return best
+
+
+def certify_tables(
+    problem: TableMarginProblem, weights: NDArray[np.float64], *, accuracy: float = 1e-3
+) -> Certificate:
+    """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
+
+    Parameters
+    ----------
+    problem : TableMarginProblem
+    weights : (n_weights,) float
+    accuracy : float
+        Passes end when the bound cannot raise the objective by more than this share of it.
+    """
+    unary, tables = problem.augmented_potentials(weights)
+    around = problem.field.around
+    quick = trws(unary, around, pairwise=tables, max_iterations=ORACLE_PASSES)
+    known = objective(problem, weights, hinge(problem, weights, quick.score))
+    slack = accuracy * known * problem.n_nodes / problem.penalty
+    size = pairwise_model(unary, around, pairwise=tables).size
+    found = trws(
+        unary,
+        around,
+        pairwise=tables,
+        initial=quick.labels,
+        max_iterations=CERTIFICATE_PASSES,
+        tolerance=slack / size if size > 0 else 0.0,
+    )
+    return Certificate(
+        objective(problem, weights, hinge(problem, weights, found.bound)), found.labels
+    )
