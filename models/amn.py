@@ -24,8 +24,8 @@ from pgm_places.models.amn_learning import (
     learn,
     node_losses,
 )
-from pgm_places.models.amn_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.linear_features import (
     Standardization,
     edge_feature_count,
@@ -259,7 +259,14 @@ class AssociativeMarkovNetwork:
         return scaling, tasks
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        return self.edge_scale * edge_features(problem, self.edge_features)
+        found = edge_features(problem, self.edge_features)
+        if found.min(initial=0.0) < 0:
+            raise InputError(
+                "an associative network needs edge_features of at least 0, got "
+                f"{found.min():g}; shift signed features, split each into a positive and a "
+                "negative column, or take method 'crf', whose tables may have any sign"
+            )
+        return self.edge_scale * found
 
     def _learner_options(self) -> LearnerOptions:
         return LearnerOptions(

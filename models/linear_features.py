@@ -29,7 +29,7 @@ probabilities, and the problem's own node features; ``auto`` is ``logz`` and ``r
 EDGE_FEATURES = (
     "auto", "constant", "diagonal", "kind", "unary-difference", "raw-difference", "given",
 )  # fmt: skip
-"""Edge features, each at least 0; see :func:`edge_features`."""
+"""Edge features; see :func:`edge_features`."""
 
 LOG_FLOOR = -15.0
 """Log-probabilities below this say "never" all the same, and such nodes must not decide how a whole
@@ -125,7 +125,7 @@ def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
 
 
 def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.float64]:
-    """(E, F) edge features, all at least 0.
+    """(E, F) edge features, all at least 0 but those ``given``.
 
     ``constant``
         1 on edges of length one, ``1/sqrt(2)`` on diagonals, so that the price of a border grows

@@ -275,8 +275,8 @@ class _Descent:
 
     def expect(self) -> bool:
         """Expect the unknown labels at the present weights; False when they are at rest."""
-        found = expected_labels(self.field, self.labels, self.weights)
         known = self.expected
+        found = expected_labels(self.field, self.labels, self.weights, known)
         self.expected = found
         return known is None or bool(np.abs(found - known).max() > HIDDEN_MOVED)
 
@@ -295,13 +295,18 @@ class _Descent:
 
 
 def expected_labels(
-    field: TableField, labels: NDArray[np.int64], weights: NDArray[np.float64]
+    field: TableField,
+    labels: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    before: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """(N, K) probabilities of all labels given the known ones, by mean field."""
-    from pgm_places.solvers.mean_field import mean_field
+    """(N, K) probabilities of the labels of all nodes, each given its neighbours' ``before``.
 
-    unary, tables = field.potentials(weights)
-    return mean_field(_clamped(unary, labels), field.around.edges, None, tables).beliefs
+    One pass only: where links are strong, passing on until nothing moves any more gives all nodes
+    that are not labelled the same label.
+    """
+    soft = _soft_labels(field, labels, before)
+    return _soft_labels(field, labels, normalised(_scores(field, field.potentials(weights), soft)))
 
 
 def _clamped(unary: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -353,10 +358,7 @@ def _pseudo(
     soft: NDArray[np.float64],
 ) -> tuple[float, NDArray[np.float64]]:
     first, second = field.around.edges.T
-    scores = potentials.unary.copy()
-    tables = potentials.tables
-    np.add.at(scores, first, np.einsum("...ab,...b->...a", tables, soft[second]))
-    np.add.at(scores, second, np.einsum("...ab,...a->...b", tables, soft[first]))
+    scores = _scores(field, potentials, soft)
     known = np.flatnonzero(labels >= 0)
     value = float(logsumexp(scores[known], axis=1).sum() - scores[known, labels[known]].sum())
     surplus = np.zeros_like(scores)
@@ -365,3 +367,14 @@ def _pseudo(
     pairs = surplus[first][:, :, None] * soft[second][:, None, :]
     pairs += soft[first][:, :, None] * surplus[second][:, None, :]
     return value, field.expected_features(surplus, pairs)
+
+
+def _scores(
+    field: TableField, potentials: FieldTables, soft: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, K) what each label of a node scores beside its neighbours' labels (N, K)."""
+    first, second = field.around.edges.T
+    scores, tables = potentials.unary.copy(), potentials.tables
+    np.add.at(scores, first, np.einsum("...ab,...b->...a", tables, soft[second]))
+    np.add.at(scores, second, np.einsum("...ab,...a->...b", tables, soft[first]))
+    return scores

@@ -59,7 +59,7 @@ TABLES = {
 OTHERS = (OdometryNoise, SimulatedRobot, BeamOptions, MapSimulation)
 """Classes of options that no table fills."""
 
-FREE = {("amn", "node_features"), ("amn", "edge_features")}
+FREE = {(name, option) for name in ("amn", "crf") for option in ("node_features", "edge_features")}
 """Options that are strings with a grammar of their own."""
 
 Case = tuple[str, Any]

@@ -37,6 +37,7 @@ BACKENDS: Mapping[str, str] = {
     "independent": "pgm_places.models.independent:Independent",
     "relaxation": "pgm_places.models.relaxation:Relaxation",
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",
+    "crf": "pgm_places.models.crf:ConditionalRandomField",
     "potts": "pgm_places.models.mrf:PottsField",
     "space_field": "pgm_places.models.space_field:SpaceField",
 }

@@ -36,7 +36,8 @@ class LabelingProblem:
     node_features : (N, D) float, optional
         Features of the nodes, for models that learn their own unary potentials.
     edge_features : (E, F) float, optional
-        Non-negative features of the edges, for models that learn edge weights.
+        Features of the edges, for models that learn weights of edges; associative models need them
+        to be at least 0.
     known : (N,) int, optional
         Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
         labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. It is
@@ -98,11 +99,6 @@ class LabelingProblem:
             object.__setattr__(self, "node_features", frozen(nodes))
         if self.edge_features is not None:
             edges = finite_array("edge_features", self.edge_features, (e, "F"))
-            if (edges < 0).any():
-                raise InputError(
-                    f"edge_features must be at least 0, got {edges.min():g}; shift signed "
-                    "features, or split each into a positive and a negative column"
-                )
             object.__setattr__(self, "edge_features", frozen(edges))
 
     def __repr__(self) -> str:

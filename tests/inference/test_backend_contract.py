@@ -24,9 +24,16 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "amn": ("amn", {}),
     "amn, trw-s": ("amn", {"inference": "trw-s"}),
     "amn, no class weights": ("amn", {"class_weight": "none", "edge_features": ("constant",)}),
+    "crf": ("crf", {}),
+    "crf, pseudo-likelihood": ("crf", {"learner": "pseudo-likelihood"}),
+    "crf, piecewise": ("crf", {"learner": "piecewise", "inference": "mean-field"}),
     "space_field": ("space_field", {}),
     **{name: ("potts", {"weight": WEIGHT, "inference": name}) for name in DECODERS},
 }
+
+
+LINEAR = ("amn", "crf")
+"""Methods that learn weights of features."""
 
 
 @cache
@@ -127,9 +134,9 @@ def test_labels_and_beliefs_are_what_they_say(key: str) -> None:
             assert np.array_equal(found.beliefs.argmax(axis=1), found.labels)
 
 
-@pytest.mark.parametrize("key", [key for key in METHODS if not key.startswith("amn")])
+@pytest.mark.parametrize("key", [key for key in METHODS if not key.startswith(LINEAR)])
 def test_a_constant_for_all_labels_of_a_node_changes_nothing(key: str) -> None:
-    """Not for the AMN, to which unaries are features like others."""
+    """Not for linear models, to which unaries are features like others."""
     backend = fitted(key)
     rng = np.random.default_rng(0)
     for problem in problems(3):
@@ -163,7 +170,7 @@ LOCAL = {*DECODERS, "space_field"}
 def test_the_numbers_of_nodes_do_not_matter(key: str) -> None:
     backend = fitted(key)
     rng = np.random.default_rng(1)
-    proved_only = key in LOCAL or key.startswith("amn")
+    proved_only = key in LOCAL or key.startswith(LINEAR)
     for problem in problems(3):
         order = rng.permutation(problem.graph.n_nodes)
         found, other = backend.infer(problem), backend.infer(renumbered(problem, order))

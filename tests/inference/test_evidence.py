@@ -35,6 +35,8 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "relaxation": ("relaxation", {}),
     **{f"potts, {name}": ("potts", {"inference": name}) for name in DECODERS},
     **{f"amn, {name}": ("amn", {"inference": name}) for name in DECODERS},
+    **{f"crf, {name}": ("crf", {"inference": name}) for name in ("auto", *DECODERS) if name != "graph-cut"},
+    "crf, max-margin": ("crf", {"learner": "max-margin"}),
     **{
         f"hmm, {mode}, {seen}": ("hmm", {"mode": mode, "observation": seen})
         for mode in MODES

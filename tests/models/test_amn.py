@@ -13,7 +13,7 @@ from pgm_places.inference.potentials import score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.amn_learning import node_losses
-from pgm_places.models.amn_record import LEARNING_STATUSES, LearningRecord
+from pgm_places.models.learning_record import LEARNING_STATUSES, LearningRecord
 from pgm_places.solvers.max_margin import REACHED, LearningStep
 
 NAMES = ("corridor", "room", "doorway")

@@ -1,4 +1,4 @@
-"""The record of a network's training, as arrays that are stored with the model."""
+"""How learning went, as arrays that are stored with the model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,9 +20,11 @@ LEARNING_STATUSES = (
     "stopped",
     "within_tolerance",
     "oracle_limit",
+    "local_optimum",
 )
-"""Words of :class:`~pgm_places.solvers.max_margin.MaxMarginSolution`; records hold their places
-here, so new ones come last."""
+"""Words of :class:`~pgm_places.solvers.max_margin.MaxMarginSolution` and of
+:class:`~pgm_places.solvers.likelihood.LikelihoodSolution`; records hold their places here, so new
+ones come last."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,396 @@
+"""Conditional random field: scores of nodes and full tables of label pairs, all learned."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from annotated_types import Ge, Gt, Lt, MinLen
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, integer_array, require_type
+from pgm_places.errors import InputError, NotFittedError
+from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.inference.backends import learned
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.potentials import Potentials
+from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem, labelled_problems
+from pgm_places.models.amn_learning import ClassWeight, node_losses
+from pgm_places.models.crf_learning import (
+    FieldLearner,
+    LearningOptions,
+    LearningTask,
+    choose_penalty,
+    learn,
+    resolved,
+)
+from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
+from pgm_places.models.linear_features import (
+    Standardization,
+    edge_features,
+    node_features,
+    parse_edge_features,
+    parse_node_features,
+)
+from pgm_places.options import Positive, Whole, check_options
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.forest import is_forest
+from pgm_places.solvers.max_margin import OnStep
+from pgm_places.solvers.table_field import TableField, beside
+
+__all__ = ["ConditionalRandomField"]
+
+AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
+"""What C="auto" tries."""
+
+Example = tuple[LabelingProblem, NDArray[np.int64]]
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionalRandomField:
+    """Labels all nodes at once: node scores plus a learned score for every pair of labels.
+
+    A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij``. The tables
+    ``w_t`` (one for each edge feature) may have any sign, so that labels can repel each other,
+    follow each other in one direction, or never meet; where neighbours only ever tend to agree,
+    :class:`~pgm_places.models.amn.AssociativeMarkovNetwork` says the same with fewer weights.
+
+    Parameters
+    ----------
+    learner : {"auto", "likelihood", "pseudo-likelihood", "piecewise", "max-margin"}
+        What the weights maximise: the likelihood of the labels, exact on chains, trees and forests;
+        that of each node given its neighbours, or of each edge by itself, on any graph; or the
+        margin between the true labelling and every other one. ``auto`` is ``likelihood`` where no
+        training graph has a cycle, else ``max-margin``; docs/crf.md compares them.
+    inference : {"auto"} or str
+        Any decoder of :mod:`pgm_places.models.decoding`. ``auto`` is exact on graphs without
+        cycles: the most probable label of each node after learning by likelihood (``sum-product``)
+        and the best labelling after ``max-margin`` (``max-product``); elsewhere ``trw-s``.
+    C : float, "auto" or tuple of float
+        The price of the mean loss (minus the log-likelihood, or the hinge) of a node against the
+        size of the weights. Several values, or ``auto`` for 1, 10, ..., 10000, are compared by
+        balanced accuracy on held-out problems, or on held-out blocks of a single problem.
+    n_validation_blocks : int
+        How many parts are held out in turn for that.
+    unlabelled : {"hidden", "dropped"}
+        What becomes of nodes without a label: they are summed over (likelihoods) or completed by
+        what has been learned (max margin), so that they inform learning, which then ends at a local
+        optimum; or they are left out with their edges.
+    tables_tell : {"auto", "order", "pair"}
+        Whether a table tells the first node of an edge (the one of lower number) from the second,
+        or knows the pair of labels only, in either order. ``auto`` is ``order`` where all training
+        graphs are chains, else ``pair``.
+    loss : {"class-weighted", "hamming"}
+        What a wrong label costs in max-margin learning; see the network.
+    class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
+        How much more a rare label costs there; see the network.
+    node_features : str
+        ``logz``, ``z``, ``raw`` or ``auto``, joined by ``+``; see the network.
+    edge_features : tuple of str
+        As of the network; ``auto`` is ``constant``, and ``given`` where the problem has edge
+        features.
+    learning_tolerance : float
+        Relative gap at which learning ends.
+    max_steps : int
+        Limit of the steps (or cuts) of learning.
+    time_limit_s : float, optional
+        Learning ends after this many seconds with the best weights so far.
+    max_iterations : int, optional
+        Limit of the decoder's iterations instead of its own.
+    certify : bool
+        Whether ``infer`` adds an upper bound of the best score where the decoder has none.
+    certified_tolerance : float, optional
+        The relative gap, of an objective bounded by TRW-S to the lower bound, that max-margin
+        learning tries to reach on graphs with cycles; None for no such certificate.
+
+    Examples
+    --------
+    >>> from pgm_places.graph.label_graph import LabelGraph
+    >>> truth = np.arange(60) % 3  # one after the other, in a ring
+    >>> looks = np.eye(3)[truth] + np.random.default_rng(0).normal(size=(60, 3))
+    >>> chain = LabelGraph.from_lattice((60,))
+    >>> problem = LabelingProblem(chain, ["a", "b", "c"], node_features=looks)
+    >>> field = ConditionalRandomField().fit([problem], [truth])
+    >>> field.tables[0].argmax(axis=1).tolist()
+    [1, 2, 0]
+    >>> float(np.mean(field.infer(problem).labels == truth))
+    1.0
+    """
+
+    learner: Literal["auto"] | FieldLearner = "auto"
+    inference: Literal["auto"] | Decoder = "auto"
+    C: Positive | Literal["auto"] | Annotated[tuple[Positive, ...], MinLen(1)] = 1000.0
+    n_validation_blocks: Annotated[int, Ge(2)] = 4
+    unlabelled: Literal["hidden", "dropped"] = "hidden"
+    tables_tell: Literal["auto", "order", "pair"] = "auto"
+    loss: Literal["class-weighted", "hamming"] = "class-weighted"
+    class_weight: ClassWeight = "cube-root"
+    node_features: str = "auto"
+    edge_features: str | tuple[str, ...] = ("auto",)
+    learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
+    max_steps: Whole = 500
+    time_limit_s: Positive | None = None
+    max_iterations: Whole | None = None
+    certify: bool = False
+    certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
+    node_weights: NDArray[np.float64] | None = learned()
+    tables: NDArray[np.float64] | None = learned()
+    by_margin: NDArray[np.bool_] | None = learned()
+    feature_columns: NDArray[np.int64] | None = learned()
+    feature_mean: NDArray[np.float64] | None = learned()
+    feature_scale: NDArray[np.float64] | None = learned()
+    n_features: NDArray[np.int64] | None = learned()
+    learning: NDArray[np.float64] | None = learned()
+    learning_history: NDArray[np.float64] | None = learned()
+    penalty_search: NDArray[np.float64] | None = learned()
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        parse_node_features(self.node_features)
+        object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
+        if self.node_weights is not None:
+            self._check_learned()
+
+    # ------------------------------------------------------------------ learning
+
+    def fit(
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        *,
+        on_iteration: OnStep | None = None,
+    ) -> Self:
+        """A new, fitted field.
+
+        Parameters
+        ----------
+        problems : sequence of LabelingProblem
+        labelings : sequence of (N,) int
+            The true label index of every node of each problem, -1 where it is unknown.
+        on_iteration : callable, optional
+            Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` as learning goes on;
+            when it returns True, the best weights so far are taken.
+
+        Raises
+        ------
+        LabelError
+            A label without an example in any problem.
+        InputError
+            Problems and labelings that do not belong together, features that are missing, or
+            ``likelihood`` on a graph with a cycle.
+        """
+        examples = self._examples(problems, labelings)
+        scaling, task = self._task(examples)
+        options = self._options(task.field)
+        penalties = self._penalties()
+        search = None
+        if len(penalties) > 1:
+            parts = held_out_parts(examples, self.n_validation_blocks)
+            penalty, search = choose_penalty(task, parts, penalties, options)
+        else:
+            penalty = penalties[0]
+        start = time.perf_counter()
+        solution = learn(task, penalty, options, on_iteration=on_iteration)
+        record = LearningRecord(
+            status=solution.status,
+            penalty=penalty,
+            objective=solution.objective,
+            lower_bound=solution.lower_bound,
+            certified_objective=getattr(solution, "certified", solution.objective),
+            iterations=solution.iterations,
+            seconds=time.perf_counter() - start,
+            certificate_seconds=0.0,
+            n_nodes=task.field.n_nodes,
+            n_edges=task.field.around.n_edges,
+            n_maps=len(examples),
+        )
+        node_weights, tables = task.field.split(solution.weights)
+        return replace(
+            self,
+            node_weights=node_weights.copy(),
+            tables=tables.copy(),
+            by_margin=np.array([options.learner == "max-margin"]),
+            feature_columns=scaling.columns,
+            feature_mean=scaling.mean,
+            feature_scale=scaling.scale,
+            n_features=np.array([scaling.n_columns], np.int64),
+            learning=record.to_array(),
+            learning_history=history_array(solution.history),
+            penalty_search=search,
+        )
+
+    def _examples(
+        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+    ) -> list[Example]:
+        """Each problem with its labels, as far as there is something to learn from."""
+        examples: list[Example] = []
+        for problem, truth in labelled_problems(problems, labelings):
+            labelled = truth >= 0
+            if not labelled.any():
+                continue
+            if self.unlabelled == "dropped" and not labelled.all():
+                examples.append((problem.subproblem(labelled), truth[labelled]))
+            else:
+                examples.append((problem, truth))
+        if not examples:
+            raise InputError("no node of any training problem has a label")
+        return examples
+
+    def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
+        parts = parse_node_features(self.node_features)
+        raw = [node_features(problem, parts) for problem, _ in examples]
+        if len({features.shape[1] for features in raw}) > 1:
+            raise InputError(
+                "training problems must have the same number of node features, got "
+                f"{[features.shape[1] for features in raw]}"
+            )
+        scaling = Standardization.of(np.concatenate(raw))
+        truth = np.concatenate([labels for _, labels in examples])
+        known = truth >= 0
+        names = examples[0][0].label_names
+        loss = np.zeros(len(truth))
+        class_weight = "none" if self.loss == "hamming" else self.class_weight
+        loss[known] = node_losses(truth[known], names, class_weight)
+        chains = all(problem.graph.is_chain for problem, _ in examples)
+        symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
+        fields = [
+            TableField(
+                scaling.apply(features),
+                adjacency(problem.graph.n_nodes, problem.graph.edges),
+                self._edge_features(problem),
+                len(names),
+                symmetric,
+            )
+            for (problem, _), features in zip(examples, raw, strict=True)
+        ]
+        return scaling, LearningTask(beside(fields), truth, loss)
+
+    def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        names = tuple(self.edge_features)
+        if "auto" in names:
+            there = ["constant"] + ([] if problem.edge_features is None else ["given"])
+            names = tuple(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
+        return edge_features(problem, names)
+
+    def _options(self, field: TableField) -> LearningOptions:
+        return LearningOptions(
+            resolved(self.learner, field),
+            self.learning_tolerance,
+            self.max_steps,
+            self.time_limit_s,
+            self.certified_tolerance,
+        )
+
+    def _penalties(self) -> tuple[float, ...]:
+        if self.C == "auto":
+            return AUTO_PENALTIES
+        return self.C if isinstance(self.C, tuple) else (float(self.C),)
+
+    # ------------------------------------------------------------------ use
+
+    def potentials(self, problem: LabelingProblem) -> Potentials:
+        """The log-potentials that the learned weights give a problem's nodes and edges.
+
+        Raises
+        ------
+        NotFittedError
+            The field has not learned.
+        InputError
+            Other labels or features than in training.
+        """
+        node_weights, tables, scaling = self._fitted()
+        require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
+        n_labels = node_weights.shape[1]
+        if problem.n_labels != n_labels:
+            raise InputError(
+                f"the field was trained on {n_labels} labels, this problem has {problem.n_labels}"
+            )
+        nodes = scaling.apply(node_features(problem, parse_node_features(self.node_features)))
+        edges = self._edge_features(problem)
+        if edges.shape[1] != len(tables):
+            raise InputError(
+                f"the field was trained on {len(tables)} edge features, this problem has "
+                f"{edges.shape[1]}; make them as for training"
+            )
+        around = adjacency(problem.graph.n_nodes, problem.graph.edges)
+        field = TableField(nodes, around, edges, n_labels)
+        found = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
+        return Potentials(problem.with_evidence(found.unary), pairwise=found.tables)
+
+    def infer(self, problem: LabelingProblem) -> Labeling:
+        """The labels that the chosen decoder finds, with their score.
+
+        ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
+        one or ``certify`` asks for it.
+        """
+        potentials = self.potentials(problem)
+        found = decode(
+            problem.graph,
+            potentials,
+            self._decoder(problem),
+            certify=self.certify,
+            max_iterations=self.max_iterations,
+        )
+        return replace(found, info={**found.info, "learning": self.summary})
+
+    def _decoder(self, problem: LabelingProblem) -> Decoder:
+        if self.inference != "auto":
+            return self.inference
+        if not is_forest(adjacency(problem.graph.n_nodes, problem.graph.edges)):
+            return "trw-s"
+        assert self.by_margin is not None
+        return "max-product" if self.by_margin[0] else "sum-product"
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """How learning went, by name: status, C, objective, bounds, gap, steps, seconds, sizes."""
+        self._fitted()
+        if self.learning is None:
+            return {}
+        return LearningRecord.from_array(self.learning).summary()
+
+    def _fitted(self) -> tuple[NDArray[np.float64], NDArray[np.float64], Standardization]:
+        if (
+            self.node_weights is None
+            or self.tables is None
+            or self.by_margin is None
+            or self.feature_columns is None
+            or self.feature_mean is None
+            or self.feature_scale is None
+            or self.n_features is None
+        ):
+            raise NotFittedError(
+                "this ConditionalRandomField has not learned yet; call fit(problems, labelings)"
+            )
+        scaling = Standardization(
+            int(self.n_features[0]), self.feature_columns, self.feature_mean, self.feature_scale
+        )
+        return self.node_weights, self.tables, scaling
+
+    def _check_learned(self) -> None:
+        """Arrays from a file must fit together before anything is computed with them."""
+        node_weights, tables, scaling = self._fitted()
+        n_labels = node_weights.shape[-1]
+        n_kept = len(scaling.columns)
+        finite_array("node_weights", node_weights, (n_kept + 1, n_labels))
+        finite_array("tables", tables, ("F", n_labels, n_labels))
+        integer_array("feature_columns", scaling.columns, (n_kept,), low=0, high=scaling.n_columns)
+        finite_array("feature_mean", scaling.mean, (n_kept,))
+        if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
+            raise InputError("feature_scale must be positive")
+        if self.by_margin is None or self.by_margin.shape != (1,):
+            raise InputError("by_margin must hold one value")
+        if self.learning is not None and self.learning.shape != (N_RECORD,):
+            raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
+
+
+def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:
+    """(N,) which part each node is held out with: whole problems where there are several."""
+    if len(examples) == 1:
+        problem, truth = examples[0]
+        return contiguous_parts(problem.graph, n_parts, truth)
+    n = min(n_parts, len(examples))
+    number = [m * n // len(examples) for m in range(len(examples))]
+    return np.repeat(number, [len(truth) for _, truth in examples])

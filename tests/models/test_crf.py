@@ -1,0 +1,169 @@
+"""The conditional random field: what it learns, decodes, refuses and keeps."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places import LabelGraph, LabelingProblem, Status, build, load, save
+from pgm_places.errors import InputError, LabelError, NotFittedError
+from pgm_places.models.crf import ConditionalRandomField
+from tests.reference.energy import Model, best_score
+
+LEARNERS = ("likelihood", "pseudo-likelihood", "piecewise", "max-margin")
+NAMES = ("a", "b", "c")
+
+
+def ring(n: int, seed: int, noise: float = 1.0) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A chain on which a, b and c follow each other; nodes alone tell little."""
+    truth = (np.arange(n) + seed) % 3
+    looks = np.eye(3)[truth] + noise * np.random.default_rng(seed).normal(size=(n, 3))
+    graph = LabelGraph.from_lattice((n,))
+    return LabelingProblem(graph, NAMES, node_features=looks), truth
+
+
+def board(side: int, seed: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A chess board, whose neighbours always differ."""
+    truth = np.add.outer(np.arange(side), np.arange(side)).ravel() % 2
+    looks = np.eye(2)[truth] + 1.5 * np.random.default_rng(seed).normal(size=(side * side, 2))
+    graph = LabelGraph.from_lattice((side, side))
+    return LabelingProblem(graph, ("white", "black"), node_features=looks), truth
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_labels_that_follow_each_other_are_learned(learner: Any) -> None:
+    train, truth = ring(300, 0)
+    test, expected = ring(300, 1)
+    field = ConditionalRandomField(learner).fit([train], [truth])
+    network = build("amn").fit([train], [truth])
+    assert field.tables is not None
+    assert field.tables[0].argmax(axis=1).tolist() == [1, 2, 0]
+    assert np.mean(field.infer(test).labels == expected) > 0.85
+    assert np.mean(network.infer(test).labels == expected) < 0.75
+    assert field.summary["status"] in ("optimal", "within_tolerance", "oracle_limit")
+
+
+@pytest.mark.parametrize("learner", LEARNERS[1:])
+def test_labels_that_repel_each_other_are_learned_on_a_grid(learner: Any) -> None:
+    """The associative network can only ignore the neighbours; a table says that they differ."""
+    train, truth = board(12, 0)
+    test, expected = board(12, 1)
+    field = ConditionalRandomField(learner).fit([train], [truth])
+    network = build("amn").fit([train], [truth])
+    assert field.tables is not None
+    np.testing.assert_array_equal(field.tables, field.tables.transpose(0, 2, 1))
+    assert np.mean(field.infer(test).labels == expected) > 0.95
+    assert np.mean(network.infer(test).labels == expected) < 0.85
+
+
+def test_auto_takes_the_likelihood_where_it_can_be_computed() -> None:
+    on_chain = ConditionalRandomField().fit(*_lists(ring(60, 0)))
+    on_grid = ConditionalRandomField().fit(*_lists(board(8, 0)))
+    chain, grid = ring(30, 1)[0], board(6, 1)[0]
+    assert on_chain.infer(chain).info["decoder"] == "sum-product"
+    assert on_grid.infer(grid).info["decoder"] == "trw-s"
+    assert on_grid.by_margin is not None
+    assert bool(on_grid.by_margin[0])
+    by_margin = ConditionalRandomField("max-margin").fit(*_lists(ring(60, 0)))
+    assert by_margin.infer(chain).info["decoder"] == "max-product"
+
+
+def _lists(
+    example: tuple[LabelingProblem, NDArray[np.int64]],
+) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
+    return [example[0]], [example[1]]
+
+
+def test_the_score_is_that_of_the_learned_potentials() -> None:
+    """On small trees against brute force, with the labelling of largest score."""
+    field = ConditionalRandomField("max-margin", inference="exact").fit(*_lists(ring(60, 0)))
+    for seed in range(5):
+        tree = nx.random_labeled_tree(6, seed=seed)
+        graph = LabelGraph.from_edges(6, np.array(tree.edges))
+        looks = np.random.default_rng(seed).normal(size=(6, 3))
+        problem = LabelingProblem(graph, NAMES, node_features=looks)
+        found, potentials = field.infer(problem), field.potentials(problem)
+        model = Model(potentials.unary, graph.edges.astype(np.int64), pairwise=potentials.pairwise)
+        assert found.status is Status.EXACT
+        assert found.score == pytest.approx(best_score(model))
+
+
+@pytest.mark.parametrize("learner", ["likelihood", "max-margin"])
+def test_nodes_without_a_label_inform_learning(learner: Any) -> None:
+    """Every fourth node of a chain is labelled, so no edge has two known ends."""
+    problem, truth = ring(400, 0, noise=0.7)
+    labels = np.where(np.arange(400) % 4 == 0, truth, -1)
+    hidden = ConditionalRandomField(learner).fit([problem], [labels])
+    dropped = ConditionalRandomField(learner, unlabelled="dropped").fit([problem], [labels])
+    test, expected = ring(200, 1, noise=0.7)
+    assert np.mean(hidden.infer(test).labels == expected) > 0.9
+    assert np.mean(dropped.infer(test).labels == expected) < 0.8
+    assert hidden.summary["status"] == "local_optimum"
+
+
+def test_the_price_is_chosen_on_held_out_parts() -> None:
+    examples = [ring(60, seed) for seed in range(3)]
+    problems, truths = [p for p, _ in examples], [t for _, t in examples]
+    field = ConditionalRandomField(C=(0.01, 100.0)).fit(problems, truths)
+    assert field.penalty_search is not None
+    assert field.penalty_search[:, 0].tolist() == [0.01, 100.0]
+    assert field.penalty_search[1, 1] > field.penalty_search[0, 1]
+    assert field.summary["penalty"] == 100.0
+    single = ConditionalRandomField(C="auto").fit(problems[:1], truths[:1])
+    assert single.penalty_search is not None
+    assert len(single.penalty_search) == 5
+
+
+def test_edge_features_of_any_sign_have_tables_of_their_own() -> None:
+    """Where the feature is positive neighbours agree, where it is negative they differ."""
+
+    def example(seed: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
+        rng = np.random.default_rng(seed)
+        same = rng.random(149) < 0.5
+        truth = np.concatenate([[0], np.cumsum(~same) % 2])
+        looks = np.eye(2)[truth] + 1.5 * rng.normal(size=(150, 2))
+        signs = np.where(same, 1.0, -1.0)[:, None]
+        graph = LabelGraph.from_lattice((150,))
+        return LabelingProblem(graph, ("a", "b"), None, looks, signs), truth
+
+    train, truth = example(0)
+    test, expected = example(1)
+    field = ConditionalRandomField().fit([train], [truth])
+    assert field.tables is not None
+    assert len(field.tables) == 2
+    assert np.mean(field.infer(test).labels == expected) > 0.95
+    with pytest.raises(InputError, match=r"at least 0, got -1.*method 'crf'"):
+        build("amn").fit([train], [truth])
+
+
+def test_a_saved_field_labels_as_before(tmp_path: Path) -> None:
+    field = ConditionalRandomField("max-margin").fit(*_lists(ring(60, 0)))
+    save(field, tmp_path / "field", label_names=NAMES)
+    again, test = load(tmp_path / "field"), ring(40, 1)[0]
+    assert again.infer(test).score == field.infer(test).score
+    assert again.summary == field.summary
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    problem, truth = ring(30, 0)
+    with pytest.raises(NotFittedError, match="has not learned yet"):
+        ConditionalRandomField().infer(problem)
+    with pytest.raises(InputError, match="no node of any training problem has a label"):
+        ConditionalRandomField().fit([problem], [np.full(30, -1)])
+    with pytest.raises(LabelError, match="'c'"):
+        ConditionalRandomField().fit([problem], [truth % 2])
+    with pytest.raises(InputError, match="needs a graph without cycles"):
+        ConditionalRandomField("likelihood").fit(*_lists(board(4, 0)))
+    field = ConditionalRandomField().fit([problem], [truth])
+    with pytest.raises(InputError, match="trained on 3 labels, this problem has 2"):
+        field.infer(board(4, 0)[0])
+    with pytest.raises(InputError, match="trained on 3 node features, this problem has 1"):
+        field.infer(replace(problem, node_features=np.ones((30, 1))))
+    with pytest.raises(InputError, match="trained on 1 edge features, this problem has 2"):
+        field.infer(replace(problem, edge_features=np.ones((29, 1))))
+    with pytest.raises(InputError, match="feature_scale must be positive"):
+        replace(field, feature_scale=np.zeros(3))
