@@ -4,7 +4,8 @@ A chain: a handwritten counter
 
 A counter stays at one digit for some steps and then moves on to the next. Each digit is a real
 handwritten one with added noise, and the labels form a chain.
-A hidden Markov model learns from labelled chains which digit follows which; an associative network
+A hidden Markov model learns from labelled chains which digit follows which, and so does a
+conditional random field, which weighs that against the pictures as well; an associative network
 learns only that digits tend to stay the same.
 hmmlearn cannot be trained on labels, so it is given a Gaussian per digit and the same transitions.
 """
@@ -40,11 +41,12 @@ train = [chain(examples[:900]) for _ in range(12)]
 test = [chain(examples[900:]) for _ in range(6)]  # digits not seen in training
 
 # %%
-# One classifier, and four ways to use its scores.
+# One classifier, and five ways to use its scores.
 classifier = make_pipeline(StandardScaler(), LogisticRegression(C=0.01))
 models = {
     "digit by digit": "independent",
     "AMN on the chain": "amn",
+    "CRF, learned table": "crf",
     "HMM, online": HiddenMarkovModel("filter", "posterior"),
     "HMM, most probable path": HiddenMarkovModel("viterbi", "posterior"),
 }
@@ -71,7 +73,7 @@ for name, (labels, seconds) in found.items():
 
 # %%
 # The first test chain; crosses mark errors.
-figure, axes = plt.subplots(6, 1, figsize=(10, 7.5), sharex=True, sharey=True, layout="constrained")
+figure, axes = plt.subplots(7, 1, figsize=(10, 8.5), sharex=True, sharey=True, layout="constrained")
 axes[0].plot(test[0][1], drawstyle="steps-mid", color="#2d2d2d")
 axes[0].set_title("truth", loc="left")
 for axis, (name, (chains, _)) in zip(axes[1:], found.items(), strict=True):

@@ -87,7 +87,9 @@ class ConditionalRandomField:
     class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
         How much more a rare label costs there; see the network.
     node_features : str
-        ``logz``, ``z``, ``raw`` or ``auto``, joined by ``+``; see the network.
+        ``logz``, ``z`` and ``raw``, joined by ``+``, see the network; or ``auto``, ``logz`` where
+        the problem has a unary, else ``raw``: behind a classifier its features say little more,
+        and their weights fit noise.
     edge_features : tuple of str
         As of the network; ``auto`` is ``constant``, and ``given`` where the problem has edge
         features.
@@ -239,8 +241,7 @@ class ConditionalRandomField:
         return examples
 
     def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
-        parts = parse_node_features(self.node_features)
-        raw = [node_features(problem, parts) for problem, _ in examples]
+        raw = [self._node_features(problem) for problem, _ in examples]
         if len({features.shape[1] for features in raw}) > 1:
             raise InputError(
                 "training problems must have the same number of node features, got "
@@ -266,6 +267,13 @@ class ConditionalRandomField:
             for (problem, _), features in zip(examples, raw, strict=True)
         ]
         return scaling, LearningTask(beside(fields), truth, loss)
+
+    def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        parts = parse_node_features(self.node_features)
+        if "auto" in parts:
+            there = "raw" if problem.unary is None else "logz"
+            parts = tuple(dict.fromkeys([*(part for part in parts if part != "auto"), there]))
+        return node_features(problem, parts)
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         names = tuple(self.edge_features)
@@ -307,7 +315,7 @@ class ConditionalRandomField:
             raise InputError(
                 f"the field was trained on {n_labels} labels, this problem has {problem.n_labels}"
             )
-        nodes = scaling.apply(node_features(problem, parse_node_features(self.node_features)))
+        nodes = scaling.apply(self._node_features(problem))
         edges = self._edge_features(problem)
         if edges.shape[1] != len(tables):
             raise InputError(

@@ -1,0 +1,165 @@
+"""Learned tables of label pairs on three kinds of problems: python -m experiments.pairwise_tables.
+
+Prints the tables of docs/crf.md and, with --picture FILE, draws what was learned. Every problem is
+drawn from a seed; all methods learn from the same held-out scores of one classifier.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from experiments.defaults import Labelled, digit_chains
+from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, build
+from pgm_places.reproduce.markdown import markdown_table
+from pgm_places.reproduce.section import Table
+
+SEEDS = range(5)
+SIDE = 40
+
+METHODS: dict[str, tuple[str, dict[str, Any]]] = {
+    "each node alone": ("independent", {}),
+    "Potts, `auto`": ("potts", {}),
+    "AMN": ("amn", {}),
+    "HMM, Viterbi": ("hmm", {"mode": "viterbi"}),
+    "CRF, likelihood": ("crf", {"learner": "likelihood"}),
+    "CRF, pseudo-likelihood": ("crf", {"learner": "pseudo-likelihood"}),
+    "CRF, piecewise": ("crf", {"learner": "piecewise"}),
+    "CRF, max margin": ("crf", {"learner": "max-margin"}),
+}
+"""What is compared; ``likelihood`` and the HMM only where the graph is a chain."""
+
+CHAINS_ONLY = ("HMM, Viterbi", "CRF, likelihood")
+
+
+def digits(seed: int) -> list[Labelled]:
+    """A counter's handwritten digits: twelve chains to learn from, six to label."""
+    return list(digit_chains(seed))
+
+
+def clouds(seed: int) -> list[Labelled]:
+    """Three labels in blobs on a grid, as in maps."""
+    rng = np.random.default_rng(seed)
+    smooth = [
+        np.argmax([gaussian_filter(rng.normal(size=(SIDE, SIDE)), 3) for _ in range(3)], axis=0)
+        for _ in range(5)
+    ]
+    return [_grid(truth, rng) for truth in smooth]
+
+
+def stripes(seed: int) -> list[Labelled]:
+    """Three labels in diagonal stripes one cell wide; edges say whether they lead right or down."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    plain = [_grid((rows + 2 * columns + shift) % 3, rng) for shift in range(5)]
+    return [
+        (replace(problem, edge_features=_directions(problem)), truth) for problem, truth in plain
+    ]
+
+
+def _directions(problem: LabelingProblem) -> NDArray[np.float64]:
+    """(E, 2) whether an edge leads right, and whether it leads down."""
+    right = np.diff(problem.graph.edges, axis=1) == 1
+    return np.hstack([right, ~right]).astype(np.float64)
+
+
+def _grid(truth: NDArray[np.int64], rng: np.random.Generator) -> Labelled:
+    labels = truth.ravel()
+    looks = np.eye(3)[labels] + 1.2 * rng.normal(size=(labels.size, 3))
+    graph = LabelGraph.from_lattice(truth.shape)
+    return LabelingProblem(graph, ("a", "b", "c"), node_features=looks), labels
+
+
+PROBLEMS: dict[str, tuple[Callable[[int], list[Labelled]], int]] = {
+    "chains of digits": (digits, 12),
+    "blobs on a grid": (clouds, 3),
+    "stripes on a grid": (stripes, 3),
+}
+"""Name -> how problems are drawn, and how many of them are for learning."""
+
+
+def accuracy(labeler: StructuredLabeler, tests: Sequence[Labelled]) -> float:
+    """The share of test nodes labelled as in the truth, in percent."""
+    return 100 * labeler.score([problem for problem, _ in tests], [truth for _, truth in tests])
+
+
+def fitted(method: str, examples: Sequence[Labelled]) -> StructuredLabeler:
+    """A classifier with the method behind it, learned."""
+    name, options = METHODS[method]
+    if name == "crf":
+        options = {**options, "tables_tell": "order"}
+    classifier = make_pipeline(StandardScaler(), LogisticRegression(C=0.01))
+    labeler = StructuredLabeler(build(name, options), classifier)
+    return labeler.fit([problem for problem, _ in examples], [truth for _, truth in examples])
+
+
+def compared() -> Table:
+    """Accuracy of every method on every kind of problem, means over the seeds."""
+    rows = []
+    for method in METHODS:
+        row = [method]
+        for name, (draw, n_train) in PROBLEMS.items():
+            if method in CHAINS_ONLY and "chains" not in name:
+                row.append("-")
+                continue
+            started, found = time.process_time(), []
+            for seed in SEEDS:
+                examples = draw(seed)
+                found.append(accuracy(fitted(method, examples[:n_train]), examples[n_train:]))
+            seconds = (time.process_time() - started) / len(SEEDS)
+            row.append(f"{np.mean(found):.1f}")
+            print(f"{method}, {name}: {np.mean(found):.1f} %, {seconds:.1f} s", flush=True)
+        rows.append(tuple(row))
+    return Table("", ("method", *PROBLEMS), tuple(rows))
+
+
+def draw_tables(file: Path) -> None:
+    """What was learned on digits and on stripes, beside what it is good for."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 4, figsize=(13, 3.6), layout="constrained")
+    on_chain = fitted("CRF, likelihood", digits(0)[:12])
+    table = on_chain.backend_.tables[0]
+    shown = axes[0].imshow(table, cmap="PuOr_r", vmin=-abs(table).max(), vmax=abs(table).max())
+    axes[0].set(title="learned on chains of digits", xlabel="next digit", ylabel="digit")
+    axes[0].set(xticks=range(10), yticks=range(10))
+    figure.colorbar(shown, ax=axes[0], shrink=0.8)
+    examples = stripes(0)
+    problem, truth = examples[4]
+    pictures = {"stripes: the truth": truth}
+    for title, method in {
+        "each cell alone": "each node alone",
+        "with learned tables": "CRF, max margin",
+    }.items():
+        pictures[title] = fitted(method, examples[:3]).predict([problem])[0]
+    for axis, (title, labels) in zip(axes[1:], pictures.items(), strict=True):
+        axis.imshow(labels.reshape(SIDE, SIDE), cmap="cividis", vmin=0, vmax=2)
+        wrong = (labels != truth).mean()
+        share = "" if labels is truth else f": {100 * wrong:.0f} % wrong"
+        axis.set(title=title + share)
+        axis.set(xticks=[], yticks=[])
+    figure.savefig(file, dpi=110)
+
+
+def main() -> None:
+    """Run the comparison, or draw."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--picture", type=Path, help="draw what was learned into this file")
+    arguments = parser.parse_args()
+    if arguments.picture is not None:
+        draw_tables(arguments.picture)
+        return
+    print(markdown_table(compared()))
+
+
+if __name__ == "__main__":
+    main()
