@@ -92,13 +92,8 @@ def observation_rows(seeds: Sequence[int]) -> Iterator[tuple[str, ...]]:
 
 def _rates(chains: list[Labelled], classifier: Any) -> NDArray[np.float64]:
     """(observations, modes, 2) accuracy and balanced accuracy on the last six chains."""
-    train, test = _scored(chains[:12], classifier), chains[12:]
-    model = make_pipeline(StandardScaler(), classifier)
-    model.fit(np.concatenate([_looks(item) for item in chains[:12]]), _truth(chains[:12]))
-    test_problems = [
-        _with_scores(problem, model.predict_proba(_looks((problem, truth))))
-        for problem, truth in test
-    ]
+    train, test_problems = scored(chains, 12, classifier)
+    test = chains[12:]
     rates = np.empty((len(OBSERVATIONS), len(MODES), 2))
     for s, seen in enumerate(OBSERVATIONS):
         fitted = HiddenMarkovModel(observation=seen).fit(train, [truth for _, truth in chains[:12]])
@@ -109,21 +104,23 @@ def _rates(chains: list[Labelled], classifier: Any) -> NDArray[np.float64]:
     return 100 * rates
 
 
-def _scored(chains: list[Labelled], classifier: Any) -> list[LabelingProblem]:
-    """The chains with scores of classifiers that have not seen them."""
-    groups = np.repeat(np.arange(len(chains)), [len(truth) for _, truth in chains])
+def scored(
+    examples: list[Labelled], n_train: int, classifier: Any
+) -> tuple[list[LabelingProblem], list[LabelingProblem]]:
+    """The examples to learn from, scored without having been seen, and the others."""
+    train, test = examples[:n_train], examples[n_train:]
+    groups = np.repeat(np.arange(n_train), [len(truth) for _, truth in train])
+    model = make_pipeline(StandardScaler(), classifier)
+    looks, truth = np.concatenate([_looks(item) for item in train]), _truth(train)
     scores = cross_val_predict(
-        make_pipeline(StandardScaler(), classifier),
-        np.concatenate([_looks(item) for item in chains]),
-        _truth(chains),
-        groups=groups,
-        cv=GroupKFold(4),
-        method="predict_proba",
+        model, looks, truth, groups=groups, cv=GroupKFold(min(4, n_train)), method="predict_proba"
     )
-    return [
-        _with_scores(problem, scores[groups == number])
-        for number, (problem, _) in enumerate(chains)
+    model.fit(looks, truth)
+    unseen = [
+        _with_scores(problem, scores[groups == number]) for number, (problem, _) in enumerate(train)
     ]
+    new = [_with_scores(item[0], model.predict_proba(_looks(item))) for item in test]
+    return unseen, new
 
 
 def _with_scores(problem: LabelingProblem, scores: NDArray[np.float64]) -> LabelingProblem:

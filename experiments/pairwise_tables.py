@@ -5,7 +5,6 @@ drawn from a seed; all methods learn from the same held-out scores of one classi
 """
 
 import argparse
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from sklearn.linear_model import LogisticRegression
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
-from experiments.defaults import Labelled, digit_chains
+from experiments.defaults import Labelled, digit_chains, scored
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, build
 from pgm_places.reproduce.markdown import markdown_table
 from pgm_places.reproduce.section import Table
@@ -87,39 +84,43 @@ PROBLEMS: dict[str, tuple[Callable[[int], list[Labelled]], int]] = {
 """Name -> how problems are drawn, and how many of them are for learning."""
 
 
-def accuracy(labeler: StructuredLabeler, tests: Sequence[Labelled]) -> float:
-    """The share of test nodes labelled as in the truth, in percent."""
-    return 100 * labeler.score([problem for problem, _ in tests], [truth for _, truth in tests])
+def accuracies(examples: list[Labelled], n_train: int, methods: Sequence[str]) -> list[float]:
+    """The share of test nodes that each method labels as in the truth, in percent."""
+    learning, (test, truths) = _scored_with_truth(examples, n_train)
+    truth = np.concatenate(truths)
+    found = [fitted(method, *learning).predict(test) for method in methods]
+    return [100 * float(np.mean(np.concatenate(labels) == truth)) for labels in found]
 
 
-def fitted(method: str, examples: Sequence[Labelled]) -> StructuredLabeler:
-    """A classifier with the method behind it, learned."""
+def fitted(
+    method: str, problems: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> StructuredLabeler:
+    """The method, learned from scored problems."""
     name, options = METHODS[method]
     if name == "crf":
         options = {**options, "tables_tell": "order"}
-    classifier = make_pipeline(StandardScaler(), LogisticRegression(C=0.01))
-    labeler = StructuredLabeler(build(name, options), classifier)
-    return labeler.fit([problem for problem, _ in examples], [truth for _, truth in examples])
+    return StructuredLabeler(build(name, options)).fit(problems, truths)
 
 
 def compared() -> Table:
     """Accuracy of every method on every kind of problem, means over the seeds."""
-    rows = []
-    for method in METHODS:
-        row = [method]
-        for name, (draw, n_train) in PROBLEMS.items():
-            if method in CHAINS_ONLY and "chains" not in name:
-                row.append("-")
-                continue
-            started, found = time.process_time(), []
-            for seed in SEEDS:
-                examples = draw(seed)
-                found.append(accuracy(fitted(method, examples[:n_train]), examples[n_train:]))
-            seconds = (time.process_time() - started) / len(SEEDS)
-            row.append(f"{np.mean(found):.1f}")
-            print(f"{method}, {name}: {np.mean(found):.1f} %, {seconds:.1f} s", flush=True)
-        rows.append(tuple(row))
+    columns = []
+    for name, (draw, n_train) in PROBLEMS.items():
+        methods = [m for m in METHODS if "chains" in name or m not in CHAINS_ONLY]
+        found = np.mean([accuracies(draw(seed), n_train, methods) for seed in SEEDS], axis=0)
+        shown = {m: f"{rate:.1f}" for m, rate in zip(methods, found, strict=True)}
+        columns.append([shown.get(m, "-") for m in METHODS])
+    rows = zip(METHODS, *columns, strict=True)
     return Table("", ("method", *PROBLEMS), tuple(rows))
+
+
+Scored = tuple[list[LabelingProblem], list[NDArray[np.int64]]]
+
+
+def _scored_with_truth(examples: list[Labelled], n_train: int) -> tuple[Scored, Scored]:
+    train, test = scored(examples, n_train, LogisticRegression(C=0.01))
+    truths = [truth for _, truth in examples]
+    return (train, truths[:n_train]), (test, truths[n_train:])
 
 
 def draw_tables(file: Path) -> None:
@@ -127,20 +128,21 @@ def draw_tables(file: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 4, figsize=(13, 3.6), layout="constrained")
-    on_chain = fitted("CRF, likelihood", digits(0)[:12])
+    chains = digits(0)
+    on_chain = fitted("CRF, likelihood", *_scored_with_truth(chains, 12)[0])
     table = on_chain.backend_.tables[0]
     shown = axes[0].imshow(table, cmap="PuOr_r", vmin=-abs(table).max(), vmax=abs(table).max())
     axes[0].set(title="learned on chains of digits", xlabel="next digit", ylabel="digit")
     axes[0].set(xticks=range(10), yticks=range(10))
     figure.colorbar(shown, ax=axes[0], shrink=0.8)
-    examples = stripes(0)
-    problem, truth = examples[4]
+    learning, (tests, truths) = _scored_with_truth(stripes(0), 3)
+    truth = truths[-1]
     pictures = {"stripes: the truth": truth}
     for title, method in {
         "each cell alone": "each node alone",
         "with learned tables": "CRF, max margin",
     }.items():
-        pictures[title] = fitted(method, examples[:3]).predict([problem])[0]
+        pictures[title] = fitted(method, *learning).predict(tests)[-1]
     for axis, (title, labels) in zip(axes[1:], pictures.items(), strict=True):
         axis.imshow(labels.reshape(SIDE, SIDE), cmap="cividis", vmin=0, vmax=2)
         wrong = (labels != truth).mean()
