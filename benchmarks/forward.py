@@ -1,9 +1,10 @@
 """Hidden Markov filter, smoother and Viterbi, 6 labels.
 
 A random chain and random log-likelihoods, the same for all methods. ``hmmlearn`` runs its compiled
-forward pass (scaled, from likelihoods that are already exponentials; and in logarithms),
-forward-backward and Viterbi on the same chain; ``NumPy loop`` is the filter in two lines per step.
-Processor seconds on one thread; ``difference`` is the largest difference of any belief from ours.
+forward pass (scaled, from likelihoods that are already exponentials, or with their exponentials, as
+ours; and in logarithms), forward-backward and Viterbi on the same chain; ``NumPy loop`` is the
+filter in two lines per step. Processor seconds on one thread; ``difference`` is the largest
+difference of any belief from ours.
 """
 
 import statistics
@@ -46,12 +47,15 @@ def peers(initial: Array, transition: Array, observed: Array) -> Iterator[Method
     def scaled_filter() -> Array:
         return np.asarray(_hmmc.forward_scaling(initial, transition, likelihood)[1])
 
+    def filter_from_logs() -> Array:
+        return np.asarray(_hmmc.forward_scaling(initial, transition, np.exp(observed))[1])
+
     def log_filter() -> Array:
         table = np.asarray(_hmmc.forward_log(initial, transition, observed)[1])
         weights = np.exp(table - table.max(axis=1, keepdims=True))
         return weights / weights.sum(axis=1, keepdims=True)
 
-    def both() -> Array:
+    def both(likelihood: Array = likelihood) -> Array:
         _, forward, scale = _hmmc.forward_scaling(initial, transition, likelihood)
         backward = _hmmc.backward_scaling(initial, transition, likelihood, scale)
         product = np.asarray(forward) * np.asarray(backward)
@@ -61,8 +65,10 @@ def peers(initial: Array, transition: Array, observed: Array) -> Iterator[Method
         _hmmc.viterbi(initial, transition, observed)
 
     yield "filter", "hmmlearn, scaled", n_steps, scaled_filter
+    yield "filter", "hmmlearn, scaled, from logarithms", n_steps, filter_from_logs
     yield "filter", "hmmlearn, logarithms", n_steps, log_filter
     yield "smoother", "hmmlearn, scaled", n_steps, both
+    yield "smoother", "hmmlearn, scaled, from logarithms", n_steps, lambda: both(np.exp(observed))
     yield "Viterbi", "hmmlearn", n_steps, viterbi
 
 

@@ -1,6 +1,11 @@
-"""Kernels of hidden Markov chains: the filter with scaled likelihoods, the smoother, Viterbi."""
+"""Kernels of hidden Markov chains: the filter with scaled likelihoods, the smoother, Viterbi.
 
-from typing import NamedTuple
+``each`` has an entry per label. Where it is a tuple, its length is a constant to the compiler,
+which then unrolls all loops over labels; an array serves any number of labels with one compiled
+kernel.
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,20 +13,26 @@ from numpy.typing import NDArray
 from pgm_places.kernels.jit import njit
 
 SMALLEST_TOTAL = 1e-280  # below, scaled products have lost digits: that step is done in logarithms
+LOW_SCORE = -1e3  # of the best path: below, scores are counted from it anew, so that digits remain
 
 
 @njit
 def subtract_best(
-    log_likelihood: NDArray[np.float64], out: NDArray[np.float64], best: NDArray[np.float64]
+    log_likelihood: NDArray[np.float64],
+    out: NDArray[np.float64],
+    best: NDArray[np.float64],
+    each: Any,
 ) -> None:
     """Rows (n, K) less their largest entry, which goes to ``best``; all -inf stays so, best 0."""
+    n_labels = len(each)
     for t in range(log_likelihood.shape[0]):
         most = log_likelihood[t, 0]
-        for k in range(1, log_likelihood.shape[1]):
+        for k in range(1, n_labels):
             most = max(most, log_likelihood[t, k])
-        best[t] = most if most > -np.inf else 0.0
-        for k in range(log_likelihood.shape[1]):
-            out[t, k] = log_likelihood[t, k] - best[t]
+        most = most if most > -np.inf else 0.0
+        best[t] = most
+        for k in range(n_labels):
+            out[t, k] = log_likelihood[t, k] - most
 
 
 @njit
@@ -65,7 +76,11 @@ class Steps(NamedTuple):
 
 @njit
 def filter_steps(
-    belief: NDArray[np.float64], begun: bool, arrival: NDArray[np.float64], steps: Steps
+    belief: NDArray[np.float64],
+    begun: bool,
+    arrival: NDArray[np.float64],
+    steps: Steps,
+    each: Any,
 ) -> None:
     """Filter some steps on from ``belief`` (K,), which is left at the last (paper eq. 3).
 
@@ -74,14 +89,14 @@ def filter_steps(
     observations are left out.
     """
     action, log_likelihood, likelihood, scale, out, total = steps
-    n_steps, n_labels = likelihood.shape
+    n_steps, n_labels = likelihood.shape[0], len(each)
     predicted = np.empty(n_labels)
     for t in range(n_steps):
         if t > 0 or begun:
             a = action[t]
             for k in range(n_labels):
-                arriving = 0.0
-                for m in range(n_labels):
+                arriving = arrival[a, k, 0] * belief[0]
+                for m in range(1, n_labels):
                     arriving += arrival[a, k, m] * belief[m]
                 predicted[k] = arriving
         else:
@@ -89,33 +104,35 @@ def filter_steps(
                 predicted[k] = belief[k]
         mass = 0.0
         for k in range(n_labels):
-            out[t, k] = predicted[k] * likelihood[t, k]
-            mass += out[t, k]
+            belief[k] = predicted[k] * likelihood[t, k]
+            mass += belief[k]
         if mass < SMALLEST_TOTAL:
             mass, scale[t] = _weigh_in_logs(log_likelihood, t, predicted)
             for k in range(n_labels):
-                out[t, k] = predicted[k]
+                belief[k] = predicted[k]
         total[t] = mass
         if mass == 0.0:
-            mass = 0.0
             for k in range(n_labels):
                 mass += predicted[k]
         factor = 1.0 / mass
         for k in range(n_labels):
-            belief[k] = out[t, k] * factor
+            belief[k] *= factor
             out[t, k] = belief[k]
 
 
 @njit
 def smooth_steps(
-    arrival: NDArray[np.float64], action: NDArray[np.int64], beliefs: NDArray[np.float64]
+    arrival: NDArray[np.float64],
+    action: NDArray[np.int64],
+    beliefs: NDArray[np.float64],
+    each: Any,
 ) -> None:
     """Turn filtered beliefs (T, K) into smoothed ones, in place, from the last step back.
 
     ``p(l_t | all) = f_t(l) sum_m P(m | l) p(m_{t+1} | all) / predicted_{t+1}(m)``; ``action[t]``
     led to step ``t``.
     """
-    n_steps, n_labels = beliefs.shape
+    n_steps, n_labels = len(beliefs), len(each)
     ratio = np.empty(n_labels)
     for t in range(n_steps - 2, -1, -1):
         a = action[t + 1]
@@ -148,13 +165,14 @@ def viterbi_steps(
     origin: NDArray[np.int16],
     out: NDArray[np.int64],
     impossible: NDArray[np.bool_],
+    each: Any,
 ) -> float:
     """Write the most probable labels (T,) and return the logarithm of their joint probability.
 
     ``origin`` (T, K) is scratch: the best label before each. An impossible observation is marked
     and left out.
     """
-    n_steps, n_labels = log_likelihood.shape
+    n_steps, n_labels = len(log_likelihood), len(each)
     reach = np.empty(n_labels)
     arrive = log_initial.copy()
     shift = 0.0
@@ -178,13 +196,15 @@ def viterbi_steps(
             for k in range(n_labels):
                 reach[k] = arrive[k]
                 most = max(most, reach[k])
-        for k in range(n_labels):
-            reach[k] -= most
-        shift += most
+        if most < LOW_SCORE:
+            for k in range(n_labels):
+                reach[k] -= most
+            shift += most
     last = 0
     for k in range(1, n_labels):
         if reach[k] > reach[last]:
             last = k
+    shift += reach[last]
     for t in range(n_steps - 1, -1, -1):
         out[t] = last
         last = origin[t, last]

@@ -24,6 +24,7 @@ __all__ = [
 ]
 
 STEPS_AT_ONCE = 4096  # likelihoods of so many steps stay in cache between exponential and filter
+FEW_LABELS = 8  # kernels are compiled for each of these numbers of labels, and for any larger one
 SUM_TOLERANCE = 1e-6  # of probabilities that must sum to one
 
 
@@ -120,7 +121,7 @@ def smoothed_beliefs(
 
     start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
     found = _filter(start, arrival, observed, led)
-    smooth_steps(arrival, led, found.beliefs)
+    smooth_steps(arrival, led, found.beliefs, _each(observed.shape[1]))
     return found
 
 
@@ -151,10 +152,12 @@ def viterbi(
     impossible = np.zeros(n_steps, np.bool_)
     with np.errstate(divide="ignore"):
         log_start, log_arrival = np.log(start), np.log(arrival)
-    origin = np.zeros((n_steps, n_labels), np.int16)
     total = 0.0
     if n_steps:
-        total = viterbi_steps(log_start, log_arrival, led, observed, origin, labels, impossible)
+        origin, each = np.zeros(observed.shape, np.int16), _each(n_labels)
+        total = viterbi_steps(
+            log_start, log_arrival, led, observed, origin, labels, impossible, each
+        )
     return ChainPath(labels, float(total), np.flatnonzero(impossible))
 
 
@@ -225,13 +228,13 @@ class ForwardFilter:
             finite_array("log_likelihood", rows[0], ("K",), allow_minus_inf=True)
         if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):
             raise InputError(f"belief must hold probabilities that sum to one, got {before}")
-        scaled, found = np.empty(rows.shape), np.empty(rows.shape)
+        scaled, found, each = np.empty(rows.shape), np.empty(rows.shape), _each(len(before))
         total, scale = np.empty(1), np.empty(1)
-        subtract_best(rows, scaled, scale)
+        subtract_best(rows, scaled, scale, each)
         np.exp(scaled, out=scaled)
         led = np.array([action])
         steps = Steps(led, rows, scaled, scale, found, total)
-        filter_steps(before.copy(), belief is not None, self._arrival, steps)
+        filter_steps(before.copy(), belief is not None, self._arrival, steps, each)
         return found[0], bool(total[0] > 0.0)
 
 
@@ -281,6 +284,11 @@ def require_distributions(name: str, values: NDArray[np.float64]) -> None:
         raise InputError(f"{name} must hold probabilities that sum to one in every row")
 
 
+def _each(n_labels: int) -> Any:
+    """An entry per label: a tuple, whose length kernels are compiled for, if there are few."""
+    return (0,) * n_labels if 0 < n_labels <= FEW_LABELS else np.zeros(n_labels, np.int64)
+
+
 def _filter(
     start: NDArray[np.float64],
     arrival: NDArray[np.float64],
@@ -293,14 +301,14 @@ def _filter(
     beliefs = np.empty((n_steps, n_labels))
     likelihood = np.empty((min(n_steps, STEPS_AT_ONCE), n_labels))
     total, scale = np.empty(n_steps), np.empty(n_steps)
-    belief = start.copy()
+    belief, each = start.copy(), _each(n_labels)
     for begin in range(0, n_steps, STEPS_AT_ONCE):
         part = slice(begin, min(begin + STEPS_AT_ONCE, n_steps))
         rows, scaled = observed[part], likelihood[: part.stop - begin]
-        subtract_best(rows, scaled, scale[part])
+        subtract_best(rows, scaled, scale[part], each)
         np.exp(scaled, out=scaled)
         steps = Steps(led[part], rows, scaled, scale[part], beliefs[part], total[part])
-        filter_steps(belief, begin > 0, arrival, steps)
+        filter_steps(belief, begin > 0, arrival, steps, each)
     impossible = np.flatnonzero(total == 0.0)
     evidence = -np.inf
     if not len(impossible):

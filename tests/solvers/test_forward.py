@@ -240,3 +240,30 @@ def test_a_step_that_does_not_fit_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=text):
         ForwardFilter([0.5, 0.5], np.eye(2)).step(observed, belief)
+
+
+@pytest.mark.parametrize("k", [1, 3, 8, 9])
+def test_any_number_of_labels_over_a_long_chain(k: int) -> None:
+    rng = np.random.default_rng(k)
+    initial, transition = rng.dirichlet(np.ones(k)), rng.dirichlet(np.ones(k), k)
+    observed = rng.normal(0, 30, (5000, k))  # so sharp that beliefs have to be scaled up again
+    predicted, expected, evidence = initial, np.empty_like(observed), 0.0
+    score, came = np.log(initial), np.zeros(observed.shape, np.int64)
+    for t, row in enumerate(observed):
+        weighed = predicted * np.exp(row - row.max())
+        evidence += np.log(weighed.sum()) + row.max()
+        expected[t] = weighed / weighed.sum()
+        predicted = expected[t] @ transition
+        if t:
+            through = score[:, None] + np.log(transition)
+            came[t], score = through.argmax(axis=0), through.max(axis=0)
+        score = score + row
+    found = filtered_beliefs(initial, transition, observed)
+    np.testing.assert_allclose(found.beliefs, expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.log_evidence, evidence, rtol=1e-12)
+    path = viterbi(initial, transition, observed)
+    np.testing.assert_allclose(path.log_probability, score.max(), rtol=1e-12)
+    label = int(score.argmax())
+    for t in range(len(observed) - 1, -1, -1):
+        assert path.labels[t] == label
+        label = int(came[t, label])
