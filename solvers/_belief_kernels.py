@@ -18,6 +18,7 @@ __all__ = [
     "gather_beliefs",
     "message_sweep",
     "pass_forest",
+    "sample_forest",
     "spanning_order",
 ]
 
@@ -321,3 +322,46 @@ def decode_forest(
             above = labels[arcs.ends[up ^ REVERSE]]
             add_edge(terms.pairwise, up, above, belief)
         labels[i] = belief.argmax()
+
+
+@njit
+def sample_forest(
+    terms: Terms,
+    arcs: Arcs,
+    order: NDArray[np.uint32],
+    parent: NDArray[np.uint32],
+    message: NDArray[np.float64],
+    chance: NDArray[np.float64],
+    labels: NDArray[np.int32],
+) -> None:
+    """Draw every node after its parent, by what its children said and the parent's label.
+
+    ``message`` (2 E, K) are sums, at least those towards the roots; ``chance`` (N,) in [0, 1).
+    """
+    n_labels = terms.unary.shape[1]
+    belief = np.empty(n_labels)
+    for step in range(order.shape[0]):
+        i = order[step]
+        up = parent[i]
+        belief[:] = terms.unary[i]
+        for slot in range(arcs.start[i], arcs.start[i + _ONE]):
+            along = arcs.arc[slot]
+            if along != up:
+                for k in range(n_labels):
+                    belief[k] += message[along ^ REVERSE, k]
+        if up != NO_ARC:
+            add_edge(terms.pairwise, up, labels[arcs.ends[up ^ REVERSE]], belief)
+        top = belief.max()
+        total = 0.0
+        for k in range(n_labels):
+            belief[k] = np.exp(belief[k] - top)
+            total += belief[k]
+        left = chance[i] * total
+        chosen = 0
+        for k in range(n_labels):
+            if belief[k] > 0.0:
+                chosen = k
+                left -= belief[k]
+                if left < 0.0:
+                    break
+        labels[i] = chosen

@@ -7,7 +7,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._belief_kernels import decode_forest, forest_order, pass_forest
+from pgm_places.solvers._belief_kernels import (
+    decode_forest,
+    forest_order,
+    pass_forest,
+    sample_forest,
+)
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.belief_propagation import beliefs_from_messages
 from pgm_places.solvers.mean_field import normalised
@@ -18,6 +23,7 @@ __all__ = [
     "ForestMarginals",
     "forest_marginals",
     "forest_maximum",
+    "forest_samples",
     "is_forest",
 ]
 
@@ -125,6 +131,38 @@ def forest_marginals(
     beliefs = frozen(beliefs_from_messages(model, message))
     joint = frozen(_pair_beliefs(model, message)) if pairs else None
     return ForestMarginals(beliefs, log_z + model.offset, joint)
+
+
+def forest_samples(
+    unary: ArrayLike,
+    edges: ArrayLike | Adjacency,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+    *,
+    n_samples: int,
+    seed: int = 0,
+) -> NDArray[np.int64]:
+    """(S, N) labellings drawn from ``p ~ exp(score)``; forward filtering, backward sampling.
+
+    Parameters and errors are those of :func:`forest_maximum`.
+
+    Examples
+    --------
+    >>> drawn = forest_samples([[0.0, 0.0]] * 2, [(0, 1)], [[50.0, 50.0]], n_samples=4)
+    >>> bool((drawn[:, 0] == drawn[:, 1]).all())
+    True
+    """
+    model, order, parent = _ordered(unary, edges, agreement, pairwise)
+    message = np.zeros((2 * model.around.n_edges, model.n_labels))
+    log_z = pass_forest(False, model.terms, model.around.arcs, order, parent, message)
+    if log_z == -np.inf:
+        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+    rng = np.random.default_rng(seed)
+    labels = np.empty((n_samples, model.n_nodes), np.int32)
+    for drawn in labels:
+        chance = rng.random(model.n_nodes)
+        sample_forest(model.terms, model.around.arcs, order, parent, message, chance, drawn)
+    return labels.astype(np.int64)
 
 
 def is_forest(around: Adjacency) -> bool:
