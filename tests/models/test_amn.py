@@ -285,6 +285,17 @@ def test_c_is_chosen_on_held_out_blocks() -> None:
     np.testing.assert_array_equal(network.node_weights, direct.node_weights)
 
 
+def test_among_equals_the_smaller_c_is_chosen() -> None:
+    graph = LabelGraph.from_grid(np.ones((4, 16), np.bool_))
+    truth = ((np.mgrid[:4, :16][1] // 2) % 2).ravel().astype(np.int64)
+    problem = LabelingProblem(graph, NAMES[:2], node_features=np.eye(2)[truth])
+    network = AssociativeMarkovNetwork(C=(100.0, 10.0, 30.0), node_features="raw")
+    fitted = network.fit([problem], [truth])
+    assert fitted.penalty_search is not None
+    assert fitted.penalty_search[:, 1].tolist() == [1.0] * 3
+    assert fitted.summary["penalty"] == 10.0
+
+
 def test_auto_tries_the_listed_penalties() -> None:
     problem, _ = sample(6, 24, seed=14, n_labels=2)
     truth = ((np.mgrid[:6, :24][1] // 2) % 2).ravel().astype(np.int64)

@@ -10,6 +10,9 @@ from tests.strategies import models
 
 @given(models(("associative", "agreement")))
 def test_every_best_labelling_survives(model: Model) -> None:
+    # In sixteenths all sums are exact; else rounding makes labellings equal that are not.
+    agreement = None if model.agreement is None else np.round(16 * model.agreement) / 16
+    model = Model(np.round(16 * model.unary) / 16, model.edges, agreement)
     reduced = reduce_model(pairwise_model(*model.arrays))
     for labels in best_labelings(model, atol=0.0):
         chosen = np.array(labels, np.int64)
