@@ -11,7 +11,7 @@ from pgm_places.reproduce.cold import (
     CLASSES,
     NAMES,
     PLACES,
-    denser,
+    STEP_M,
     load_cold,
     place_classes,
     thinned,
@@ -28,7 +28,7 @@ def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> lis
         found: dict[str, list[np.ndarray]] = {"alone": [], "filter": [], "smooth": []}
         truths = []
         for known, run in runs:
-            run = denser(run)
+            run = run.resampled(STEP_M)
             scores = labeler.scores(run, known_map=known.grid)
             truths.append(run.labels)
             found["alone"].append(scores.argmax(axis=1))

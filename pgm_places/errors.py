@@ -126,6 +126,6 @@ def nearest_name(name: str, known: Sequence[str]) -> str:
 
     listed = [item for item in known if len(item) <= _LONGEST_NAME][:_MOST_NAMES]
     close = difflib.get_close_matches(name[:_LONGEST_NAME], listed, n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    hint = f"Did you mean {close[0]!r}? " if close else ""
     more = f" and {len(known) - len(listed)} more" if len(listed) < len(known) else ""
     return f"{hint}Known: {', '.join(sorted(listed))}{more}"

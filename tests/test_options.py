@@ -351,10 +351,10 @@ def test_tables_become_objects_all_the_way_down() -> None:
     ("table", "message"),
     [
         ({}, "'top.name' is missing"),
-        ({"name": "a", "part": []}, "unknown key 'top.part'. did you mean 'parts'?"),
+        ({"name": "a", "part": []}, "unknown key 'top.part'. Did you mean 'parts'?"),
         (
             {"name": "a", "parts": [{}, {"size": 1}]},
-            "unknown key 'top.parts[1].size'. did you mean 'size_m'?",
+            "unknown key 'top.parts[1].size'. Did you mean 'size_m'?",
         ),
         (
             {"name": "a", "parts": [{"size_m": -1}]},

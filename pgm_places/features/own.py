@@ -96,7 +96,7 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def n_columns(own: Sequence[Any]) -> int:
-    """How many columns the lists see: the laser's and those of own features."""
+    """The number of columns: the laser's and those of custom features."""
     return N_LASER + sum(len(item.column_names) for item in own)
 
 

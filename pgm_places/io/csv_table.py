@@ -18,7 +18,7 @@ from pgm_places.io.input_file import open_input
 __all__ = ["MAX_VALUES", "CsvTable", "open_table", "plain_number"]
 
 MAX_VALUES = 20_000_000
-"""Numbers of one table: 160 MB."""
+"""The most numbers in one table: 160 MB."""
 _MAX_NAME = 200
 _MAX_COLUMNS = 10_000
 _MAX_LINE = 1 << 20
@@ -112,7 +112,7 @@ class CsvTable:
 
 
 def plain_number(text: str) -> float:
-    """A number as programs write it, NaN where it is none: Python alone takes ``1_000`` and ``١``.
+    """A number in plain notation, else NaN: unlike Python's, ``1_000`` and ``١`` are not numbers.
 
     Examples
     --------
@@ -129,7 +129,7 @@ def plain_number(text: str) -> float:
 def open_table(
     path: Path, error: type[InputError], what: str, *, max_bytes: int
 ) -> Iterator[CsvTable]:
-    """A table that is read while the block lasts.
+    """A table that stays open inside the block.
 
     Parameters
     ----------

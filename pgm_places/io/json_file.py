@@ -15,22 +15,12 @@ _MOST_DIGITS = 18
 
 
 def read_json(path: Path, error: type[InputError], what: str, *, max_bytes: int) -> Any:
-    """The content of a JSON file.
-
-    Parameters
-    ----------
-    path : Path
-    error : type
-        The exception to raise for everything that is wrong.
-    what : str
-        What the file should be, for messages: "regions (GeoJSON)".
-    max_bytes : int
-        No more than this is read.
+    """The content of a JSON file; parameters as of :func:`~pgm_places.io.text_file.read_text`.
 
     Raises
     ------
     error
-        Where the file cannot be read, is too large, or is what :func:`parsed_json` refuses.
+        The file cannot be read, is too large, or is refused by :func:`parsed_json`.
     """
     return parsed_json(read_text(path, error, what, max_bytes=max_bytes), path, error)
 

@@ -66,7 +66,7 @@ def remove_leftovers(parent: Path, name: str) -> None:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Nobody else changes the folder, or makes one at this path where there is none."""
+    """A lock: nobody else changes the folder, or creates one at this path."""
     lock = None
     while folder.parent.is_dir():
         held = folder if folder.is_dir() else folder.parent
@@ -83,7 +83,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _lock(path: Path, *, wait: bool = True) -> int | None:
-    """An open file that holds the lock; None where it is held, or the path leads elsewhere now."""
+    """An open file that holds the lock; None if another process holds it or the path has moved."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     if fcntl is None:
         return os.open(os.devnull, os.O_RDONLY)

@@ -57,7 +57,7 @@ class YamlFile:
     def value(self, key: str) -> YamlValue:
         """What stands at a key that must be there."""
         if key not in self.values:
-            raise self.fail(f"key {shown(key)} is missing; {nearest_name(key, list(self.values))}")
+            raise self.fail(f"key {shown(key)} is missing. {nearest_name(key, list(self.values))}")
         return self.values[key]
 
     def text(self, key: str) -> str:

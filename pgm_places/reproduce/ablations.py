@@ -1,4 +1,4 @@
-"""Ablations: one thing varied at a time, everything else at its default."""
+"""Ablations: one factor varied at a time, all others at their defaults."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -58,7 +58,7 @@ def beams(setting: Setting) -> Outcome:
 
 
 def resolution(setting: Setting) -> Outcome:
-    """The side of the cells, and where the map has finer ones, those."""
+    """The size of the cells, down to the finest that the map has."""
     found = {
         f"{100 * cells_m:g} cm": _compare(
             setting, {"resolution_m": cells_m}, ("adaboost", "relaxation")
@@ -69,7 +69,7 @@ def resolution(setting: Setting) -> Outcome:
 
 
 def noise(setting: Setting) -> Outcome:
-    """Noisy beams in learning and in labelling, as in the paper's simulator, by several seeds."""
+    """Noisy beams in training and labelling, as in the paper's simulator, for several seeds."""
     methods = ("adaboost", "relaxation", "amn")
     clean = _compare(setting, {}, methods)
     noisy = {
@@ -94,7 +94,7 @@ def noise(setting: Setting) -> Outcome:
 
 
 def training_size(setting: Setting) -> Outcome:
-    """Labelled area: stripes of the left half that grow from the cut towards the left."""
+    """The labelled area: stripes of the left half that grow from the cut towards the left."""
     found = {}
     for first in FIRST_COLUMNS:
         experiment = setting.experiment(CONFIG)
@@ -108,7 +108,7 @@ def training_size(setting: Setting) -> Outcome:
 
 
 def features(setting: Setting) -> Outcome:
-    """Which features the list sees: beams, polygon, both, or those that boosting chose first."""
+    """The features given to the list: beams, polygon, both, or those that boosting chose first."""
     experiment = setting.experiment(CONFIG)
     labeler = make_labeler(experiment.config)
     maps = [*load_maps(experiment, "train"), *load_maps(experiment, "test")]
@@ -143,7 +143,7 @@ def features(setting: Setting) -> Outcome:
 
 
 def stripe(train: LabelledMap, share: float) -> LabelledMap:
-    """The labelled map without this share of its labelled columns, from the left."""
+    """The labelled map without this share of its labelled columns, counted from the left."""
     at = np.flatnonzero(train.labelled_cells.any(axis=0))
     window = np.zeros(train.grid.shape, np.bool_)
     first = int(at[0] + share * 0.9 * (at[-1] - at[0]))
@@ -161,7 +161,7 @@ def _some_cells(n_cells: int, most: int | None) -> NDArray[np.bool_]:
 
 
 def _n(name: str) -> int:
-    """Methods under a noise: the network, which takes longest to learn, only under the paper's."""
+    """How many methods run at a noise level: the slow network only at the paper's."""
     return 3 if name == "5 cm, 1 % random, 1 % maximum" else 2
 
 

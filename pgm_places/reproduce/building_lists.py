@@ -1,4 +1,4 @@
-"""Lists learned without a fold of buildings, and what they say of the maps of that fold."""
+"""Lists learned without a fold of buildings, and their scores for the maps of that fold."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ RECIPES: Mapping[str, Recipe] = {
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """What lists that did not see a building say of one of its maps.
+    """The scores of one map by lists that were trained without its building.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class _GateRows:
     fold: NDArray[np.int64]
 
     def without(self, folds: set[int], n_threads: int | None) -> BoostedList | None:
-        """The list of gates that has not seen some folds."""
+        """The list of gates trained without some folds."""
         seen = self.known & ~np.isin(self.fold, list(folds))
         return gate_list(self.values, self.truth, self.fold, seen, n_threads)
 
@@ -130,7 +130,7 @@ def scored_maps(
     *,
     learned: NDArray[np.bool_] | None = None,
 ) -> list[Scored]:
-    """Every map that is tested, scored by lists that have not seen its building.
+    """Every test map, scored by lists trained without its building.
 
     The lists are learned anew for each fold. So are those of gates, twice: whatever a training map
     is told of its gates comes from a list that saw neither its fold nor the one that is tested.
@@ -246,7 +246,7 @@ class _Rows:
         n_threads: int | None,
         stage: Stage,
     ) -> dict[str, NDArray[Any]]:
-        """The scores of a fold's maps by some recipes, from lists that have not seen them."""
+        """The scores of a fold's maps by some recipes, from lists trained without them."""
         values = np.concatenate([self.values, self.of_places[number]], axis=1)
         lists = {}
         for count, (name, recipe) in enumerate(recipes.items(), start=1):
@@ -316,7 +316,7 @@ def _gates_of(
 def _judges(
     gates: _GateRows, fold: NDArray[np.int64], tested: Sequence[int], setting: Setting
 ) -> dict[int, dict[int, BoostedList | None]]:
-    """For each fold of maps and each tested fold the list of gates that has seen neither."""
+    """For each fold of maps and each test fold, the list of gates trained on neither."""
     pairs = {frozenset({a, b}) for a in tested for b in np.unique(fold).tolist()}
     lists = {}
     with setting.progress.stage("lists of gates") as stage:
@@ -344,7 +344,7 @@ def _scores_of_map(
     gate: NDArray[np.float64],
     n_threads: int | None,
 ) -> dict[str, NDArray[Any]]:
-    """What lists say of the lattice of a map, and the gates that its cells lie at."""
+    """The scores of the cells of a map's lattice, and the gates that they lie at."""
     spaces = MapSpaces.of(_candidates(sample), gate)
     cells = np.argwhere(sample.lattice)
     around = spaces.features.lookup(cells)

@@ -44,10 +44,10 @@ __all__ = [
 
 NAMES = PLACES
 WITH_HALLS = HallNames((*PLACES, "hall"))
-"""The labels that are learned; they are tested with halls as corridors."""
+"""The labels that are learned; in tests, halls count as corridors."""
 
 CELLS_M = 0.05
-"""Side of the cells of maps that are finer, and of robot-like copies."""
+"""The cell size to which finer maps are coarsened, and that of robot-like copies."""
 
 EXAMPLES_PER_MAP = 1000
 LATTICE_STEP = 4
@@ -66,7 +66,7 @@ GENERATED_STYLES = (
 """Generated buildings of these styles are learned from."""
 
 PER_STYLE = 4
-"""So many of each style: every other one furnished as a robot maps it, the others clean."""
+"""How many of each style: every other one furnished and mapped by a robot, the rest clean."""
 
 STAND_INS = ("school", "office", "school", "office", "school", "office")
 DRAWN, SIMULATED, REAL, GENERATED = "drawn", "simulated SLAM", "real SLAM", "generated"
@@ -85,7 +85,7 @@ _FLOOR_CLASSES = {
 
 @dataclass(frozen=True, eq=False)
 class KnownMap:
-    """A labelled map and what kind it is.
+    """A labelled map and its kind.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class KnownMap:
 
     @classmethod
     def of(cls, named: LabelledMap, kind: str, source: str) -> "KnownMap":
-        """The map of labels that name halls, the fourth label."""
+        """The map with halls as a fourth label."""
         return cls(WITH_HALLS.fold(named), kind, source, named.labels == len(NAMES))
 
     @property
@@ -117,12 +117,12 @@ class KnownMap:
 
     @property
     def building(self) -> str:
-        """What is held out together."""
+        """The group that is held out together."""
         return self.item.building or self.item.name
 
     @property
     def group(self) -> str:
-        """The row of the tables that it belongs to."""
+        """The row of the tables to which it belongs."""
         return f"{self.kind}, {self.source}"
 
 
@@ -179,7 +179,7 @@ class Sample:
 
 
 def sampled_maps(setting: Setting) -> list[Sample]:
-    """All maps, their robot-like copies and generated buildings; what is learned from is ready."""
+    """All maps, their robot-like copies and generated buildings, ready for training."""
     kept, found = KeptArrays(setting.kept), []
     with setting.progress.stage("maps, robot-like copies and features") as stage:
         plans = [*(_stand_ins() if setting.data is None else real_maps(setting.data))]
@@ -264,7 +264,7 @@ def _generated() -> Iterator[KnownMap]:
 
 
 def _robot_like(plan: KnownMap, seed: int, kept: KeptArrays) -> KnownMap:
-    """What a robot would have mapped of a drawn floor."""
+    """The map that a robot would have made of a drawn floor."""
 
     def make() -> dict[str, NDArray[np.generic]]:
         named = replace(plan.item, labels=plan.finer)

@@ -1,4 +1,4 @@
-"""How good held-out scores of maps are: cells, doors and probabilities, by kind of map."""
+"""The quality of held-out scores by kind of map: cells, doors and probabilities."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,10 +37,10 @@ __all__ = [
 
 GATES, SHIPPED = "gates on doorways", "temperature"
 RESCALED = ("platt", SHIPPED)
-"""The calibrations of the list that are tried."""
+"""The calibrations of the list to compare."""
 
 POTTS = {f"Potts {weight:g}": weight for weight in (0.25, 0.5, 1.0)}
-"""Fields on the shipped scores, by their weights."""
+"""Potts weights to compare on the scores of the shipped model's list."""
 
 _ORDER = {3: (2, 0, 1), 4: (2, 3, 0, 1)}
 """The list's classes, the rarest first, without and with halls."""

@@ -1,4 +1,4 @@
-"""Buildings left out: how good what is learned from other buildings is, by kind, and why."""
+"""Buildings left out: how well models transfer to new buildings, by kind of building, and why."""
 
 from collections.abc import Mapping, Sequence
 
@@ -54,7 +54,7 @@ _PICTURE = "worst.png"
 
 
 def run(setting: Setting) -> Outcome:
-    """Every building scored by what was learned from the others."""
+    """Every building, scored by models trained on the others."""
     samples = sampled_maps(setting)
     fold = building_numbers(samples, N_FOLDS)
     scored = scored_maps(setting, samples, fold)
@@ -143,7 +143,7 @@ def _kind_table(kinds: Mapping[str, Sequence[MapResult]]) -> Table:
 
 
 def _door_shares(results: Sequence[MapResult]) -> tuple[float | None, float | None]:
-    """Shares of the doors that were found, and of the accepted gates that are none."""
+    """The share of doors that were found, and of accepted gates that are not doors."""
     doors = [item.doors for item in results]
     total, found = sum(item.doors for item in doors), sum(item.found for item in doors)
     accepted, right = sum(item.accepted for item in doors), sum(item.right for item in doors)

@@ -46,7 +46,7 @@ FURNISHING_79: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "printer area": {"office cupboard": (1, 2), "upper human body": (0, 1)},
     "corridor": {"full human body": (0, 2)},
 }
-"""Objects put into building 79: the data set does not say which there were."""
+"""The objects placed in building 79; the data set does not record the real ones."""
 
 LEARN_SEEDS, LABEL_SEEDS = (1, 2), (11,)
 """Of the generated buildings that stand in."""
@@ -110,7 +110,7 @@ def _building79(data: Path) -> tuple[list[Floor], list[Floor]]:
 
 
 def _classes() -> dict[str, str]:
-    """Of the polygons; those that the drive never saw have no category."""
+    """The categories of the polygons; those that the drive never saw have none."""
     return {"BA": "", "ST": "", "PA": "", "EV": "", "CF": "", "RL": "", "TR": "", **CATEGORIES}
 
 

@@ -14,7 +14,7 @@ CHOICES = {"choices_list": "decision list, 5 cm", "choices_network": "associativ
 
 
 def run(setting: Setting) -> Outcome:
-    """Every combination, held out and in the test: how far the first tells of the second."""
+    """Every combination, held out and tested: how well the first score predicts the second."""
     findings: list[Finding] = []
     tables = []
     for name, words in CHOICES.items():

@@ -18,7 +18,7 @@ __all__ = [
     "CLASSES",
     "NAMES",
     "PLACES",
-    "denser",
+    "STEP_M",
     "load_cold",
     "load_cold_folder",
     "place_classes",
@@ -40,6 +40,7 @@ PLACES = ("corridor", "room", "doorway")
 RESOLUTION_M = 0.1
 CELLS_KEPT = 0.2
 STEP_M = 0.1
+"""Recorded positions are a metre apart, far more than a robot drives between two updates."""
 
 
 def place_of(name: str) -> str:
@@ -92,12 +93,3 @@ def thinned(known: LabelledMap) -> LabelledMap:
     """The map with a share of its labels, drawn at random: neighbouring cells look alike."""
     kept = np.random.default_rng(0).random(known.labels.shape) < CELLS_KEPT
     return replace(known, labels=np.where(kept, known.labels, -1).astype(np.int16))
-
-
-def denser(run: Trajectory) -> Trajectory:
-    """The run with positions every tenth of a metre, straight between the recorded ones.
-
-    Recorded positions are a metre apart, far more than the robot drives between two updates; what
-    lies between them has no label.
-    """
-    return run.resampled(STEP_M)

@@ -18,11 +18,11 @@ __all__ = [
 
 DOORWAY = "doorway"
 BORDER_M = 0.3
-"""Where exactly a label ends is partly a matter of taste: half the width of the strip left out."""
+"""Half the width of the strip left out along borders, whose exact position is a matter of taste."""
 
 
 def percent(value: float | None) -> str:
-    """A share in percent with one decimal, a dash for none."""
+    """A share as a percentage with one decimal; a dash for None."""
     return "-" if value is None else f"{100 * value:.1f}"
 
 

@@ -11,7 +11,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.report.path_pictures import path_map
 from pgm_places.report.track_pictures import belief_plot
-from pgm_places.reproduce.cold import PLACES, denser, load_cold_folder, place_classes
+from pgm_places.reproduce.cold import PLACES, STEP_M, load_cold_folder, place_classes
 from pgm_places.reproduce.figures import DOORWAY, percent
 from pgm_places.reproduce.scored_steps import ALONE, ScoredSteps, scored_modes
 from pgm_places.reproduce.section import Outcome, Picture, Table
@@ -128,7 +128,7 @@ def _recorded(folder: Path, geometry: ScanGeometry) -> list[Run]:
     known, runs = load_cold_folder(folder, place_classes(), PLACES)
     found = []
     for number, item in enumerate(runs[:MOST_RUNS]):
-        drive = denser(item).labelled_by(known, PLACES)
+        drive = item.resampled(STEP_M).labelled_by(known, PLACES)
         noise = SensorNoise(SIGMA_M, seed=number)
         found.append(Run(known.grid, scans_along(known.grid, drive, geometry, noise=noise)))
     return found

@@ -35,7 +35,7 @@ FURNISHING: Mapping[str, Mapping[str, tuple[int, int]]] = {
     "laboratory": {"monitor on": (2, 6), "monitor off": (1, 3), "office cupboard": (0, 2)},
     "corridor": {"full human body": (0, 2)},
 }
-"""How many of an object a place has: from, to."""
+"""The least and greatest number of an object in a place."""
 
 DETECTORS: Mapping[str, Mapping[str, float] | None] = {
     "laser alone": None,

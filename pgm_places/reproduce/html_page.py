@@ -39,7 +39,7 @@ def html_page(sections: Sequence[Section], *folders: Path) -> str:
 
 @dataclass(frozen=True)
 class _Shown:
-    """A table with its columns of words, and per row whether the paper has a figure for it."""
+    """A table, which of its columns hold words, and whether the paper has a figure for each row."""
 
     caption: str
     heading: Sequence[str]
@@ -56,13 +56,13 @@ def _shown(table: Table) -> _Shown:
 
 
 def _is_words(cells: Sequence[str]) -> bool:
-    """Whether most cells begin with a letter; dashes count for neither."""
+    """Whether most cells begin with a letter; dashes are not counted."""
     filled = [cell for cell in cells if cell not in ("", "-")]
     return 2 * sum(cell[0].isalpha() for cell in filled) > len(filled)
 
 
 def _figures(section: Section, folders: Sequence[Path]) -> list[tuple[str, str]]:
-    """Pictures that are there, with their captions."""
+    """The pictures that exist, with their captions."""
     shown = []
     for item in section.pictures:
         paths = [folder / section.id / item.file for folder in folders]

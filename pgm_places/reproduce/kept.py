@@ -1,4 +1,4 @@
-"""Arrays that an experiment keeps on disk, so that a stopped one goes on where it was."""
+"""Arrays that an experiment keeps on disk, so that it resumes where it was stopped."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ class KeptArrays:
     folder: Path | None
 
     def has(self, name: str) -> bool:
-        """Whether a file of that name can be read."""
+        """Whether there is a readable file of that name."""
         return self.folder is not None and _read(self.folder / f"{name}.npz") is not None
 
     def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
-        """The arrays of that name; those that ``make`` returns where there is no good file."""
+        """The arrays of that name, computed by ``make`` if there is no valid file."""
         if self.folder is None:
             return make()
         path = self.folder / f"{name}.npz"
@@ -47,7 +47,7 @@ class KeptArrays:
 
 
 def _read(path: Path) -> Arrays | None:
-    """The arrays of a file; None where it is not there or damaged."""
+    """The arrays of a file; None if it is missing or damaged."""
     try:
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             return {key: file[key] for key in file.files}
@@ -56,7 +56,7 @@ def _read(path: Path) -> Arrays | None:
 
 
 def fingerprint(*parts: Any) -> str:
-    """Eight digits that differ, most likely, wherever a part does: an array or a ``repr``."""
+    """A checksum of eight digits over the parts: arrays, or the ``repr`` of anything else."""
     found = 0
     for part in parts:
         data = part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode()

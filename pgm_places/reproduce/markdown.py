@@ -9,7 +9,7 @@ __all__ = ["markdown_page", "markdown_section", "markdown_table"]
 
 
 def markdown_page(sections: Sequence[Section]) -> str:
-    """The whole page; pictures are looked for in a folder per section beside it."""
+    """The whole page; each section's pictures are expected in a folder beside it."""
     parts = ["# The paper's experiments\n"]
     if not all(section.real for section in sections):
         parts.append(f"**{STAND_IN_WARNING}**\n")
@@ -19,7 +19,7 @@ def markdown_page(sections: Sequence[Section]) -> str:
 
 
 def markdown_section(section: Section, *, with_pictures: bool) -> str:
-    """A section with its heading of the second level."""
+    """A section under a second-level heading."""
     lines = [f"## {section.heading}\n", f"{section.setting}\n"]
     if section.paper:
         lines.insert(1, f"The paper: {section.paper}\n")
@@ -39,7 +39,7 @@ def markdown_section(section: Section, *, with_pictures: bool) -> str:
 
 
 def markdown_table(table: Table) -> str:
-    """The table in pipes, with an empty line after it."""
+    """The table as a pipe table, followed by an empty line."""
     lines = [_line(table.heading), "|" + "---|" * len(table.heading)]
     lines += [_line(row) for row in table.rows]
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""Ablations over the content of the map: furniture, and how much of the building was seen."""
+"""Ablations of the map's content: furniture, and how much of the building was seen."""
 
 import numpy as np
 
@@ -35,7 +35,7 @@ FURNISHED = {
 
 
 def furniture(setting: Setting) -> Outcome:
-    """The real map of building 79 against the one drawn by hand, without furniture."""
+    """The real map of building 79 compared with one drawn by hand, without furniture."""
     found = {words: compare(setting.experiment(name)) for name, words in FURNISHED.items()}
     pictures, files = [], {}
     for name, words in FURNISHED.items():

@@ -25,7 +25,7 @@ SEARCHES = {
 
 
 def run(setting: Setting) -> Outcome:
-    """All orders of the list, and which of them each way of choosing takes."""
+    """All orders of the list, and the one that each way of choosing selects."""
     chosen: dict[tuple[str, ...], list[str]] = {}
     findings, comparisons = [], {}
     for search, words in SEARCHES.items():
@@ -69,7 +69,7 @@ def _all_orders(
     chosen: dict[tuple[str, ...], list[str]],
     known: dict[str, Comparison],
 ) -> Table:
-    """A row per order of the list; orders that a search took are not learned again."""
+    """A row per order of the list; orders chosen by a search are not learned again."""
     names = next(iter(chosen))
     rows = []
     for order in permutations(sorted(names)):

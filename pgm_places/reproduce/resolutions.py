@@ -20,7 +20,7 @@ FINEST_GENERATED_M = 0.05
 
 
 def run(setting: Setting) -> Outcome:
-    """The paper's 20 cm, and the finer cells that its memory did not hold."""
+    """The paper's 20 cm, and the finer cells that exceeded its memory."""
     found = _by_cells(setting, "resolutions", CELLS_M)
     findings = _findings(found, PAPER)
     pictures, files = [], {}
@@ -44,7 +44,7 @@ def run(setting: Setting) -> Outcome:
 
 
 def fine(setting: Setting) -> Outcome:
-    """A map that has cells of 2 cm, down to these."""
+    """A map with cells of 2 cm, at resolutions down to these."""
     finest = 0.0 if setting.data is not None else FINEST_GENERATED_M
     sides = [cells_m for cells_m in FINE_CELLS_M if cells_m >= finest]
     found = _by_cells(setting, "fine_cells", sides)

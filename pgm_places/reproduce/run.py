@@ -19,7 +19,7 @@ __all__ = ["finished_section", "reproduce"]
 
 RECORD = "section.json"
 KEPT = "kept"
-"""Folder of what experiments keep to go on with."""
+"""The folder of intermediate results, from which experiments resume."""
 
 
 def reproduce(
@@ -103,7 +103,7 @@ def _run(key: str, folder: Path, setting: Setting) -> Section:
 
 
 def finished_section(out: Path, key: str) -> Section | None:
-    """The section as it was stored; None where it is not there, or not in this form."""
+    """The stored section; None if there is none in the present format."""
     try:
         content = json.loads((out / key / RECORD).read_text(encoding="utf-8"))
         return Section.from_dict(content)

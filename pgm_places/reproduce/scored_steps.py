@@ -24,7 +24,7 @@ MODES: Mapping[str, str] = {"filter": "filter", "smooth": "smoother", "viterbi":
 
 @dataclass(frozen=True, eq=False)
 class ScoredSteps:
-    """The labels of all drives, and how good they are.
+    """The labels of all drives, and their scores.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ScoredSteps:
 def scored_modes(
     labeler: TrajectoryLabeler, drives: Sequence[Trajectory], scores: Sequence[NDArray[np.float64]]
 ) -> dict[str, ScoredSteps]:
-    """Each scan alone, then every mode of the model.
+    """Single scans first, then every mode of the model.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ __all__ = ["Finding", "Outcome", "Picture", "Section", "Table"]
 
 @dataclass(frozen=True)
 class Finding:
-    """A line of the overview; shares from 0 to 1, None where there is none.
+    """A line of the overview; figures are shares from 0 to 1, or None.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Table:
-    """A table as it is shown: a caption, a heading and rows of text."""
+    """A table: a caption, a heading and rows of text."""
 
     caption: str
     heading: tuple[str, ...]
@@ -53,7 +53,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What running an experiment gave.
+    """The outcome of an experiment.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class Section:
 
     @property
     def heading(self) -> str:
-        """Number and title; ablations have no number of the paper."""
+        """Number and title; ablations have no section number."""
         return f"{self.id} {self.title}" if self.paper else self.title
 
     def to_dict(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ CONFIGS = Path(str(files("pgm_places.reproduce"))) / "configs"
 
 
 def data_folder() -> Path | None:
-    """The folder of the real maps and logs, None where the environment names none that exists."""
+    """The folder of the real maps and logs; None if the environment names no existing one."""
     name = os.environ.get(DATA_VARIABLE)
     return Path(name) if name and Path(name).is_dir() else None
 

@@ -28,7 +28,7 @@ SHOWN = "relaxation"
 
 
 def run(setting: Setting) -> Outcome:
-    """All pairs of buildings; figures where the other building has labels."""
+    """All pairs of buildings; figures only where the test building has labels."""
     grid = setting.unlabelled_map(UNLABELLED)
     found, files, pictures = {}, {}, []
     for name, words in TRANSFERS.items():

@@ -124,7 +124,7 @@ class TopologicalMap:
         found = self._by_id.get(key) if isinstance(key, int) else self._by_name.get(key)
         if found is None:
             hint = nearest_name(str(key), list(self._by_name))
-            raise InputError(f"there is no place {key!r}; {hint}")
+            raise InputError(f"there is no place {key!r}. {hint}")
         return found
 
     def region_at(self, x_m: float, y_m: float) -> Region | None:

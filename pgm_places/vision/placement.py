@@ -78,7 +78,7 @@ def _object_names(
     objects: dict[str, None] = {}
     for label, wanted in furnishing.items():
         if label not in label_names:
-            raise InputError(f"no label is called {label!r}; {nearest_name(label, label_names)}")
+            raise InputError(f"no label is called {label!r}. {nearest_name(label, label_names)}")
         for name, (least, most) in wanted.items():
             if not 0 <= least <= most:
                 raise InputError(

@@ -80,7 +80,7 @@ def test_label_by_another_method(building: Path, run: Run) -> None:
     arguments = ["label", building / "map.yaml", "-m", building / "model", "-o", building / "x"]
     code, _, error = run(*arguments, "--method", "adabost", "-q")
     assert code == 2
-    assert "did you mean 'adaboost'" in error
+    assert "Did you mean 'adaboost'" in error
     assert not (building / "x").exists()
     assert run(*arguments, "--method", "adaboost", "-q")[0] == 0
 

@@ -57,7 +57,7 @@ def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) 
     [
         (["--jobs", "2", "--scheduler", "tcp://127.0.0.1:9"], "--jobs is for this machine"),
         (["--memory", "much"], "--memory expects a size such as 4GB"),
-        (["--method", "adabost"], "did you mean 'adaboost'"),
+        (["--method", "adabost"], "Did you mean 'adaboost'"),
         (["--doorways", "doors"], "--doorways"),
     ],
 )

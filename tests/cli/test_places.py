@@ -78,7 +78,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["export", "--to", "nav2"], "did you mean 'nav2-route'"),
+        (["export", "--to", "nav2"], "Did you mean 'nav2-route'"),
         (["export", "--to", "keepout"], "needs values"),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
         (["export", "--to", "keepout", "--set", "room=12345678901"], "NAME=NUMBER"),

@@ -79,7 +79,7 @@ def test_no_folder_stands_in_for_a_shipped_model(
     assert model_folder("default").parent.name == "trained"
     assert model_folder("./default") == Path("default")
     assert isinstance(trained_labeler("./default"), PlaceLabeler)
-    with pytest.raises(ModelFileError, match="did you mean 'generated'"):
+    with pytest.raises(ModelFileError, match="Did you mean 'generated'"):
         model_folder("generatd")
 
 
@@ -91,7 +91,7 @@ def test_label_needs_no_model(tmp_path: Path, run: Run, building: Path) -> None:
         "label", building / "map.yaml", "--model", "deflt", "--out", tmp_path / "other"
     )
     assert code == 2
-    assert "did you mean 'default'" in err
+    assert "Did you mean 'default'" in err
 
 
 @pytest.mark.parametrize("resolution_m", [0.015, 0.04, 0.2])

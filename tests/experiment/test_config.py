@@ -45,12 +45,12 @@ def test_other_keys_of_a_method_are_its_options() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (changed(resolution=0.2), "unknown key 'resolution'. did you mean 'resolution_m'?"),
+        (changed(resolution=0.2), "unknown key 'resolution'. Did you mean 'resolution_m'?"),
         (
             changed(train=[{"map": "a.yaml", "labels": "a.png", "collumns": [0, 1]}]),
-            "unknown key 'train[0].collumns'. did you mean 'columns'?",
+            "unknown key 'train[0].collumns'. Did you mean 'columns'?",
         ),
-        (changed(sensor={"beams": 1}), "unknown key 'sensor.beams'. did you mean 'n_beams'?"),
+        (changed(sensor={"beams": 1}), "unknown key 'sensor.beams'. Did you mean 'n_beams'?"),
         (
             changed(sensor={"n_beams": "360"}),
             "sensor.n_beams must be a whole number from 3 to 3600, got '360'",
@@ -90,10 +90,10 @@ def test_other_keys_of_a_method_are_its_options() -> None:
         ),
         (changed(train=[{"map": "a.yaml"}]), "train[0]: give either labels (an image) or regions"),
         (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
-        (changed(methods=[{"name": "relaxaton"}]), "did you mean 'relaxation'?"),
+        (changed(methods=[{"name": "relaxaton"}]), "Did you mean 'relaxation'?"),
         (
             changed(methods=[{"name": "relaxation", "iteration": 3}]),
-            "has no option 'iteration'. did you mean 'max_iterations'?",
+            "has no option 'iteration'. Did you mean 'max_iterations'?",
         ),
         (
             changed(methods=[{"name": "relaxation", "max_iterations": "many"}]),

@@ -48,7 +48,7 @@ def test_values_are_replaced_by_dotted_keys(config: ExperimentConfig) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"classifer.order": "heuristic"}, "did you mean 'classifier'"),
+        ({"classifer.order": "heuristic"}, "Did you mean 'classifier'"),
         ({"classifier.rounds": 3}, "unknown key 'classifier.rounds'"),
         ({"classifier.n_rounds": "3"}, "classifier.n_rounds"),
         ({"methods.am.C": 3.0}, "with the id of a method"),

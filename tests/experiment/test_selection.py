@@ -186,7 +186,7 @@ def test_options_are_checked_before_anything_is_learned(
         ({}, "select.options"),
         ({"options": {}}, "select.options"),
         ({"options": {"classifier.n_rounds": []}}, "select.options"),
-        ({"options": {"classifier.n_rounds": [1]}, "method": "relax"}, "did you mean 'relaxation'"),
+        ({"options": {"classifier.n_rounds": [1]}, "method": "relax"}, "Did you mean 'relaxation'"),
         ({"options": {"classifier.n_rounds": [1]}, "criterion": "luck"}, "select.criterion"),
     ],
 )

@@ -154,7 +154,7 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
             {"test": [{"log": "a.log", "region": [1.0, 0.0, 0.0, 1.0]}]},
             "region must be the minimum x",
         ),
-        ({"steps": {"every": 0.1}}, r"unknown key 'steps.every'\. did you mean 'every_m'"),
+        ({"steps": {"every": 0.1}}, r"unknown key 'steps.every'\. Did you mean 'every_m'"),
     ],
 )
 def test_sources_that_make_no_sense_are_refused_in_a_line(

@@ -242,7 +242,7 @@ def test_a_configuration_names_them_with_options(installed: None) -> None:
 @pytest.mark.parametrize(
     ("features", "message"),
     [
-        ([{"name": "shortes"}], "unknown feature 'shortes'. did you mean 'shortest'?"),
+        ([{"name": "shortes"}], "unknown feature 'shortes'. Did you mean 'shortest'?"),
         ([{"name": "shortest", "m": 3}], "feature 'shortest' has no option 'm'"),
         ([{"name": "shortest", "n": "3"}], "feature 'shortest': n must be a whole number"),
         ([{"name": "east", "n": 3}], "feature 'east' has no option 'n'. It has none"),

@@ -36,12 +36,12 @@ def test_third_party_by_module_and_class() -> None:
 def test_unknown_method_offers_the_nearest() -> None:
     with pytest.raises(ConfigError) as caught:
         build("relaxaton")
-    assert "unknown method 'relaxaton'. did you mean 'relaxation'?" in str(caught.value)
+    assert "unknown method 'relaxaton'. Did you mean 'relaxation'?" in str(caught.value)
     assert all(name in str(caught.value) for name in backend_names())
 
 
 def test_unknown_option_offers_the_nearest() -> None:
-    with pytest.raises(ConfigError, match=r"has no option 'time'\. did you mean 'times'"):
+    with pytest.raises(ConfigError, match=r"has no option 'time'\. Did you mean 'times'"):
         build(f"{__name__}:AlwaysFirst", {"time": 3})
 
 
@@ -61,7 +61,7 @@ def test_options_of_stored_models_keep_their_meaning(
     name: str, old: dict[str, Any], new: dict[str, Any]
 ) -> None:
     assert option_values(METHODS.restored(name, old)) == option_values(build(name, new))
-    with pytest.raises(ConfigError, match=f"has no option '{next(iter(old))}'. did you mean"):
+    with pytest.raises(ConfigError, match=rf"has no option '{next(iter(old))}'\. Did you mean"):
         build(name, old)
 
 

@@ -103,7 +103,7 @@ def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
 
 def test_a_missing_key_offers_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(
-        MapError, match=r"key 'resolution' is missing; did you mean 'resolutions'\?"
+        MapError, match=r"key 'resolution' is missing. Did you mean 'resolutions'\?"
     ):
         read(tmp_path, "resolutions: 1\n").number("resolution")
     with pytest.raises(MapError, match="key 'image' must be non-empty text"):

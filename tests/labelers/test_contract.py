@@ -188,7 +188,7 @@ def test_options_of_options_are_read_and_set_by_name(case: Case) -> None:
 
 def test_an_option_that_is_none_is_refused_with_the_nearest(case: Case) -> None:
     labeler = case.labeler()
-    with pytest.raises(ConfigError, match=rf"has no option 'n_fold'\. did you mean '{case.option}"):
+    with pytest.raises(ConfigError, match=rf"has no option 'n_fold'\. Did you mean '{case.option}"):
         labeler.set_params(n_fold=3)
     name = next(iter(case.inner))
     with pytest.raises(ConfigError, match="has no option"):
@@ -377,7 +377,7 @@ def test_what_is_no_method_is_refused_by_all(method: object) -> None:
         (StructuredLabeler(method), ([chain(0)], [TRUTH])),
     ]
     for labeler, data in labelers:
-        with pytest.raises(ConfigError, match=r"must be a backend or a method's name|did you mean"):
+        with pytest.raises(ConfigError, match=r"must be a backend or a method's name|Did you mean"):
             labeler.fit(*data)
 
 

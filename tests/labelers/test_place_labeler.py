@@ -156,7 +156,7 @@ def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler)
         PlaceLabeler((*NAMES, "kitchen")).fit([known])
     with pytest.raises(LabelError, match="label index 2 but there are only 2 labels"):
         PlaceLabeler(NAMES[:2]).fit([known])
-    with pytest.raises(ConfigError, match="did you mean 'adaboost'"):
+    with pytest.raises(ConfigError, match="Did you mean 'adaboost'"):
         labeler.label(known.grid, method="adabost")
     with pytest.raises(ConfigError, match="'auto', 'laser', 'context' or 'space', got 'lidar'"):
         PlaceMethod("independent", "lidar")  # type: ignore[arg-type]

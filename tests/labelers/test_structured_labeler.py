@@ -131,7 +131,7 @@ def test_what_does_not_fit_is_refused(
         StructuredLabeler("potts", Perceptron()).fit(chains, truths)
     with pytest.raises(ConfigError, match=r"metric must be 'accuracy', .* got 'acuracy'"):
         StructuredLabeler("potts", metric="acuracy").fit(chains, truths)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match=r"no option 'wait'\. did you mean 'weight'"):
+    with pytest.raises(ConfigError, match=r"no option 'wait'\. Did you mean 'weight'"):
         labeler.set_params(backend__wait=1.0)
     bare = LabelingProblem(chains[0].graph, NAMES, unary=np.zeros((60, 3)))
     with pytest.raises(InputError, match="needs the problem's node_features"):

@@ -407,7 +407,7 @@ def test_maps_and_labelings_must_belong_together() -> None:
             "learner must be 'cutting-plane', 'qp' or 'frank-wolfe'",
         ),
         ({"loss": "zero-one"}, "loss must be 'class-weighted' or 'hamming', got 'zero-one'"),
-        ({"node_features": "logs"}, "did you mean 'logz'"),
+        ({"node_features": "logs"}, "Did you mean 'logz'"),
         ({"edge_features": ()}, "edge_features must be one or more parts"),
         ({"C": 0.0}, "C must be a number above 0, 'auto', or a non-empty list of numbers above 0"),
         ({"C": []}, "C must be a number above 0"),

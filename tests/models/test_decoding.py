@@ -316,7 +316,7 @@ def test_no_scale_makes_a_labelling_exact_that_is_not(method: str, scale: float)
 
 
 def test_unknown_decoders_are_refused_with_the_nearest() -> None:
-    with pytest.raises(ConfigError, match=r"unknown decoder 'graphcut'. did you mean 'graph-cut'"):
+    with pytest.raises(ConfigError, match=r"unknown decoder 'graphcut'. Did you mean 'graph-cut'"):
         decode(chain(2), Potentials(np.zeros((2, 2))), "graphcut")
 
 

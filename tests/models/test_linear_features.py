@@ -67,7 +67,7 @@ def test_names_are_parsed_or_the_nearest_is_offered() -> None:
     assert parse_node_features("logz+raw") == ("logz", "raw")
     assert parse_edge_features("constant+diagonal") == ("constant", "diagonal")
     assert parse_edge_features(["constant"]) == ("constant",)
-    with pytest.raises(ConfigError, match=r"unknown part 'logx'\. did you mean 'logz'"):
+    with pytest.raises(ConfigError, match=r"unknown part 'logx'\. Did you mean 'logz'"):
         parse_node_features("logx")
     with pytest.raises(ConfigError, match="each once"):
         parse_edge_features(["constant", "constant"])

@@ -125,7 +125,7 @@ def test_iterations_may_be_limited() -> None:
     [
         ({"inference": "graph-cuts"}, "inference must be 'graph-cut', 'lp', 'trw-s', 'icm'"),
         ({"weight": np.inf}, "weight must be a finite number or 'auto', got inf"),
-        ({"wieght": 1.0}, "has no option 'wieght'. did you mean 'weight'"),
+        ({"wieght": 1.0}, "has no option 'wieght'. Did you mean 'weight'"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, object], text: str) -> None:

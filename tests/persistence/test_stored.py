@@ -239,7 +239,7 @@ def spoiled(tmp_path: Path, source: Path, keys: tuple[str, ...], value: object) 
         (
             ("record", "config", "topology"),
             {"min_width": 1.0},
-            "unknown key 'record.config.topology.min_width'. did you mean 'min_width_m'?",
+            "unknown key 'record.config.topology.min_width'. Did you mean 'min_width_m'?",
         ),
         (
             ("record", "config", "topology"),

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.sensing._local_map_kernels import Window, write_disc
 from pgm_places.sensing.local_map import HIGHEST, LOWEST, SCAN_NUMBERS, LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 
@@ -172,3 +173,17 @@ def test_the_smallest_window_has_eight_cells() -> None:
 def test_ranges_and_angles_must_fit() -> None:
     with pytest.raises(InputError, match="one value per angle"):
         LocalMap().update([0.0, 0.0, 0.0], [1.0, 2.0], [0.0], max_range_m=30.0)
+
+
+@pytest.mark.parametrize("wrap", [(0, 0), (7, 3)])
+def test_the_disc_of_the_robot_is_the_cells_whose_centres_it_covers(wrap: tuple[int, int]) -> None:
+    n, rng = 12, np.random.default_rng(5)
+    rows, columns = np.mgrid[:n, :n]
+    for _ in range(20):
+        x, y, radius = rng.uniform(-1, n + 1), rng.uniform(-1, n + 1), rng.uniform(0.3, 4)
+        before = rng.integers(-9, 9, (n, n)).astype(np.int8)
+        window = Window(np.roll(before, wrap, (0, 1)), np.zeros((n, n), np.uint8), *wrap)
+        write_disc(window, x, y, radius, -2)
+        covered = np.hypot(rows + 0.5 - y, columns + 0.5 - x) <= radius
+        wanted = np.where(covered, np.minimum(before, -2), before)
+        np.testing.assert_array_equal(window.evidence, np.roll(wanted, wrap, (0, 1)))

@@ -62,7 +62,7 @@ def test_unknown_places_and_missing_ways() -> None:
     found = topological_map(floor_grid(labels), labels, NAMES)
     with pytest.raises(InputError, match="no path leads from 'room 1' to 'room 2'"):
         found.path("room 1", "room 2")
-    with pytest.raises(InputError, match="there is no place 'rom 1'; did you mean 'room 1'"):
+    with pytest.raises(InputError, match=r"there is no place 'rom 1'\. Did you mean 'room 1'"):
         found.place("rom 1")
     with pytest.raises(InputError, match="there is no place 99"):
         found.place(99)

@@ -164,7 +164,7 @@ def _translated(
     unknown = sorted({*to} - {"", *wanted})
     if unknown:
         raise LabelError(
-            f"{path}: 'classes' translates to {unknown[0]!r}, not a configured label; "
+            f"{path}: 'classes' translates to {unknown[0]!r}, not a configured label. "
             f"{nearest_name(unknown[0], wanted)}"
         )
     # The entry after the last serves -1, "no label".

@@ -73,7 +73,7 @@ def read_label_values(
     unknown_keys = sorted(set(file.values) - {"values", "ignore"})
     if unknown_keys:
         nearest = nearest_name(unknown_keys[0], ["values", "ignore"])
-        raise file.fail(f"key {shown(unknown_keys[0])} is unknown; {nearest}")
+        raise file.fail(f"key {shown(unknown_keys[0])} is unknown. {nearest}")
     values = _values(file)
     ignored = _ignored(file)
     _check_values(file, values, ignored)
@@ -81,13 +81,13 @@ def read_label_values(
     for name in values:
         if name not in wanted:
             raise file.fail(
-                f"label {shown(name)} is not among the configured labels; "
+                f"label {shown(name)} is not among the configured labels. "
                 f"{nearest_name(name, wanted)}. Correct the name, or move its value under 'ignore'"
             )
     for name in wanted:
         if name not in values:
             raise file.fail(
-                f"the configured label {name!r} has no grey value here; "
+                f"the configured label {name!r} has no grey value here. "
                 f"{nearest_name(name, list(values))}. Add it under 'values'"
             )
     return LabelValues(

@@ -100,7 +100,9 @@ def load_map(
     """
     yaml_path = user_path(path, MapError)
     if compat not in get_args(Compat):
-        raise MapError(f"compat {compat!r}: {nearest_name(str(compat), list(get_args(Compat)))}")
+        raise MapError(
+            f"unknown compat {compat!r}. {nearest_name(str(compat), list(get_args(Compat)))}"
+        )
     if unknown_value is not None and not 0 <= unknown_value <= 255:
         raise MapError(f"unknown_value must be a grey value from 0 to 255, got {unknown_value}")
     file = read_yaml(yaml_path, MapError, "map description")
@@ -130,7 +132,7 @@ def _rules(file: YamlFile, compat: Compat) -> PixelRules:
     mode = file.text("mode") if "mode" in file else "trinary"
     if mode not in get_args(Mode):
         raise file.fail(
-            f"mode {shown(mode)} is unknown; {nearest_name(mode, list(get_args(Mode)))}"
+            f"mode {shown(mode)} is unknown. {nearest_name(mode, list(get_args(Mode)))}"
         )
     free, occupied = file.number("free_thresh"), file.number("occupied_thresh")
     if not 0 <= free <= occupied <= 1 or (mode == "scale" and free == occupied):

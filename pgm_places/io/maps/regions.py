@@ -146,7 +146,7 @@ def _label(
     if classes is None:
         if region.code not in names:
             raise LabelError(
-                f"{where}, which is not a configured label; {nearest_name(region.code, names)}. "
+                f"{where}, which is not a configured label. {nearest_name(region.code, names)}. "
                 "Translate the file's classes with a mapping 'classes'"
             )
         return names.index(region.code)
@@ -155,7 +155,7 @@ def _label(
         return -1
     if name not in names:
         raise LabelError(
-            f"{where}, which 'classes' translates to {name!r}, not a configured label; "
+            f"{where}, which 'classes' translates to {name!r}, not a configured label. "
             f"{nearest_name(name, names)}"
         )
     return names.index(name)

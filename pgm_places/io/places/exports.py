@@ -31,7 +31,7 @@ EXPORTS: dict[str, Writer] = {
     ],
     "mcap": lambda folder, t: write_place_bag(folder / "places", t),
 }
-"""Formats that need nothing but the map."""
+"""Formats that need only the map."""
 
 MASKS: dict[str, FilterKind] = {
     "zones": "zones",
@@ -59,7 +59,7 @@ def export(topology: TopologicalMap, to: str, folder: Path, *, values: Values = 
         return write_filter_mask(stem, topology, MASKS[to], values=values)
     if to not in EXPORTS:
         raise InputError(
-            f"there is no export called {to!r}; {nearest_name(to, [*EXPORTS, *MASKS])}"
+            f"there is no export called {to!r}. {nearest_name(to, [*EXPORTS, *MASKS])}"
         )
     if values:
         raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(MASKS)}")

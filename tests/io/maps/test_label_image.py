@@ -112,7 +112,7 @@ def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path
         ("ignore: 0\nvalues: {room: 77}\n", "the configured label 'corridor' has no grey value"),
         (
             "ignore: 0\nvalues: {rooms: 77, corridor: 115}\n",
-            "label 'rooms' is not among the configured labels; did you mean 'room'? Known: "
+            "label 'rooms' is not among the configured labels. Did you mean 'room'? Known: "
             "corridor, room. Correct the name, or move its value under 'ignore'",
         ),
         ("ignore: 0\n", "key 'values' is missing"),
@@ -122,7 +122,7 @@ def test_the_names_file_is_the_images_own_or_the_folders_or_a_given_one(tmp_path
         ("values: {room: 7, corridor: 7}\n", "grey value 7 stands for 'corridor' and for 'room'"),
         ("ignore: [0, 77]\n" + VALUES[10:], "grey value 77 stands for 'room' and for 'ignore'"),
         ("ignore: no\n" + VALUES[10:], "key 'ignore' must be a whole number from 0 to 255"),
-        ("ignored: 0\n" + VALUES[10:], "key 'ignored' is unknown; did you mean 'ignore'?"),
+        ("ignored: 0\n" + VALUES[10:], "key 'ignored' is unknown. Did you mean 'ignore'?"),
     ],
 )
 def test_bad_names_are_refused(tmp_path: Path, text: str, message: str) -> None:

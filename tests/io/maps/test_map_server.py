@@ -159,7 +159,7 @@ def test_a_map_that_looks_negated_is_warned_about(tmp_path: Path) -> None:
         ({"origin": "[nan, 0, 0]"}, "origin x must be a finite decimal number"),
         ({"origin": "[0, 1:30, 0]"}, "origin y must be a finite decimal number"),
         ({"origin": "[0, 0, inf]"}, "origin yaw must be a finite decimal number"),
-        ({"mode": "trinry"}, "mode 'trinry' is unknown; did you mean 'trinary'?"),
+        ({"mode": "trinry"}, "mode 'trinry' is unknown. Did you mean 'trinary'?"),
         ({"negate": "2.5"}, "key 'negate' must be 0, 1, true or false, got '2.5'"),
         ({"negate": None}, "key 'negate' is missing"),
         ({"free_thresh": "0.7"}, "got free_thresh 0.7 and occupied_thresh 0.65"),
@@ -190,7 +190,7 @@ def test_a_missing_image_names_both_files(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"compat": "ros2"}, "compat 'ros2': did you mean 'ros1'?"),
+        ({"compat": "ros2"}, "unknown compat 'ros2'. Did you mean 'ros1'?"),
         ({"unknown_value": 256}, "unknown_value must be a grey value from 0 to 255, got 256"),
         ({"max_pixels": 5}, "3 x 2 = 6 pixels, more than the limit of 5"),
     ],

@@ -191,7 +191,7 @@ def test_polygons_that_share_edges_share_no_cell_and_leave_none(
         ),
         (
             feature([box(0, 0, 1, 1)], "rom"),
-            "has class 'rom', which is not a configured label; did you mean 'room'? Known: "
+            "has class 'rom', which is not a configured label. Did you mean 'room'? Known: "
             "corridor, room. Translate the file's classes with a mapping 'classes'",
         ),
     ],
