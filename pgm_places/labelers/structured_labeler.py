@@ -234,6 +234,16 @@ class StructuredLabeler(Labeler):
         """For each problem the (N,) label indices of its nodes."""
         return [self.label(problem).labels for problem in listed_problems(X)]
 
+    def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
+        """For each problem the (N, K) probabilities of its nodes' labels.
+
+        Raises
+        ------
+        InputError
+            The backend tells labels only, as a graph cut does.
+        """
+        return [_beliefs(self.label(problem)) for problem in listed_problems(X)]
+
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
         problems, truths = _checked(X, y)
@@ -273,6 +283,16 @@ class StructuredLabeler(Labeler):
                 f"classifier must have predict_proba, {type(self.classifier).__name__} has none; "
                 "wrap it in sklearn.calibration.CalibratedClassifierCV"
             )
+
+
+def _beliefs(found: Labeling) -> NDArray[np.float64]:
+    if found.beliefs is None:
+        how = found.info.get("decoder", "this method")
+        raise InputError(
+            f"{how!r} finds labels without probabilities; use inference='sum-product' or "
+            "'mean-field', or method 'relaxation'"
+        )
+    return np.asarray(found.beliefs, np.float64)
 
 
 def _checked(

@@ -46,6 +46,18 @@ def test_structure_helps_the_classifier(
     assert network.label(chains[3]).score is not None
 
 
+def test_probabilities_are_the_backends_beliefs(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    field = StructuredLabeler("crf", LogisticRegression()).fit(chains[:3], truths[:3])
+    [found] = field.predict_proba(chains[3:])
+    np.testing.assert_array_equal(found, field.label(chains[3]).beliefs)
+    np.testing.assert_array_equal(found.argmax(axis=1), field.predict(chains[3:])[0])
+    cut = StructuredLabeler("amn", LogisticRegression()).fit(chains[:3], truths[:3])
+    with pytest.raises(InputError, match="'graph-cut' finds labels without probabilities"):
+        cut.predict_proba(chains[3:])
+
+
 def test_grid_search_with_groups_tunes_backend_and_classifier(
     chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
 ) -> None:
