@@ -102,8 +102,14 @@ class Person:
         return np.asarray(self.regions.piece == counts.argmax())
 
 
-def by_teaching(item: LabelledMap, order: str, options: TeachingOptions | None = None) -> Course:
-    """A person who goes through the places while the labeler learns."""
+def by_teaching(
+    item: LabelledMap,
+    order: str,
+    options: TeachingOptions | None = None,
+    *,
+    learns: bool = True,
+) -> Course:
+    """A person who goes through the places while the labeler learns, or only keeps the paint."""
     person = Person(np.where(item.cells, item.labels, -1), item.grid.resolution_m**2)
     teacher = Teacher(item.grid, trained_labeler("generated"), options=options)
     rng, shown = np.random.default_rng(0), np.full(item.grid.shape, -2, np.int16)
@@ -126,7 +132,7 @@ def by_teaching(item: LabelledMap, order: str, options: TeachingOptions | None =
         name = NAMES[int(person.truth[click][0])]
         paint = paint.with_mask(click, name)
         np.copyto(shown, person.truth, where=click)
-        taught = teacher.teach(paint)
+        taught = teacher.teach(paint) if learns else teacher.label(paint)
         course.append(person.accuracy(taught.labels))
     return Course(tuple(course), looks)
 
@@ -149,14 +155,21 @@ def by_hand(item: LabelledMap, labels: NDArray[np.int16]) -> Course:
         labels[click] = person.truth[click]
 
 
-WAYS = ("doubt", "random", "hand", "blank")
+WAYS = ("doubt", "random", "pinned", "hand", "blank")
 TITLES = {
     "doubt": "teaching, by doubt times area",
     "random": "teaching, random order",
+    "pinned": "corrections kept, nothing learned, by doubt times area",
     "hand": "by hand over the model's labels, largest error first",
     "blank": "by hand on a blank map, largest region first",
 }
-COLOURS = {"doubt": "#1f5fa8", "random": "#c77d0a", "hand": "#4d8a3d", "blank": "#8a8a8a"}
+COLOURS = {
+    "doubt": "#1f5fa8",
+    "random": "#c77d0a",
+    "pinned": "#a6336c",
+    "hand": "#4d8a3d",
+    "blank": "#8a8a8a",
+}
 
 
 def courses(item: LabelledMap) -> dict[str, Course]:
@@ -166,6 +179,7 @@ def courses(item: LabelledMap) -> dict[str, Course]:
     return {
         "doubt": by_teaching(item, "doubt"),
         "random": by_teaching(item, "random"),
+        "pinned": by_teaching(item, "doubt", learns=False),
         "hand": by_hand(item, labels),
         "blank": by_hand(item, np.full(item.grid.shape, -1, np.int16)),
     }
@@ -175,8 +189,8 @@ def table(found: dict[str, dict[str, Course]]) -> str:
     """A row per map."""
     lines = [
         "| map | before | teaching by doubt: clicks (looks) | random order: clicks (looks) | "
-        "by hand over the model | by hand from nothing |",
-        "|---|---|---|---|---|---|",
+        "kept, not learned: clicks (looks) | by hand over the model | by hand from nothing |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, ways in found.items():
         cells = [name, f"{100 * ways['doubt'].accuracy[0]:.1f} %"]
@@ -245,8 +259,8 @@ def main() -> None:
     for item in maps(data, ("building 79", "building 52", *FLOORS)):
         found[item.name] = courses(item)
         print(table(found), flush=True)
-    PICTURE.write_bytes(draw(found))
-    PAGE.write_text(f"{table(found)}\n", encoding="utf-8")
+        PICTURE.write_bytes(draw(found))
+        PAGE.write_text(f"{table(found)}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

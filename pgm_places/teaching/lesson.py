@@ -36,7 +36,7 @@ class TeachingOptions(FurtherRounds):
 
     max_cells_per_class: Annotated[int, Ge(10)] = 1000
     n_kept: Annotated[int, Ge(0)] = 1500
-    keep: AtLeastZero = 1.0
+    keep: AtLeastZero = 0.1
 
     def __post_init__(self) -> None:
         check_options(self)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gates import Gate
 from pgm_places.teaching.paint import Paint
 from pgm_places.topology.checks import PlaceCheck, places_to_check
@@ -46,6 +47,11 @@ class Taught:
 
     def __repr__(self) -> str:
         return f"Taught({self.paint}; {self.topology}; {self.seconds:.1f} s)"
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map."""
+        return self.found.grid
 
     @property
     def label_names(self) -> tuple[str, ...]:

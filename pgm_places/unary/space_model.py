@@ -18,7 +18,15 @@ from pgm_places.spaces.gates import Gate, Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 
-__all__ = ["N_SPACE_COLUMNS", "AtGates", "MapSpaces", "SpaceModel", "with_gates", "without_gates"]
+__all__ = [
+    "N_SPACE_COLUMNS",
+    "AtGates",
+    "MapSpaces",
+    "SpaceModel",
+    "gate_log_odds",
+    "with_gates",
+    "without_gates",
+]
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
 """Columns that cells get from segments and places."""
@@ -194,6 +202,11 @@ def gate_probabilities(
     if gates is None or not len(values):
         return np.zeros(len(values))
     return np.exp(gates.log_histogram(values, n_threads=n_threads)[:, 1])
+
+
+def gate_log_odds(probability: float) -> float:
+    """What a gate of that probability at a cell adds to the log-odds of a doorway there."""
+    return float(np.log(max(_GAIN * probability, _FLOOR)))
 
 
 def with_gates(

@@ -1,0 +1,103 @@
+"""What each column adds to a boosted score: the sum over stumps or trees, taken apart exactly."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.models.boosted_trees import BoostedTrees
+from pgm_places.models.strong_classifier import StrongClassifier
+
+__all__ = ["VoteParts", "vote_parts"]
+
+
+@dataclass(frozen=True, eq=False)
+class VoteParts:
+    """A score F, taken apart: ``F = bias + sum(part)``.
+
+    Parameters
+    ----------
+    bias : float
+        What the trees say before any question is asked; 0 for stumps.
+    column : (m,) int64
+        The distinct columns that were asked about, those that added or took most first.
+    part : (m,) float64
+        What the answers about each column added to F.
+    threshold : (m,) float64
+        The threshold of the question about it that weighed most.
+    """
+
+    bias: float
+    column: NDArray[np.int64]
+    part: NDArray[np.float64]
+    threshold: NDArray[np.float64]
+
+    @property
+    def score(self) -> float:
+        """F."""
+        return float(self.bias + self.part.sum())
+
+
+def vote_parts(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> VoteParts:
+    """What each column adds to the score F of a row (F,) float32.
+
+    A stump's vote belongs to its column. A tree says, at each node, the mean of the leaves below
+    it; the answer to a question adds what the mean changes by, so that the changes along the path
+    and the mean at the root sum to the leaf (Saabas 2014). Leaves count alike: a trained list keeps
+    no record of how many examples came by.
+    """
+    bias, steps = 0.0, _stump_steps(classifier, row)
+    if isinstance(classifier, BoostedTrees):
+        bias, steps = _tree_steps(classifier, row)
+    columns, which = np.unique([column for column, _, _ in steps], return_inverse=True)
+    change: NDArray[np.float64] = np.array([value for _, _, value in steps], np.float64)
+    part = np.asarray(np.bincount(which, change, len(columns)), np.float64)
+    threshold = np.zeros(len(columns))
+    for k in np.argsort(np.abs(change), kind="stable").tolist():
+        threshold[which[k]] = steps[k][1]  # the last to be written is the largest
+    order = np.argsort(-np.abs(part), kind="stable")
+    return VoteParts(bias, columns[order].astype(np.int64), part[order], threshold[order])
+
+
+Steps = list[tuple[int, float, float]]
+"""Column, threshold, and what the answer added."""
+
+
+def _stump_steps(classifier: StrongClassifier | BoostedTrees, row: NDArray[np.float32]) -> Steps:
+    if isinstance(classifier, BoostedTrees):
+        return []
+    left = row[classifier.feature] < classifier.cut
+    votes = np.where(left, classifier.vote, -classifier.vote)
+    parts = (classifier.feature.tolist(), classifier.threshold.tolist(), votes.tolist())
+    return list(zip(*parts, strict=True))
+
+
+def _tree_steps(classifier: BoostedTrees, row: NDArray[np.float32]) -> tuple[float, Steps]:
+    bias, steps = 0.0, []
+    for feature, cut, value in zip(
+        classifier.feature, classifier.cut, classifier.value.astype(np.float64), strict=True
+    ):
+        means = _node_means(feature, value)
+        node = 0
+        bias += means[0]
+        while node < len(feature):
+            left = feature[node] < 0 or row[feature[node]] < cut[node]
+            child = 2 * node + (1 if left else 2)
+            if feature[node] >= 0:
+                change = float(means[child] - means[node])
+                steps.append((int(feature[node]), float(cut[node]), change))
+            node = child
+    return float(bias), steps
+
+
+def _node_means(feature: NDArray[np.int32], value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(S + leaves,) the mean of the leaves that can be reached from each node, leaves last."""
+    means = np.concatenate([np.zeros(len(feature)), value])
+    reached = np.ones(len(means))
+    for node in range(len(feature) - 1, -1, -1):
+        children = np.array([2 * node + 1, 2 * node + 2])
+        if feature[node] < 0:
+            children = children[:1]  # all go left
+        reached[node] = reached[children].sum()
+        means[node] = (means[children] * reached[children]).sum() / reached[node]
+    return means

@@ -1,0 +1,124 @@
+"""Why a cell has its label: parts that sum to what was computed."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pgm_places import LabelledMap, PlaceLabeler
+from pgm_places.datasets import generate_building
+from pgm_places.errors import InputError
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.teaching.explanation import CellExplanation, explain_cell, explain_region
+from pgm_places.teaching.taught import Taught
+from pgm_places.teaching.teacher import Teacher
+from pgm_places.trained import trained_labeler
+
+MADE = generate_building(4, size="small", resolution_m=0.05)
+
+
+@cache
+def taught() -> Taught:
+    teacher = Teacher(MADE.grid, trained_labeler())
+    return teacher.teach(teacher.blank().with_cells([[30, 30]], None))
+
+
+def log_z(found: CellExplanation) -> dict[str, float]:
+    """The histogram z (eq. 8) from the questions, gates included, halls among corridors."""
+    shares, left = {}, 1.0
+    for question in found.questions:
+        yes = 1 / (1 + np.exp(-question.log_odds))
+        shares[question.label] = left * yes
+        left *= 1 - yes
+    [last] = {"corridor", "room", "doorway", "hall"} - set(shares)
+    shares[last] = left
+    shares["corridor"] += shares.pop("hall")
+    shares["doorway"] *= np.exp(found.gate_log_odds)
+    total = sum(shares.values())
+    return {name: value / total for name, value in shares.items()}
+
+
+def positions(n: int) -> list[list[float]]:
+    cells = np.argwhere(taught().labels >= 0)
+    chosen = np.random.default_rng(1).permutation(len(cells))[:n]
+    return MADE.grid.cell_centres_m(cells[chosen]).tolist()
+
+
+@pytest.mark.parametrize(("x", "y"), positions(8))
+def test_votes_and_gates_give_the_probabilities_before_the_graph(x: float, y: float) -> None:
+    found = explain_cell(taught(), x, y)
+    assert found.probabilities_alone is not None
+    assert log_z(found) == pytest.approx(found.probabilities_alone, rel=0, abs=1e-4)
+    for question in found.questions:
+        whole = question.bias + question.from_scan + question.from_spaces
+        assert whole == pytest.approx(question.log_odds, rel=0, abs=1e-9)
+    assert found.region is not None and found.probabilities is not None
+    assert len(found.ranges_m) == len(found.angles_rad) == 360
+
+
+def test_beams_end_at_walls() -> None:
+    [(x, y)] = positions(1)
+    found = explain_cell(taught(), x, y)
+    ends = np.array([x, y]) + found.ranges_m[:, None] * np.stack(
+        [np.cos(found.angles_rad), np.sin(found.angles_rad)], axis=1
+    )
+    beyond = ends + 0.05 * (ends - [x, y]) / found.ranges_m[:, None]
+    cells = MADE.grid.cells_at_m(beyond).clip(0, np.array(MADE.grid.shape) - 1)
+    assert (~MADE.grid.free[tuple(cells.T)]).mean() > 0.9
+
+
+def test_where_the_graph_changes_a_label_neighbours_pull_to_it() -> None:
+    changed = np.argwhere((taught().labels != taught().unary_labels) & (taught().labels >= 0))
+    if not len(changed):
+        pytest.skip("the graph changes nothing on this map")
+    x, y = MADE.grid.cell_centres_m(changed[:1])[0].tolist()
+    found = explain_cell(taught(), x, y)
+    assert found.label != found.alone
+    assert sum(item.towards for item in found.neighbours) > 0
+
+
+def test_painted_cells_say_so_and_on_a_turned_map_too() -> None:
+    turned = OccupancyGrid(MADE.grid.cells, 0.05, (3.0, -2.0), 0.7)
+    teacher = Teacher(turned, trained_labeler())
+    cell = np.argwhere(MADE.grid.free)[500]
+    found = teacher.label(teacher.blank().with_cells([cell], "doorway"))
+    x, y = turned.cell_centres_m([cell])[0].tolist()
+    why = explain_cell(found, x, y)
+    assert why.painted and why.label == "doorway"
+    assert why.probabilities == {"corridor": 0, "room": 0, "doorway": 1}
+    assert why.x_m == pytest.approx(x, abs=0.1) and why.y_m == pytest.approx(y, abs=0.1)
+
+
+def test_regions_have_shapes_and_gates() -> None:
+    room = max(taught().topology.regions, key=lambda region: region.area_m2)
+    found = explain_region(taught(), room.id)
+    assert found.features["area"] > 0
+    assert found.gates and all(0 <= p <= 1 for _, p in found.gates)
+    assert [p for _, p in found.gates] == sorted((p for _, p in found.gates), reverse=True)
+    with pytest.raises(InputError, match="there is no place 'attic'"):
+        explain_region(taught(), "attic")
+
+
+def test_a_labeler_of_scans_only() -> None:
+    classifier = DecisionListClassifier(n_rounds=15, order="rarest-first")
+    names = MADE.label_names
+    labeler = PlaceLabeler(names, ["independent"], classifier=classifier, space=None)
+    labeler.fit([LabelledMap(MADE.grid, MADE.labels)])
+    teacher = Teacher(MADE.grid, labeler)
+    found = teacher.label(teacher.blank())
+    [(x, y)] = positions(1)
+    why = explain_cell(found, x, y)
+    assert why.gate_probability is None and why.probabilities_alone is not None
+    assert not any(vote.of_space for question in why.questions for vote in question.votes)
+    first = why.questions[0]
+    share = 1 / (1 + np.exp(-first.log_odds))
+    assert share == pytest.approx(why.probabilities_alone[first.label], rel=0, abs=1e-4)
+    assert explain_region(found, found.topology.regions[0].id).features == {}
+
+
+def test_positions_off_the_map_are_refused() -> None:
+    with pytest.raises(InputError, match=r"there is no free cell at \(-100, 0\)"):
+        explain_cell(taught(), -100, 0)
+    assert replace(taught(), seconds=1.0).seconds == 1.0
