@@ -33,7 +33,7 @@ PAGE = FOLDER / "teaching.md"
 PICTURE = FOLDER.parent / "docs" / "images" / "teaching_clicks.png"
 
 NAMES = ("corridor", "room", "doorway")
-ENOUGH, MOST_CLICKS = 0.99, 40
+ENOUGH, MOST_CLICKS = 0.99, 30
 SMALLEST_M2 = 0.05
 """Errors smaller than this are nothing that a person would click on."""
 
@@ -47,7 +47,7 @@ FLOORS = (
 """The smallest floors of five buildings, apart from those that options were chosen on."""
 
 CHOSEN_ON = ("school_lamuniere1", "office_atlanticsuites")
-KEEPS = (0.1, 1.0, 4.0)
+KEEPS = (1.0, 30.0, 1000.0)
 
 SEEN = 0.9
 """A place is not shown again if so much of it has been looked at with the labels that it has."""

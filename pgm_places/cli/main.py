@@ -314,6 +314,84 @@ def where(
     run_where(folder, x, y)
 
 
+Places = Annotated[Path, typer.Argument(metavar="DIR", help="Folder written by label or topology.")]
+Place = Annotated[str, typer.Argument(metavar="PLACE", help="Name or id of a place.")]
+
+
+@app.command()
+def rename(
+    folder: Places,
+    place: Place,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What to call it.")],
+) -> None:
+    """Give a place a name of your own, in place_names.yaml."""
+    from pgm_places.cli.place_edits import run_rename
+
+    run_rename(folder, place, name)
+
+
+@app.command()
+def merge(
+    folder: Places,
+    first: Place,
+    second: Annotated[str, typer.Argument(metavar="OTHER", help="The place that becomes part.")],
+) -> None:
+    """Make two places one, which keeps the id and the name of the first."""
+    from pgm_places.cli.place_edits import run_merge
+
+    run_merge(folder, first, second)
+
+
+@app.command(context_settings={"ignore_unknown_options": True})
+def split(
+    folder: Places,
+    place: Place,
+    points: Annotated[
+        list[float],
+        typer.Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
+    ],
+) -> None:
+    """Split a place across a line, or at a point across its narrowest way there."""
+    from pgm_places.cli.place_edits import run_split
+
+    run_split(folder, place, points)
+
+
+@app.command()
+def explain(
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="A picture of it (PNG).")] = None,
+    model: Model = "default",
+    method: Annotated[
+        str | None, typer.Option(help="Method of the model; its last one by default.")
+    ] = None,
+    corrections: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png|FILE.geojson", help="Known labels, as label takes them."),
+    ] = None,
+    unknown_value: UnknownValue = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Explain the label at a position: what its scan and its place said, and the graph."""
+    from pgm_places.cli.explain import run_explain
+
+    run_explain(
+        map_yaml,
+        x,
+        y,
+        out=out,
+        model=model,
+        method=method,
+        corrections=corrections,
+        unknown_value=unknown_value,
+        n_threads=threads,
+        quiet=quiet,
+    )
+
+
 @app.command()
 def simulate(
     out: Annotated[

@@ -81,9 +81,9 @@ def run_export(
     """``pgm-places export``."""
     from pgm_places.io.output_set import output_set
     from pgm_places.io.places.exports import export
-    from pgm_places.io.places.topology_files import load_topology
+    from pgm_places.io.places.topology_files import load_named_topology
 
-    topology = load_topology(folder)
+    topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
         export(topology, to, files.stage, values=_values(values) or None)
     say_written(files)
@@ -102,11 +102,11 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
 
 def run_where(folder: Path, x_m: float, y_m: float) -> None:
     """``pgm-places where``."""
-    from pgm_places.io.places.topology_files import load_topology
+    from pgm_places.io.places.topology_files import load_named_topology
 
     if not (isfinite(x_m) and isfinite(y_m)):
         raise InputError(f"X and Y must be finite metres, got {x_m:g} and {y_m:g}")
-    topology = load_topology(folder)
+    topology = load_named_topology(folder)
     region = topology.region_at(x_m, y_m)
     if region is None:
         say("no place at this position")

@@ -52,7 +52,7 @@ def learned_alone(
     painted, doorway = paint.on(names), _SPACES.doorway(names)
     with progress.stage("learning the paint"):
         nodes = table.layout.from_raster(painted).astype(np.int64)
-        lesson = chosen_cells(nodes, np.ones(len(nodes), np.bool_), options)
+        lesson = chosen_cells(nodes, options)
         own = table.rows(lesson.nodes, progress)
         order = np.argsort(np.bincount(nodes[nodes >= 0]), kind="stable").tolist()
         learn: dict[str, Any] = {"y": lesson.labels, "sample_weight": lesson.weights}

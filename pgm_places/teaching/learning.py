@@ -19,7 +19,7 @@ from pgm_places.teaching.cell_paint import CellPaint
 from pgm_places.teaching.cell_table import CellTable
 from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
 from pgm_places.unary.map_model import UnaryModel
-from pgm_places.unary.space_model import MapSpaces, SpaceModel
+from pgm_places.unary.space_model import SpaceModel
 
 __all__ = ["POTTS", "Learning"]
 
@@ -71,7 +71,7 @@ class Learning:
 
     def _with_laser(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
-        lesson = chosen_cells(nodes, np.zeros(len(nodes), np.bool_), self.options)
+        lesson = chosen_cells(nodes, self.options)
         rows = _Rows(lesson, self.table.rows(lesson.both, self.progress))
         fitted = self._learned(unary.classifier, rows)
         return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
@@ -81,8 +81,7 @@ class Learning:
         space = self._with_gates(unary.space, painted)
         spaces = space.judged_candidates(self.table.gates, painted, self.table.n_threads)
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
-        closed = self._in_painted_places(nodes, spaces, space.doorway)
-        lesson = chosen_cells(nodes, closed, self.options)
+        lesson = chosen_cells(nodes, self.options)
         rows = _Rows(lesson, self.table.beside_spaces(lesson.both, spaces, self.progress))
         hall = unary.n_labels
         if space.corridor is not None:
@@ -108,17 +107,6 @@ class Learning:
             space.gates, examples, values[~judged], self.options, n_threads=self.table.n_threads
         )
         return replace(space, gates=gates)
-
-    def _in_painted_places(
-        self, nodes: NDArray[np.int64], spaces: MapSpaces, doorway: int | None
-    ) -> NDArray[np.bool_]:
-        """(N,) the nodes in places of which a part is painted, other than as a doorway.
-
-        What a list says of the rest of a room is as wrong as what it said of the painted part.
-        """
-        place = self.table.layout.from_raster(spaces.places.segments.raster())
-        painted = np.unique(place[(nodes >= 0) & (nodes != (-1 if doorway is None else doorway))])
-        return np.isin(place, painted[painted >= 0])
 
     def _learned(self, fitted: BoostedList, rows: "_Rows") -> BoostedList:
         lesson = rows.lesson

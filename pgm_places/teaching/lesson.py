@@ -31,12 +31,13 @@ class TeachingOptions(FurtherRounds):
     n_kept : int
         So many cells elsewhere on the map, drawn by chance, keep the list to what it says of them.
     keep : float
-        What these cells weigh together, where all painted cells of a class weigh 1.
+        What these cells weigh together, where all painted cells of a class weigh 1. Boosting counts
+        a cell that a list is sure about by p (1 - p) only: so much less than this number says.
     """
 
     max_cells_per_class: Annotated[int, Ge(10)] = 1000
     n_kept: Annotated[int, Ge(0)] = 1500
-    keep: AtLeastZero = 0.1
+    keep: AtLeastZero = 30.0
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -72,17 +73,13 @@ class Lesson:
         return np.asarray(1.0 / counts[self.labels], np.float64)
 
 
-def chosen_cells(
-    painted: NDArray[np.int64], closed: NDArray[np.bool_], options: TeachingOptions
-) -> Lesson:
+def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> Lesson:
     """The cells of a lesson, the same for the same paint.
 
     Parameters
     ----------
     painted : (N,) int64
         Class of each node, -1 where nothing is painted.
-    closed : (N,) bool
-        Nodes that keep nothing, such as those of a room of which a part is painted.
     options : TeachingOptions
     """
     rng = np.random.default_rng(0)
@@ -91,7 +88,7 @@ def chosen_cells(
         members = np.flatnonzero(painted == label)
         taken.append(rng.permutation(members)[: options.max_cells_per_class])
     nodes = np.sort(np.concatenate([np.zeros(0, np.int64), *taken]))
-    open_nodes = np.flatnonzero((painted < 0) & ~closed)
+    open_nodes = np.flatnonzero(painted < 0)
     kept = np.sort(rng.permutation(open_nodes)[: options.n_kept])
     return Lesson(nodes, painted[nodes], kept)
 

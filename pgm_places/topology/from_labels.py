@@ -14,6 +14,7 @@ from pgm_places.spaces.gates import Gate
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import connected_components
 from pgm_places.topology.confidence import mean_probabilities
+from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import (
     Correction,
     CorrectionRules,
@@ -22,10 +23,9 @@ from pgm_places.topology.corrections import (
 )
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
 from pgm_places.topology.naming import KnownPlaces, identify, name_places
-from pgm_places.topology.passages import find_passages
 from pgm_places.topology.refinements import close_leaks, split_rooms, trim_doorways
 from pgm_places.topology.regions import describe_regions
-from pgm_places.topology.topological_map import Connection, TopologicalMap
+from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["topological_map"]
 
@@ -119,24 +119,10 @@ def topological_map(
         names=called,
         probabilities=probabilities,
         gates=_gates_of(found, doorways),
+        anchors_m=known.anchors_m if known else None,
         tolerance=tolerance,
     )
-    passages = find_passages(pieces.piece, pieces.count, clearance)
-    middles = grid.cell_centres_m(passages.middle_rc)
-    connections = []
-    for k, (i, j) in enumerate(passages.pairs.tolist()):
-        if passages.width[k] * grid.resolution_m < min_width_m:
-            continue
-        first, second = sorted((ids[i], ids[j]))
-        connections.append(
-            Connection(
-                first,
-                second,
-                (float(middles[k, 0]), float(middles[k, 1])),
-                float(passages.width[k]) * grid.resolution_m,
-                float(passages.sides[k]) * grid.resolution_m,
-            )
-        )
+    connections = connections_of(pieces, grid, ids, clearance, min_width_m)
     table = np.array([*ids, 0], np.int32)  # the last entry is for cells without a piece
     for rows in bands_of_rows(raster.shape):  # in place, to save the memory of a copy
         pieces.piece[rows] = table[pieces.piece[rows]]
@@ -144,7 +130,7 @@ def topological_map(
         grid,
         sealed(pieces.piece),
         tuple(sorted(regions, key=lambda region: region.id)),
-        tuple(sorted(connections, key=lambda item: (item.first, item.second))),
+        connections,
         names,
         rules.doorway_label,
         found.corrections,

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ class KnownPlaces:
         Class and name of each id.
     next_id : int
         The first id that has never been used.
+    anchors_m : mapping of int to (float, float)
+        Where each place is anchored: it stays there as long as that is inside the place.
     """
 
     grid: OccupancyGrid
@@ -42,6 +44,7 @@ class KnownPlaces:
     labels: Mapping[int, str]
     names: Mapping[int, str]
     next_id: int
+    anchors_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
 
 def identify(

@@ -1,6 +1,6 @@
 """Regions: connected pieces of a labelled map with area, outline, anchor and confidence."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +76,7 @@ def describe_regions(
     names: Sequence[str],
     probabilities: NDArray[np.float64] | None = None,
     gates: Sequence[tuple[Gate, float] | None] | None = None,
+    anchors_m: Mapping[int, tuple[float, float]] | None = None,
     tolerance: float = 1.5,
 ) -> list[Region]:
     """A region per piece, in the order of the pieces.
@@ -94,12 +95,15 @@ def describe_regions(
         Mean probability of each label in each piece, NaN where it is unknown.
     gates : sequence of (Gate, float) or None, optional
         The gate that each piece is, with its probability; None for other pieces.
+    anchors_m : mapping of int to (float, float), optional
+        Earlier anchors by id, which stay where they are if that is still inside.
     tolerance : float
         Largest distance of an outline from the cells' corners, in cells.
     """
     if pieces.piece.shape != grid.shape:
         raise InputError(f"pieces must have the map's shape {grid.shape}, got {pieces.piece.shape}")
     anchors = _anchors(pieces, clearance)
+    _keep_anchors(anchors, pieces, grid, ids, anchors_m or {})
     centres = grid.cell_centres_m(anchors)
     found = []
     for k, outline in enumerate(outlines(pieces.piece, pieces.count, tolerance=tolerance)):
@@ -138,6 +142,22 @@ def _anchors(pieces: Components, clearance: NDArray[np.int32]) -> NDArray[np.int
     anchor = np.full((pieces.count, 2), -1, np.int32)
     anchor_cells(pieces.piece, squared_depth(pieces.piece), clearance, anchor)
     return anchor
+
+
+def _keep_anchors(
+    anchors: NDArray[np.int32],
+    pieces: Components,
+    grid: OccupancyGrid,
+    ids: Sequence[int],
+    earlier_m: Mapping[int, tuple[float, float]],
+) -> None:
+    """Move anchors (P, 2) back to where they were, if that is inside their pieces."""
+    for k, number in enumerate(ids):
+        if number in earlier_m:
+            cell = grid.cells_at_m([earlier_m[number]])[0]
+            inside = ((cell >= 0) & (cell < grid.shape)).all()
+            if inside and pieces.piece[cell[0], cell[1]] == k:
+                anchors[k] = cell
 
 
 def _in_metres(ring: NDArray[np.int32], grid: OccupancyGrid) -> NDArray[np.float64]:

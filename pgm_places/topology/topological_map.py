@@ -254,4 +254,5 @@ class TopologicalMap:
             {region.id: region.label for region in self.regions},
             {region.id: region.name for region in self.regions},
             self.next_id,
+            {region.id: region.anchor_m for region in self.regions},
         )

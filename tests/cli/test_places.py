@@ -145,3 +145,36 @@ def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run
     assert len(found) > 5
     assert all(found)
     assert not any(gates("--doorways", "labels"))
+
+
+def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
+    before = json.loads((places / "topology.json").read_text())
+    room = next(region for region in before["regions"] if region["label"] == "room")
+    number, (x, y) = room["id"], room["anchor_m"]
+    (places / "place_names.yaml").write_text(f"# ours\n{number}: old # name\n")
+    assert run("where", places, x, y)[1].startswith("old (id ")
+    code, _, err = run("rename", places, "old", "Anna's office")
+    assert code == 0, err
+    assert (places / "place_names.yaml").read_text() == f'# ours\n{number}: "Anna\'s office"\n'
+    assert run("where", places, x, y)[1].startswith("Anna's office (id ")
+    code, _, err = run("split", places, "Anna's office", x, y)
+    assert code == 0, err
+    after = json.loads((places / "topology.json").read_text())
+    assert len(after["regions"]) == len(before["regions"]) + 1
+    new = max(region["id"] for region in after["regions"])
+    assert new == before["next_id"]
+    code, _, err = run("merge", places, "Anna's office", new)
+    assert code == 0, err
+    again = json.loads((places / "topology.json").read_text())
+    whole = next(region for region in again["regions"] if region["id"] == number)
+    assert whole["area_m2"] == pytest.approx(room["area_m2"])
+    assert whole["anchor_m"] == pytest.approx(room["anchor_m"])
+
+
+def test_edits_that_make_no_sense_are_refused(places: Path, run: Run) -> None:
+    code, _, err = run("rename", places, "attic", "loft")
+    assert code == 2 and "there is no place 'attic'" in err
+    code, _, err = run("split", places, "room 1", 1.0, 2.0, 3.0)
+    assert code == 2 and "a point X Y or a line X1 Y1 X2 Y2, got 3 numbers" in err
+    code, _, err = run("rename", places, "room 1", "room 2")
+    assert code == 2 and "'room 2' twice" in err

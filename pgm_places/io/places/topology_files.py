@@ -23,10 +23,19 @@ from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints
 from pgm_places.topology.corrections import Correction
+from pgm_places.topology.place_edits import renamed
 from pgm_places.topology.regions import Polygon, Region
 from pgm_places.topology.topological_map import Connection, TopologicalMap
 
-__all__ = ["NAMES_FILE", "TOPOLOGY_FILE", "load_topology", "read_own_names", "save_topology"]
+__all__ = [
+    "NAMES_FILE",
+    "TOPOLOGY_FILE",
+    "load_named_topology",
+    "load_topology",
+    "read_own_names",
+    "save_topology",
+    "write_own_name",
+]
 
 TOPOLOGY_FILE, REGION_FILE, FEATURES_FILE = "topology.json", "regions.png", "regions.geojson"
 NAMES_FILE = "place_names.yaml"
@@ -126,6 +135,17 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
         raise InputError(f"{path} is damaged ({shown(error)}); write it again") from None
 
 
+def load_named_topology(folder: Path | str) -> TopologicalMap:
+    """What :func:`load_topology` reads, its places called as ``place_names.yaml`` has them now.
+
+    Raises
+    ------
+    InputError
+        As ``load_topology``, or two places would have the same name.
+    """
+    return renamed(load_topology(folder), read_own_names(folder))
+
+
 def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> TopologicalMap:
     frame = from_mapping(_Frame, record["map"], path="map")
     region = _read_ids(source / REGION_FILE, (frame.rows, frame.columns), max_pixels)
@@ -198,6 +218,29 @@ def _read_ids(path: Path, shape: tuple[int, int], max_pixels: int) -> NDArray[np
         if image.shape != shape or not image.is_deep:
             raise InputError(f"{path}: {shape} ids of 16 bits were expected, got {image.shape}")
         return image.stored()[::-1].astype(np.int32)
+
+
+def write_own_name(folder: Path | str, number: int, name: str) -> Path:
+    """Write a user's name for an id into ``place_names.yaml``; other lines stay as they are.
+
+    Raises
+    ------
+    LabelError
+        The file is damaged, or the name is none.
+    OutputError
+        It cannot be written.
+    """
+    path = Path(folder) / NAMES_FILE
+    (name,) = plain_names(f"{path}: names of places", [name])
+    read_own_names(folder)  # a damaged file is not made longer
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    own = f"{number}: {json.dumps(name, ensure_ascii=False)}"  # a JSON string is a YAML string
+    at = [k for k, line in enumerate(lines) if line.split(":")[0].strip() == str(number)]
+    if at:
+        lines[at[0]] = own
+    else:
+        lines.append(own)
+    return write_text(path, "\n".join(lines) + "\n")
 
 
 def read_own_names(folder: Path | str) -> dict[int, str]:

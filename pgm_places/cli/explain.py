@@ -1,0 +1,59 @@
+"""``pgm-places explain``: why a position of a map has its label, in words and as a picture."""
+
+from math import isfinite
+from pathlib import Path
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say
+from pgm_places.errors import InputError
+
+__all__ = ["run_explain"]
+
+
+def run_explain(
+    map_yaml: Path,
+    x_m: float,
+    y_m: float,
+    *,
+    out: Path | None,
+    model: str,
+    method: str | None,
+    corrections: Path | None,
+    unknown_value: int | None,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places explain``."""
+    from pgm_places.io.atomic import write_bytes
+    from pgm_places.io.maps.map_server import load_map
+    from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
+    from pgm_places.teaching.explanation import explain_cell, explain_region
+    from pgm_places.teaching.paint import Paint
+    from pgm_places.teaching.teacher import Teacher
+    from pgm_places.trained import trained_labeler
+
+    if not (isfinite(x_m) and isfinite(y_m)):
+        raise InputError(f"X and Y must be finite metres, got {x_m:g} and {y_m:g}")
+    progress = make_progress(quiet=quiet)
+    labeler = trained_labeler(model)
+    if method is not None:
+        labeler.method(method)  # an unknown method shows before the work
+    loaded = load_map(map_yaml, unknown_value=unknown_value)
+    for message in loaded.warnings:
+        progress.warn(message)
+    teacher = Teacher(loaded.grid, labeler, method=method, n_threads=n_threads)
+    paint = teacher.blank()
+    if corrections is not None:
+        paint = Paint.read(corrections, loaded.grid, teacher.classes)
+    taught = teacher.label(paint, progress=progress)
+    found = explain_cell(taught, x_m, y_m)
+    for line in explanation_lines(found):
+        say(line)
+    if found.region is not None:
+        of_region = explain_region(taught, found.region.id)
+        shape = [f"{name} {of_region.features[name]:.3g}" for name in list(of_region.features)[:6]]
+        gates = [f"{gate.width_m:.2f} m ({100 * p:.0f} %)" for gate, p in of_region.gates[:6]]
+        if shape:
+            say(f"{found.region.name}: {', '.join(shape)}; gates: {', '.join(gates) or 'none'}")
+    if out is not None:
+        say(f"wrote {write_bytes(out, explanation_picture(taught, found))}")

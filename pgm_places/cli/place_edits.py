@@ -1,0 +1,65 @@
+"""``pgm-places rename``, ``merge`` and ``split``: places of a folder, changed by hand."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places.cli.terminal import say, say_written
+from pgm_places.errors import InputError
+
+if TYPE_CHECKING:
+    from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["run_merge", "run_rename", "run_split"]
+
+
+def run_rename(folder: Path, place: str, name: str) -> None:
+    """``pgm-places rename``."""
+    from pgm_places.io.places.topology_files import load_named_topology, write_own_name
+    from pgm_places.topology.place_edits import renamed
+
+    topology = load_named_topology(folder)
+    number = topology.place(_key(place)).id
+    renamed(topology, {number: name})  # a name that another place has is refused here
+    path = write_own_name(folder, number, name)
+    say(f"place {number} is called {name!r} (in {path})")
+
+
+def run_merge(folder: Path, first: str, second: str) -> None:
+    """``pgm-places merge``."""
+    from pgm_places.io.places.topology_files import load_named_topology
+    from pgm_places.topology.place_edits import merged
+
+    _write(folder, merged(load_named_topology(folder), _key(first), _key(second)), "merge")
+
+
+def run_split(folder: Path, place: str, points: list[float]) -> None:
+    """``pgm-places split``."""
+    from pgm_places.io.places.topology_files import load_named_topology
+    from pgm_places.topology.place_edits import split_across, split_at
+
+    topology = load_named_topology(folder)
+    if len(points) == 2:
+        found = split_at(topology, _key(place), points)
+    elif len(points) == 4:
+        found = split_across(topology, _key(place), points[:2], points[2:])
+    else:
+        raise InputError(
+            f"split takes a point X Y or a line X1 Y1 X2 Y2, got {len(points)} numbers"
+        )
+    _write(folder, found, "split")
+
+
+def _key(text: str) -> int | str:
+    """A place by its id or name."""
+    return int(text) if text.isdecimal() else text
+
+
+def _write(folder: Path, topology: "TopologicalMap", by: str) -> None:
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.topology_output import places_summary, write_topology
+
+    # The command that wrote the folder goes on owning its other files.
+    with output_set(folder, by, force=True, shared=True) as files:
+        write_topology(files.stage, topology.grid, topology, title=folder.name)
+    say(places_summary(topology))
+    say_written(files)
