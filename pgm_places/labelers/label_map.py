@@ -1,6 +1,6 @@
 """Labelling a map with a stored model, whatever the resolutions of the two are."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -83,6 +83,7 @@ def label_map(
     *,
     method: str | None = None,
     known: ArrayLike | None = None,
+    features_of: Callable[[OccupancyGrid], NDArray[np.float32]] | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
@@ -102,6 +103,9 @@ def label_map(
         Index into ``labeler.label_names_`` of cells whose label is known, -1 elsewhere: every
         method keeps these labels and labels the other cells by them. Gates take part: one that is
         known to be a doorway, or not to be one, parts places accordingly.
+    features_of : callable, optional
+        Gives the laser and custom features (N, F) of a map's free cells, where something is known
+        of them from before: called with the map at the model's resolution.
     n_threads, progress
         Threads, and where stages are announced.
 
@@ -118,7 +122,9 @@ def label_map(
     if known is not None:
         pinned = KnownCells.of(known, grid, used, labeler.label_names_, labeler.learned_names)
     name = method or labeler.default_method
-    layout, labeling, doorways = _labelled(labeler, used, name, pinned, n_threads, progress)
+    layout, labeling, doorways = _labelled(
+        labeler, used, name, pinned, features_of, n_threads, progress
+    )
     return on_own_raster(
         LabelledPlaces(
             grid,
@@ -158,13 +164,19 @@ def _labelled(
     grid: OccupancyGrid,
     name: str,
     known: KnownCells | None,
+    features_of: Callable[[OccupancyGrid], NDArray[np.float32]] | None,
     n_threads: int | None,
     progress: Progress,
 ) -> tuple[GridLayout, Labeling, Doorways | None]:
     """What a method makes of a map, and its doorways; the scores behind both are freed."""
     raster = None if known is None else known.on_cells
     graph, scores = labeler.scores(
-        grid, methods=[name], known=raster, n_threads=n_threads, progress=progress
+        grid,
+        methods=[name],
+        known=raster,
+        own=None if features_of is None else features_of(grid),
+        n_threads=n_threads,
+        progress=progress,
     )
     assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
     model, spaces, doorways = labeler.unary_model_.space, scores.spaces, None

@@ -96,6 +96,19 @@ class UnaryModel:
         """Whether it can tell halls from other corridors."""
         return self.space is not None and self.space.corridor is not None
 
+    def columns(self, unaries: Collection[str], *, node_features: bool) -> NDArray[np.int64]:
+        """The laser and custom features, ascending, that these scores are made from."""
+        lists = []
+        if "laser" in unaries or "context" in unaries:
+            lists.append(self.classifier)
+        if "context" in unaries and self.context_classifier is not None:
+            lists.append(self.context_classifier)
+        if self.space is not None and ("space" in unaries or self.knows_halls):
+            lists.append(self.space.classifier)
+        used = [item.used_features for item in lists]
+        every = np.concatenate([*used, self.node_columns if node_features else used[0]])
+        return np.unique(every[every < n_columns(self.features)]).astype(np.int64)
+
     def scores(
         self,
         grid: OccupancyGrid,

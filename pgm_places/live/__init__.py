@@ -1,0 +1,1 @@
+"""Labelling while the map grows: a core that knows no middleware."""

@@ -1,0 +1,115 @@
+"""A map labelled as it grows: the labels of the final map, and places that keep their ids."""
+
+import numpy as np
+import pytest
+
+from pgm_places.datasets import generate_building
+from pgm_places.errors import MapError
+from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.live.live_map import LiveLabels, LiveMap
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.unary.options import SpaceOptions
+
+
+@pytest.fixture(scope="module")
+def building() -> OccupancyGrid:
+    return generate_building(1, size="small", resolution_m=0.1).grid
+
+
+@pytest.fixture(scope="module")
+def labeler() -> PlaceLabeler:
+    made = generate_building(0, size="small", resolution_m=0.1)
+    return PlaceLabeler(
+        made.label_names,
+        {
+            "list": PlaceMethod("independent", "laser"),
+            "nearby": PlaceMethod("relaxation", "context"),
+            "places": PlaceMethod("potts", "space"),
+        },
+        classifier=DecisionListClassifier(n_rounds=20),
+        context_m=(0.3, 1.5),
+        space=SpaceOptions(n_rounds=10),
+        n_folds=2,
+    ).fit([LabelledMap(made.grid, made.labels)])
+
+
+def steps(grid: OccupancyGrid) -> list[OccupancyGrid]:
+    """The left half of a building, all of it, and with a chair that comes and goes."""
+    half, chair = grid.cells.copy(), grid.cells.copy()
+    half[:, grid.shape[1] // 2 :] = UNKNOWN
+    row, column = np.argwhere(grid.free)[len(np.argwhere(grid.free)) // 3]
+    chair[row : row + 4, column : column + 4] = OCCUPIED
+    return [grid.with_cells(half), grid, grid.with_cells(chair), grid]
+
+
+@pytest.mark.parametrize("method", ["list", "nearby", "places"])
+def test_labels_are_those_of_each_map_by_itself(
+    labeler: PlaceLabeler, building: OccupancyGrid, method: str
+) -> None:
+    live = LiveMap(labeler, method=method)
+    for number, grid in enumerate(steps(building), 1):
+        found, alone = live.on_map(grid), label_map(labeler, grid, method=method)
+        np.testing.assert_array_equal(found.labels.labels, alone.labels)
+        np.testing.assert_array_equal(found.labels.labeling.beliefs, alone.labeling.beliefs)
+        places = topological_map(
+            grid,
+            alone.labels,
+            alone.label_names,
+            beliefs=alone.labeling.beliefs,
+            layout=alone.layout,
+            doorways=alone.doorways,
+        )
+        np.testing.assert_array_equal(found.topology.region > 0, places.region > 0)
+        assert len(found.topology.regions) == len(places.regions)
+        assert found.map_seq == number
+        assert found.update is not None
+        assert number == 1 or found.update.n_cast < found.update.n_cells
+
+
+def test_ids_and_anchors_stay_where_chairs_are_moved(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    live = LiveMap(labeler, method="places")
+    _, whole, chair, again = (live.on_map(grid) for grid in steps(building))
+    ids = {item.id for item in whole.topology.regions}
+    for found in (chair, again):
+        kept = ids & {item.id for item in found.topology.regions}
+        assert len(kept) >= 0.95 * len(ids)
+        assert sum(moved > 0.5 for moved in found.moved.values()) <= 0.05 * len(ids)
+    assert names(again) == names(whole)
+
+
+def names(found: LiveLabels) -> dict[int, str]:
+    return {item.id: item.name for item in found.topology.regions}
+
+
+def test_a_place_that_was_gone_gets_its_id_and_name_back(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    live = LiveMap(labeler, method="places")
+    whole = live.on_map(building)
+    room = max(whole.topology.regions, key=lambda item: (item.label == "room", item.area_m2))
+    cells = building.cells.copy()
+    cells[whole.topology.region == room.id] = UNKNOWN
+    without = live.on_map(building.with_cells(cells))
+    assert room.id in without.vanished
+    back = live.on_map(building)
+    assert names(back)[room.id] == room.name
+    assert room.id in back.appeared
+
+
+def test_a_bad_map_leaves_the_one_before_current(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    live = LiveMap(labeler, method="list")
+    assert live.current is None
+    found = live.on_map(building)
+    with pytest.raises(MapError, match="no free cell"):
+        live.on_map(building.with_cells(np.where(building.free, UNKNOWN, building.cells)))
+    assert live.current is found
+    assert (building.cells == FREE).any()
+    assert live.on_map(building).map_seq == 2
