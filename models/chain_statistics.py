@@ -1,7 +1,7 @@
 """Counts of labels, of consecutive labels, and of confusions, as probabilities."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ __all__ = [
     "ChainCounts",
     "count_chains",
     "count_table",
+    "counted_tables",
     "normalised",
     "require_chain",
     "usual_step_m",
@@ -75,6 +76,47 @@ def count_chains(
     if share.sum() == smoothing * n_labels:
         raise InputError("no step is labelled, so there is nothing to train on")
     return ChainCounts(moves, seen, first, share)
+
+
+def counted_tables(
+    confusions: ArrayLike | None,
+    moves: ArrayLike | None,
+    stays: ArrayLike | None,
+    first: ArrayLike | None,
+    *,
+    smoothing: float,
+    begun: bool,
+) -> dict[str, Any]:
+    """The learned tables of a hidden Markov model by name, as far as counts of them are given.
+
+    ``begun`` says whether the model has a distribution of first labels; without, it is even.
+
+    Raises
+    ------
+    InputError
+        A count is negative or not finite, or shapes do not fit.
+    """
+    found: dict[str, NDArray[np.float64]] = {}
+    n_labels: int | str = "K"
+    for name, counts in (("confusions", confusions), ("moves", moves), ("stays", stays)):
+        if counts is not None:
+            table = count_table(name, counts, (n_labels, n_labels))
+            n_labels = len(table)
+            found[name] = table
+    tables: dict[str, Any] = {}
+    if "confusions" in found:
+        tables["confusion"] = normalised(found["confusions"] + smoothing)
+        tables["prior"] = normalised(found["confusions"].sum(axis=1) + smoothing)
+    if "moves" in found:
+        tables["transition"] = normalised(found["moves"] + smoothing)
+        tables["counted_m"] = None
+    if "stays" in found:
+        tables["stay"] = normalised(found["stays"])
+    if first is not None:
+        tables["initial"] = normalised(count_table("first", first, (n_labels,)) + smoothing)
+    elif not begun and found:
+        tables["initial"] = np.full(int(n_labels), 1.0 / int(n_labels))
+    return tables
 
 
 def usual_step_m(problems: Sequence[LabelingProblem]) -> NDArray[np.float64] | None:

@@ -1,6 +1,8 @@
 """How much a chain's observations and its rare labels count: fitted on training sequences."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, confusion_matrix
 from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["BALANCES", "WEIGHTS", "best_weights"]
+__all__ = ["BALANCES", "WEIGHTS", "best_weights", "fitted_by_mode", "weights_at"]
 
 WEIGHTS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Weights of the evidence that are tried."""
@@ -62,3 +64,45 @@ def best_weights(
     if len(balances) == 1:
         return plain
     return best_of(sorted(balances), right - 1e-9)[0]
+
+
+def fitted_by_mode(
+    labels_at: Callable[[str, float, float, LabelingProblem], NDArray[np.integer]],
+    modes: Sequence[str],
+    weight: float | Literal["fitted"],
+    balance: float | Literal["fitted"],
+    problems: Sequence[LabelingProblem],
+    labelings: Sequence[NDArray[np.int64]],
+) -> dict[str, Any]:
+    """The best weights and exponents of each mode, by name; None for what is not to be fitted.
+
+    ``labels_at`` is told the mode first; Viterbi's sequence does not depend on the exponent. Other
+    arguments as of :func:`best_weights`.
+    """
+    weights = WEIGHTS if weight == "fitted" else (weight,)
+    balances = BALANCES if balance == "fitted" else (balance,)
+    found = [
+        best_weights(
+            partial(labels_at, mode),
+            problems,
+            labelings,
+            weights=weights,
+            balances=(0.0,) if mode == "viterbi" else balances,
+        )
+        for mode in modes
+    ]
+    best = np.array(found).T
+    return {
+        "fitted_weights": best[0] if weight == "fitted" else None,
+        "fitted_balances": best[1] if balance == "fitted" else None,
+    }
+
+
+def weights_at(
+    weights: NDArray[np.float64] | None, from_m: float, to_m: float
+) -> NDArray[np.float64] | None:
+    """Fitted weights for updates farther apart: they grow with the distance, up to 1.
+
+    Fewer observations say as much per metre. For updates nearer to each other they stay.
+    """
+    return None if weights is None else np.minimum(weights * max(to_m / from_m, 1.0), 1.0)

@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
@@ -20,13 +20,13 @@ from pgm_places.inference.problem import LabelingProblem, evident_unary
 from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import (
     count_chains,
-    count_table,
+    counted_tables,
     normalised,
     require_chain,
     usual_step_m,
 )
-from pgm_places.models.evidence_weight import BALANCES, WEIGHTS, best_weights
-from pgm_places.models.transition_power import transition_power
+from pgm_places.models.evidence_weight import fitted_by_mode, weights_at
+from pgm_places.models.transition_power import transition_at
 from pgm_places.options import AtLeastZero, check_options
 from pgm_places.solvers.forward import (
     ChainBeliefs,
@@ -168,31 +168,17 @@ class HiddenMarkovModel:
         mode by itself: see :func:`pgm_places.models.evidence_weight.best_weights`. Arguments as of
         :meth:`fit`.
         """
-        weight, balance = self.evidence_weight, self.balance
-        if weight != "fitted" and balance != "fitted":
+        if "fitted" not in (self.evidence_weight, self.balance):
             return self
-        found = [
-            best_weights(
-                partial(self._labels_at, mode),
-                problems,
-                labelings,
-                weights=WEIGHTS if weight == "fitted" else (weight,),
-                balances=(0.0,) if mode == "viterbi" else _tried(balance),
-            )
-            for mode in MODES
-        ]
-        weights, balances = np.array(found).T
-        return replace(
-            self,
-            fitted_weights=weights if weight == "fitted" else None,
-            fitted_balances=balances if balance == "fitted" else None,
-        )
+        options = self.evidence_weight, self.balance
 
-    def _labels_at(
-        self, mode: Mode, weight: float, balance: float, problem: LabelingProblem
-    ) -> NDArray[np.int64]:
-        other = replace(self, mode=mode, evidence_weight=weight, balance=balance)
-        return other.infer(problem).labels
+        def labels_at(
+            mode: Any, weight: float, balance: float, problem: LabelingProblem
+        ) -> NDArray[np.int64]:
+            other = replace(self, mode=mode, evidence_weight=weight, balance=balance)
+            return other.infer(problem).labels
+
+        return replace(self, **fitted_by_mode(labels_at, MODES, *options, problems, labelings))
 
     def choose(self, beliefs: ArrayLike) -> NDArray[np.int64]:
         """(T,) the label that each row of beliefs (T, K) is given: see ``balance``."""
@@ -239,28 +225,14 @@ class HiddenMarkovModel:
         >>> model.confusion.tolist(), model.transition.tolist()
         ([[0.8, 0.2], [0.1, 0.9]], [[0.95, 0.05], [0.05, 0.95]])
         """
-        found: dict[str, NDArray[np.float64]] = {}
-        n_labels: int | str = "K"
-        for name, counts in (("confusions", confusions), ("moves", moves), ("stays", stays)):
-            if counts is not None:
-                table = count_table(name, counts, (n_labels, n_labels))
-                n_labels = len(table)
-                found[name] = table
-        learned_now: dict[str, Any] = {}
-        if "confusions" in found:
-            learned_now["confusion"] = normalised(found["confusions"] + self.smoothing)
-            learned_now["prior"] = normalised(found["confusions"].sum(axis=1) + self.smoothing)
-        if "moves" in found:
-            learned_now["transition"] = normalised(found["moves"] + self.smoothing)
-            learned_now["counted_m"] = None
-        if "stays" in found:
-            learned_now["stay"] = normalised(found["stays"])
-        if first is not None:
-            learned_now["initial"] = normalised(
-                count_table("first", first, (n_labels,)) + self.smoothing
-            )
-        elif self.initial is None and found:
-            learned_now["initial"] = np.full(int(n_labels), 1.0 / int(n_labels))
+        learned_now = counted_tables(
+            confusions,
+            moves,
+            stays,
+            first,
+            smoothing=self.smoothing,
+            begun=self.initial is not None,
+        )
         return replace(self, **learned_now)
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
@@ -271,24 +243,15 @@ class HiddenMarkovModel:
         from_m, to_m : float
             Distance between updates until now, and from now on.
 
-        Transitions counted over more than ``from_m`` (on simulated runs) are right for updates as
-        far apart as they were counted, and stay as they are until there; see
-        :func:`pgm_places.models.transition_power.transition_power`.
+        See :func:`pgm_places.models.transition_power.transition_at` and
+        :func:`pgm_places.models.evidence_weight.weights_at`.
         """
         if self.transition is None:
             raise NotFittedError("the hidden Markov model knows no transitions yet; call fit first")
         counted_m = RUNS_M if self.counted_m is None else float(self.counted_m[0])
-        factor = to_m / from_m
-        if factor > 1:
-            factor = max(to_m, counted_m) / max(from_m, counted_m)
-        table, changed = transition_power(self.transition, factor)
-        return replace(self._weighted(to_m / from_m), transition=table), changed
-
-    def _weighted(self, factor: float) -> Self:
-        """One whose fitted weights fit fewer observations, where the factor is above 1."""
-        if self.fitted_weights is None:
-            return self
-        return replace(self, fitted_weights=np.minimum(self.fitted_weights * max(factor, 1.0), 1.0))
+        table, changed = transition_at(self.transition, counted_m, from_m, to_m)
+        weights = weights_at(self.fitted_weights, from_m, to_m)
+        return replace(self, transition=table, fitted_weights=weights), changed
 
     # ------------------------------------------------------------------ inference
 
@@ -486,7 +449,3 @@ class HiddenMarkovModel:
             moved = np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1)
             actions[moved < self.stay_below_m] = STAY
         return actions
-
-
-def _tried(balance: float | Literal["fitted"]) -> tuple[float, ...]:
-    return BALANCES if balance == "fitted" else (balance,)

@@ -14,6 +14,7 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.chain_evidence import possible
 from pgm_places.models.durations import EDGES_M, Durations, constant_durations, learn_durations
+from pgm_places.models.evidence_weight import weights_at
 from pgm_places.models.hmm import RUNS_M, HiddenMarkovModel
 from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 from pgm_places.solvers.semi_markov import SemiMarkovChain, SemiMarkovState
@@ -73,7 +74,7 @@ class SemiMarkovModel(HiddenMarkovModel):
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
         """One for updates every ``to_m`` metres: rates are per metre, only weights differ."""
-        return self._weighted(to_m / from_m), 0.0
+        return replace(self, fitted_weights=weights_at(self.fitted_weights, from_m, to_m)), 0.0
 
     def step(
         self,

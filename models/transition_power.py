@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 
-__all__ = ["transition_power"]
+__all__ = ["transition_at", "transition_power"]
 
 LEAST_EIGENVALUE = 1e-12
 """Of a table that has a logarithm: below, one step forgets all that was before."""
@@ -53,6 +53,21 @@ def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np
     changed = float(np.abs(expm(rates) - table).max(initial=0.0))
     found = np.maximum(expm(exponent * rates), 0.0)
     return found / found.sum(axis=1, keepdims=True), changed
+
+
+def transition_at(
+    transition: ArrayLike, counted_m: float, from_m: float, to_m: float
+) -> tuple[NDArray[np.float64], float]:
+    """The transitions (K, K) for updates every ``to_m`` metres, and how far they were changed.
+
+    They were in use for updates every ``from_m``, and counted over ``counted_m``. If that is more,
+    as on simulated runs, they are right for updates as far apart, and stay as they are until there.
+    Raises as :func:`transition_power`.
+    """
+    factor = to_m / from_m
+    if factor > 1:
+        factor = max(to_m, counted_m) / max(from_m, counted_m)
+    return transition_power(transition, factor)
 
 
 def _generator(table: NDArray[np.float64]) -> NDArray[np.float64]:

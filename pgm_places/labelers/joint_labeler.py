@@ -1,7 +1,5 @@
 """JointLabeler: labels a map, a drive, or a map together with a drive through it, as one graph."""
 
-import copy
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self
@@ -236,25 +234,13 @@ class JointLabeler(Labeler):
             progress=progress,
         )
         examples = self._examples(places, steps, drives, known, of_cells, of_steps)
-        found: dict[str, Self] = {}
-        for name, method in methods.items():
-            with progress.stage(f"method {name}".rstrip()):
-                start = time.perf_counter()
-                fitted, weight = self._learned(method, examples, names)
-                spent = time.perf_counter() - start
-            last = len(found) == len(methods) - 1
-            labeler = self if last else copy.copy(self)
-            if len(methods) > 1:
-                labeler.method = method
-            found[name] = labeler.set_learned(
-                places_=places,
-                steps_=steps,
-                method_=fitted,
-                link_weight_=weight,
-                learn_seconds_=spent,
-                label_names_=names,
-            )
-        return found
+        shared = {"places_": places, "steps_": steps, "label_names_": names}
+
+        def learn(method: Any) -> dict[str, Any]:
+            fitted, weight = self._learned(method, examples, names)
+            return shared | {"method_": fitted, "link_weight_": weight}
+
+        return self.set_learned_with(methods, learn, progress)
 
     def _learned(
         self, method: Any, examples: Sequence[_Example], names: tuple[str, ...]

@@ -37,12 +37,14 @@ they occur:
 import copy
 import dataclasses
 import inspect
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, NotFittedError
 from pgm_places.options import check_option, option_values
+from pgm_places.progress import Progress, Silent
 
 __all__ = ["Labeler"]
 
@@ -144,6 +146,29 @@ class Labeler:
             delattr(self, name)
         vars(self).update(learned)
         return self
+
+    def set_learned_with(
+        self,
+        methods: Mapping[str, Any],
+        learn: Callable[[Any], Mapping[str, Any]],
+        progress: Progress | None,
+    ) -> dict[str, Self]:
+        """A labeler per method, the last of them this one, with what ``learn`` makes of each.
+
+        ``learn`` returns the learned attributes by name; ``learn_seconds_`` is how long it took.
+        """
+        found: dict[str, Self] = {}
+        for name, method in methods.items():
+            with (progress or Silent()).stage(f"method {name}".rstrip()):
+                start = time.perf_counter()
+                learned = learn(method)
+                spent = time.perf_counter() - start
+            last = len(found) == len(methods) - 1
+            labeler = self if last else copy.copy(self)
+            if len(methods) > 1:
+                labeler.set_params(method=method)
+            found[name] = labeler.set_learned(learn_seconds_=spent, **learned)
+        return found
 
     def check_fitted(self) -> None:
         """Refuse what only a fitted labeler can do.

@@ -26,6 +26,15 @@ KINDS = (
 )
 """What a manifest says a folder holds."""
 
+USES = {
+    "place-labeler": "pgm-places label",
+    "trajectory-labeler": "pgm-places track",
+    "joint-labeler": "pgm_places.load(folder).label(grid, drive) in Python",
+    "structured-labeler": "pgm_places.load(folder) in Python",
+    "backend": "pgm_places.load(folder) in Python",
+}
+"""What to use each kind with, for those who try it elsewhere."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stored:
@@ -128,7 +137,8 @@ def read(folder: Path | str, *kinds: str) -> Stored:
     wanted = kinds or KINDS
     if kind not in wanted:
         listed = " or ".join(repr(name) for name in wanted)
-        raise ModelFileError(f"{folder} holds a {shown(kind)} model; a {listed} is wanted")
+        use = f"; use this one with {USES[kind]}" if kind in USES else ""
+        raise ModelFileError(f"{folder} holds a {shown(kind)} model; a {listed} is wanted{use}")
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written
         record = manifest.get("record", {})

@@ -85,8 +85,9 @@ def test_a_model_moves_as_far_as_its_updates_are_apart(
 
 
 def test_rates_per_metre_need_no_rescaling() -> None:
-    model = SemiMarkovModel()
-    assert model.rescaled(0.1, 0.3) == (model, 0.0)
+    rates = np.array([[0.1, 2.0], [1.0, 3.0]])
+    found, changed = SemiMarkovModel(rates=rates).rescaled(0.1, 0.3)
+    assert (found.rates is rates, changed) == (True, 0.0)
 
 
 def test_fewer_observations_count_for_more() -> None:
