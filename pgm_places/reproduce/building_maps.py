@@ -62,6 +62,10 @@ GENERATED_STYLES = (
     "ring",
     "open-plan",
     "cells",
+    "home",
+    "mall",
+    "museum",
+    "suite",
 )
 """Generated buildings of these styles are learned from."""
 
