@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.cold import cold_table
-from experiments.drives.methods import methods_table
+from experiments.drives.methods import graphs_table, methods_table
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
@@ -129,6 +129,7 @@ def main() -> None:
         "METHODS": lambda: methods_table("building79.toml"),
         "FLOORS": lambda: methods_table("floors.toml"),
         "PRIOR": lambda: map_prior_table(building),
+        "GRAPHS": graphs_table,
         "CATEGORIES": lambda: categories_table(building),
         "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),

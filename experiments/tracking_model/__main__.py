@@ -68,10 +68,10 @@ def write_tables(table: Table, data: Path, kept: KeptArrays) -> None:
     found = list(floor_answers(table))
     page = PAGE.with_suffix(".template.md").read_text(encoding="utf-8")
     parts = {
-        "OPTIONS": options_table(table),
         "FLOORS": floors_table(found),
         "LASERS": lasers_table(found),
         "REAL": real_table(table, data, kept),
+        "OPTIONS": options_table(table, found),
     }
     for name, text in parts.items():
         page = page.replace("{" + name + "}", text)

@@ -11,14 +11,32 @@ from experiments.tracking_model.drives import Observed
 from experiments.tracking_model.learning import N_FOLDS, Learned, Table, folds, learned
 from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of_79
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.labelers.trajectory_labeler import METHOD
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.semi_markov import SemiMarkovModel
 from pgm_places.reproduce.building_maps import NAMES
 from pgm_places.reproduce.kept import KeptArrays
 
-__all__ = ["Answer", "answers", "floor_answers", "floors_table", "lasers_table", "real_table"]
+__all__ = [
+    "ALONE",
+    "Answer",
+    "answers",
+    "floor_answers",
+    "floors_table",
+    "lasers_table",
+    "real_table",
+]
 
-MODES = ("filter", "smooth")
+SEMI_MARKOV = SemiMarkovModel(observation="soft", evidence_weight="fitted")
+WAYS = {
+    "filter": (METHOD, "filter"),
+    "smoother": (METHOD, "smooth"),
+    "semi-Markov filter": (SEMI_MARKOV, "filter"),
+    "semi-Markov smoother": (SEMI_MARKOV, "smooth"),
+}
+"""Methods and their modes, beside single scans."""
+
+ALONE = "single scans"
 TOWNS = {"freiburg": "Freiburg 79", "saarbrucken": "Saarbrücken"}
 
 
@@ -29,29 +47,37 @@ class Answer(NamedTuple):
     labels: Mapping[str, NDArray[np.int64]]
 
 
-def answers(
-    found: Learned, labeler: TrajectoryLabeler, drives: Sequence[Observed]
-) -> Iterator[Answer]:
-    """What a model says of drives that it has not seen."""
+def answers(found: Learned, drives: Sequence[Observed], ways: Sequence[str]) -> Iterator[Answer]:
+    """What a list and methods that learned with it say of drives that they have not seen."""
+    fitted = {id(WAYS[way][0]): found.labeler(WAYS[way][0]) for way in ways}
+    labelers = {
+        way: fitted[id(WAYS[way][0])].with_options(method__mode=WAYS[way][1]) for way in ways
+    }
     for drive in drives:
         scores = found.model.log_proba(drive.circles_m, spaces=drive.spaces)
-        labels = {"alone": scores.argmax(axis=1)}
-        for mode in MODES:
-            tool = labeler.with_options(method__mode=mode)
-            labels[mode] = tool.infer(drive.trajectory, scores).labels
+        labels = {ALONE: scores.argmax(axis=1)}
+        for way, labeler in labelers.items():
+            labels[way] = labeler.infer(drive.trajectory, scores).labels
         yield Answer(drive, labels)
 
 
-def floor_answers(table: Table, unfitted: DecisionListClassifier | None = None) -> Iterator[Answer]:
+def floor_answers(
+    table: Table,
+    unfitted: DecisionListClassifier | None = None,
+    ways: Sequence[str] = tuple(WAYS),
+) -> Iterator[Answer]:
     """Every simulated drive, labelled by a model that saw no drive through its building."""
     fold = folds(table.drives)
     for number in range(N_FOLDS):
         found = learned(table.only(fold != number), unfitted)
-        yield from answers(found, found.labeler(), table.only(fold == number).drives)
+        print(f"fold {number}", flush=True)
+        yield from answers(found, table.only(fold == number).drives, ways)
 
 
 def merged(
-    some: Sequence[Answer], name: str, without: Callable[..., NDArray[np.bool_]] | None = None
+    some: Sequence[Answer],
+    name: str,
+    without: Callable[[Observed], NDArray[np.bool_]] | None = None,
 ) -> Evaluation:
     """The figures of one way of labelling over several drives."""
     parts = []
@@ -69,21 +95,25 @@ def figures(found: Evaluation) -> str:
     return f"{100 * found.accuracy:.1f} / {100 * found.balanced_accuracy:.1f}"
 
 
-HEAD = "steps | single scans | filter | smoother | doorway recall: alone / filter / smoother |"
+HEAD = f"steps | {ALONE} | {' | '.join(WAYS)} |"
+RULE = "|---" * (3 + len(WAYS)) + "|"
 
 
 def _row(
-    name: str, some: Sequence[Answer], without: Callable[..., NDArray[np.bool_]] | None = None
+    name: str,
+    some: Sequence[Answer],
+    without: Callable[[Observed], NDArray[np.bool_]] | None = None,
 ) -> str:
-    scored = [merged(some, mode, without) for mode in ("alone", *MODES)]
-    doors = " / ".join(f"{100 * (item.recall['doorway'] or 0):.0f}" for item in scored)
-    rates = " | ".join(figures(item) for item in scored)
-    return f"| {name} | {scored[0].n} | {rates} | {doors} |"
+    scored = [merged(some, way, without) for way in (ALONE, *WAYS)]
+    cells = [f"{figures(item)} ({100 * (item.recall['doorway'] or 0):.0f})" for item in scored]
+    text = f"| {name} | {scored[0].n} | {' | '.join(cells)} |"
+    print(text, flush=True)
+    return text
 
 
 def floors_table(found: Sequence[Answer]) -> str:
     """A row per kind of building and of map."""
-    lines = [f"| drives simulated in | {HEAD}", "|---|---|---|---|---|---|"]
+    lines = [f"| drives simulated in | {HEAD}", RULE]
     groups = sorted({item.drive.group for item in found})
     lines += [
         _row(group, [item for item in found if item.drive.group == group]) for group in groups
@@ -96,11 +126,11 @@ VIEWS = ((90.0, 90.0), (120.0, 180.0), (240.0, 270.0), (360.0, 360.0))
 SPACINGS = ((0.2, 0.5), (0.5, 1.2), (1.2, 3.1))
 
 
-def lasers_table(found: Sequence[Answer], mode: str = "smooth") -> str:
+def lasers_table(found: Sequence[Answer], way: str = "smoother") -> str:
     """Accuracy and balanced accuracy by view and reach, then by view and density of the beams."""
 
     def cell(chosen: Sequence[Answer]) -> str:
-        return f"{figures(merged(chosen, mode))} ({len(chosen)})" if chosen else "-"
+        return f"{figures(merged(chosen, way))} ({len(chosen)})" if chosen else "-"
 
     def view(item: Answer) -> float:
         return item.drive.laser.view_degrees
@@ -134,17 +164,17 @@ def real_table(
     Nothing of Freiburg's building 79, the campaign's building there, is learned from for either
     of the two; nothing of the campaign's other building for the rows of Saarbruecken.
     """
-    lines = [f"| drives | {HEAD}", "|---|---|---|---|---|---|"]
+    lines = [f"| drives | {HEAD}", RULE]
     real = list(cold_drives(data, kept))
     for town, building in TOWNS.items():
         found = learned(table.only([item.building != building for item in table.drives]), unfitted)
-        labeler = found.labeler()
-        some = list(answers(found, labeler, [item for item in real if item.group == town]))
+        ways = tuple(WAYS)
+        some = list(answers(found, [item for item in real if item.group == town], ways))
         lines.append(_row(f"COLD {town.capitalize()}, simulated front laser", some))
         if town == "saarbrucken":
             lines.append(_row("the same without the lobby", some, in_lobby))
             lines.append(_row("the lobby alone", some, lambda drive: ~in_lobby(drive)))
         else:
-            log = list(answers(found, labeler, [log_of_79(data, kept)]))
+            log = list(answers(found, [log_of_79(data, kept)], ways))
             lines.append(_row("log of building 79, real front laser", log))
     return "\n".join(lines)
