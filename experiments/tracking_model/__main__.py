@@ -2,13 +2,15 @@
 
 ``PGM_PLACES_DATA=DATA python -m experiments.tracking_model --kept FOLDER`` simulates a drive in
 every labelled map, keeps what it shows in the folder, writes the model to
-pgm_places/trained/tracking and the tables to experiments/tracking_model.md; with ``--tables``
-or ``--model``, only those.
+pgm_places/trained/tracking and the tables to experiments/tracking_model.md; with ``--model``, only
+the model is written, and tables that are named are only printed.
 """
 
 import argparse
 import os
 import sys
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
@@ -24,6 +26,7 @@ from pgm_places.reproduce.kept import KeptArrays
 
 HERE = Path(__file__).resolve().parent
 MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"
+PARTS = ("floors", "lasers", "real", "options")
 PAGE = HERE.parent / "tracking_model.md"
 
 
@@ -63,20 +66,15 @@ def write_model(table: Table, data: Path) -> None:
     print(f"wrote {MODEL}")
 
 
-def write_tables(table: Table, data: Path, kept: KeptArrays) -> None:
-    """All tables, every figure from buildings left out."""
-    found = list(floor_answers(table))
-    page = PAGE.with_suffix(".template.md").read_text(encoding="utf-8")
-    parts = {
-        "FLOORS": floors_table(found),
-        "LASERS": lasers_table(found),
-        "REAL": real_table(table, data, kept),
-        "OPTIONS": options_table(table, found),
+def tables(table: Table, data: Path, kept: KeptArrays) -> Mapping[str, Callable[[], str]]:
+    """The tables by their names in the template; every figure is from buildings left out."""
+    found = cache(lambda: list(floor_answers(table)))
+    return {
+        "FLOORS": lambda: floors_table(found()),
+        "LASERS": lambda: lasers_table(found()),
+        "REAL": lambda: real_table(table, data, kept),
+        "OPTIONS": lambda: options_table(table),
     }
-    for name, text in parts.items():
-        page = page.replace("{" + name + "}", text)
-    PAGE.write_text(page, encoding="utf-8")
-    print(f"wrote {PAGE}")
 
 
 def main() -> None:
@@ -84,7 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
     parser.add_argument("--kept", type=Path, help="folder that keeps what drives show")
     parser.add_argument("--model", action="store_true", help="only the model")
-    parser.add_argument("--tables", action="store_true", help="only the tables")
+    parser.add_argument("parts", nargs="*", choices=PARTS, help="only print these tables")
     chosen = parser.parse_args()
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
@@ -93,10 +91,18 @@ def main() -> None:
         chosen.kept.mkdir(parents=True, exist_ok=True)
     kept = KeptArrays(chosen.kept)
     table = Table.of(simulated_drives(known_maps(Path(data), kept), kept))
-    if chosen.model or not chosen.tables:
+    parts = tables(table, Path(data), kept)
+    for name in chosen.parts:
+        print(parts[name.upper()]())
+    if chosen.model or not chosen.parts:
         write_model(table, Path(data))
-    if chosen.tables or not chosen.model:
-        write_tables(table, Path(data), kept)
+    if chosen.model or chosen.parts:
+        return
+    page = PAGE.with_suffix(".template.md").read_text(encoding="utf-8")
+    for name, run in parts.items():
+        page = page.replace("{" + name + "}", run())
+    PAGE.write_text(page, encoding="utf-8")
+    print(f"wrote {PAGE}")
 
 
 if __name__ == "__main__":
