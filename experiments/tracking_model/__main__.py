@@ -82,8 +82,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m experiments.tracking_model")
     parser.add_argument("--kept", type=Path, help="folder that keeps what drives show")
     parser.add_argument("--model", action="store_true", help="only the model")
-    parser.add_argument("parts", nargs="*", choices=PARTS, help="only print these tables")
+    parser.add_argument("parts", nargs="*", help=f"only print these of {', '.join(PARTS)}")
     chosen = parser.parse_args()
+    if unknown := sorted({*chosen.parts} - {*PARTS}):
+        parser.error(f"no table {unknown[0]!r}; there are {', '.join(PARTS)}")
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")

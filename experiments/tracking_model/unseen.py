@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.tracking_model.drives import Observed
-from experiments.tracking_model.learning import N_FOLDS, Learned, Table, folds, learned
+from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table, folds, learned
 from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of_79
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.labelers.trajectory_labeler import METHOD
+from pgm_places.labelers.trajectory_labeler import METHOD as HMM
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.models.semi_markov import SemiMarkovModel
 from pgm_places.reproduce.building_maps import NAMES
 from pgm_places.reproduce.kept import KeptArrays
 
@@ -27,12 +26,11 @@ __all__ = [
     "real_table",
 ]
 
-SEMI_MARKOV = SemiMarkovModel(observation="soft", evidence_weight="fitted")
 WAYS = {
-    "filter": (METHOD, "filter"),
-    "smoother": (METHOD, "smooth"),
-    "semi-Markov filter": (SEMI_MARKOV, "filter"),
-    "semi-Markov smoother": (SEMI_MARKOV, "smooth"),
+    "filter": (HMM, "filter"),
+    "smoother": (HMM, "smooth"),
+    "semi-Markov filter": (METHOD, "filter"),
+    "semi-Markov smoother": (METHOD, "smooth"),
 }
 """Methods and their modes, beside single scans."""
 
