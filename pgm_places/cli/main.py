@@ -357,7 +357,7 @@ def split(
     run_split(folder, place, points)
 
 
-@app.command()
+@app.command(context_settings={"ignore_unknown_options": True})  # a position may be negative
 def explain(
     map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
     x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],

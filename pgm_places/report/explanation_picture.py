@@ -14,7 +14,7 @@ from pgm_places.teaching.taught import Taught
 
 __all__ = ["explanation_lines", "explanation_picture"]
 
-_EDGE, _LEFT, _ROW, _PANEL = 24, 560, 21, 420
+_EDGE, _LEFT, _ROW, _PANEL = 24, 560, 21, 500
 _BAR = 110
 _MOST_VOTES = 7
 _FOR, _AGAINST = "#2f7d4f", "#b5482a"
@@ -115,7 +115,11 @@ def _draw_map(
     ends = here + found.ranges_m[:, None] * ways
     cells = grid.cells_at_m(ends).clip(0, np.array(grid.shape) - 1)
     shown = np.zeros(grid.shape, np.bool_)
-    (r0, c0), (r1, c1) = cells.min(axis=0), cells.max(axis=0)
+    # Of long corridors no more than fits beside the votes; view_of adds a margin of half a metre.
+    [middle] = grid.cells_at_m([here])
+    reach = np.array([size[1], size[0]]) // 2 - int(0.5 / grid.resolution_m) - 1
+    (r0, c0) = np.maximum(np.maximum(cells.min(axis=0), middle - reach), 0)
+    (r1, c1) = np.minimum(cells.max(axis=0), middle + reach)
     shown[r0 : r1 + 1, c0 : c1 + 1] = True
     view = view_of(grid, shown, most_pixels=size[0] * size[1])
     canvas = label_canvas(grid, taught.labels, taught.label_names, view)
@@ -142,7 +146,7 @@ def _draw_question(
         left + 30 + text_width(f"{question.label}?", 16),
         y,
         f"log-odds {question.log_odds:+.1f}: scan {question.from_scan:+.1f}, "
-        f"space {question.from_spaces:+.1f}, before looking {question.bias:+.1f}",
+        f"space {question.from_spaces:+.1f}, at first {question.bias:+.1f}",
         size=12,
         colour=MUTED,
     )
