@@ -127,8 +127,6 @@ class HiddenMarkovModel:
     def __post_init__(self) -> None:
         check_options(self)
 
-    # ------------------------------------------------------------------ learning
-
     def fit(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
     ) -> Self:
