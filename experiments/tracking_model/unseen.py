@@ -168,7 +168,7 @@ def real_table(
         found = learned(table.only([item.building != building for item in table.drives]), unfitted)
         ways = tuple(WAYS)
         some = list(answers(found, [item for item in real if item.group == town], ways))
-        lines.append(_row(f"COLD {town.capitalize()}, simulated front laser", some))
+        lines.append(_row(f"COLD {building.split()[0]}, simulated front laser", some))
         if town == "saarbrucken":
             lines.append(_row("the same without the lobby", some, in_lobby))
             lines.append(_row("the lobby alone", some, lambda drive: ~in_lobby(drive)))
