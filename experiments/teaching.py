@@ -4,7 +4,7 @@ The truth stands in for a person who corrects one region or doorway with each cl
 the labelled area is right. The labeler is the shipped model ``generated``, which has seen no real
 building. The person goes through the places by doubt times area, or in random order, while the
 labeler learns; or paints by hand, always the largest error first, over the labeler's result or on a
-blank map. Writes ``teaching.md``, a part of docs/results.md, and its figure.
+blank map. Writes ``teaching.md``, the table of docs/teaching.md, and its figure.
 
 ``--choose`` compares how much is kept of what the labeler knew, on two other floors.
 """
