@@ -122,6 +122,7 @@ def page() -> str:
     """The whole of docs/results.md from what is kept."""
     paper = kept_paper_sections()
     files = [
+        FOLDER / "unseen_kinds.md",
         FOLDER / "space_field.md",
         FOLDER / "ablations.md",
         *(_section_file(name) for name in MAPS),
