@@ -17,6 +17,7 @@ from pgm_places.errors import InputError, PgmPlacesError
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.exports import write_export
 from pgm_places.studio.guard import Guard
+from pgm_places.studio.reasons import reasons_record
 from pgm_places.studio.records import cell_record, drive_record, places_record, state_record
 
 __all__ = ["application", "static_files"]
@@ -99,6 +100,13 @@ class _Answers:
             raise InputError("x and y must be finite numbers of cells")
         return _json(cell_record(self.desk, *point))
 
+    def reasons(self, request: Request) -> Response:
+        taught = self.desk.taught
+        if taught is None:
+            raise InputError("there are no labels yet; wait until the map has been labelled")
+        x_m, y_m = (float(request.query_params[name]) for name in ("x_m", "y_m"))
+        return _json(reasons_record(taught, x_m, y_m))
+
     def drive(self, _: Request) -> Response:
         return _json(drive_record(self.desk))
 
@@ -156,6 +164,7 @@ def application(desk: Desk, *, token: str, port: int) -> Guard:
         Route("/state", answers.state),
         Route("/places", answers.places),
         Route("/cell", answers.cell),
+        Route("/reasons", answers.reasons),
         Route("/drive", answers.drive),
         Route("/tile/{layer}/{level:int}/{row:int}/{column:int}.png", answers.tile),
         Route("/edit", answers.edit, methods=["POST"]),

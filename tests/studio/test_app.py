@@ -27,7 +27,7 @@ def taught(desk: Desk, client: Client) -> Client:
     for label, left, right in ((0, 6, 24), (1, 27, 45)):
         client.post("edit", json=rectangle(label, [left, 6], [right, 24])).raise_for_status()
     client.post("edit", json=rectangle(2, [25, 13], [26, 17])).raise_for_status()
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 300
     while desk.lesson is None or desk.lesson.revision < 3:
         assert not desk.learner.state.problem and time.monotonic() < deadline
         time.sleep(0.02)
@@ -46,6 +46,14 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
     assert (cell["x_m"], cell["y_m"]) == pytest.approx((3.1, 0.1))
     for layer in ("labels-taught", "labels-unary", "entropy", "probability-0", "probability-2"):
         assert taught.get(f"tile/{layer}/0/0/0.png", params={"theme": "dark"}).status_code == 200
+
+    where = {"x_m": cell["x_m"], "y_m": cell["y_m"]}
+    reasons = taught.get("reasons", params=where).json()
+    assert reasons["painted"] and len(reasons["scan_m"]) > 90
+    for question in reasons["questions"]:
+        votes = [vote["log_odds"] for vote in question["votes"]]
+        assert votes == [v for v in votes if v > 0] + [v for v in votes if v < 0]
+    assert taught.get("reasons", params={"x_m": 0, "y_m": 0}).status_code == 400
 
     places = taught.get("places").json()
     door = next(item for item in places["regions"] if item["class"] == "doorway")

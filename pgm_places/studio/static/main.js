@@ -141,6 +141,7 @@ class Studio {
     if (!region) return;
     this.chosen = id;
     this.why.cell = null;
+    this.why.reasons = null;
     this.asked = null;
     const polygons = region.polygons.flat(2).map((point) => this.frame.fromMetres(point));
     const xs = polygons.map((point) => point.x);
@@ -193,6 +194,12 @@ class Studio {
     this.why.cell = cell;
     this.chosen = cell.region ?? null;
     if (moved) this.show("why");
+    this.why.reasons = null;
+    this.changed();
+    if (cell.ground !== "free" || !cell.label) return;
+    const reasons = await this.server.get("reasons", { x_m: cell.x_m, y_m: cell.y_m }).catch(() => null);
+    if (this.asked !== point) return; // a newer question
+    this.why.reasons = reasons;
     this.changed();
   }
 

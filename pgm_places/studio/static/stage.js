@@ -69,6 +69,7 @@ export class Stage {
     const pixel = 1 / view.scale;
     studio.places.draw(context, pixel, shown, colours);
     studio.places.drawChosen(context, pixel, studio.chosen, colours);
+    if (studio.asked && studio.why.reasons) this.#scan(studio.why.reasons, pixel, colours);
     studio.tools.draw(context, pixel, colours);
     context.restore();
     if (shown.names) studio.places.drawNames(context, view, colours);
@@ -108,6 +109,26 @@ export class Stage {
     const far = 2 * Math.max(map.columns, map.rows);
     if (named(left)) this.#tiled(named(left), opacity, [at - far, -far, far, 3 * far]);
     if (named(right)) this.#tiled(named(right), opacity, [at, -far, far, 3 * far]);
+  }
+
+  /** The scan of the cell that was asked about. */
+  #scan({ scan_m: ends }, pixel, colours) {
+    const { context, studio } = this;
+    context.beginPath();
+    for (const end of ends) {
+      const { x, y } = studio.frame.fromMetres(end);
+      context.lineTo(x, y);
+    }
+    context.closePath();
+    context.save();
+    context.fillStyle = colours.accent;
+    context.globalAlpha = 0.16;
+    context.fill();
+    context.globalAlpha = 0.9;
+    context.strokeStyle = colours.accent;
+    context.lineWidth = 1.2 * pixel;
+    context.stroke();
+    context.restore();
   }
 
   /** Where the person asked why. */

@@ -7,10 +7,11 @@ export class Why {
     this.studio = studio;
     this.element = h("div", { className: "panel" });
     this.cell = null;
+    this.reasons = null;
   }
 
   render(state) {
-    const key = JSON.stringify([this.cell, this.studio.chosen, this.studio.placesVersion, state.classes]);
+    const key = JSON.stringify([this.cell, this.reasons?.questions, this.studio.chosen, this.studio.placesVersion, state.classes]);
     if (key === this.key || this.element.contains(document.activeElement) && document.activeElement.tagName === "INPUT") return;
     this.key = key;
     const region = this.studio.places.byId.get(this.studio.chosen);
@@ -71,7 +72,26 @@ export class Why {
     if (cell.ground !== "free") return [h("section", {}, h("h2", {}, `Cell at ${where}`), h("p", {}, `The map says ${cell.ground} here; only free cells have labels.`))];
     const parts = [h("hr", { className: "rule" }), h("section", {}, h("h2", {}, `Cell at ${where}`), h("p", { className: "note" }, this.#story(cell)))];
     if (cell.probabilities) parts.push(h("section", {}, h("h2", {}, "With its neighbours"), this.#bars(cell.probabilities)));
-    if (cell.unary_probabilities) parts.push(h("section", {}, h("h2", {}, "From its own scan and space alone"), this.#bars(cell.unary_probabilities)));
+    if (cell.unary_probabilities) parts.push(h("section", {}, h("h2", {}, "By itself"), this.#bars(cell.unary_probabilities)));
+    if (this.reasons && !this.reasons.painted) parts.push(...this.#votes(this.reasons));
+    return parts;
+  }
+
+  /** What spoke for and against each class, in the order in which the list asks. */
+  #votes({ questions, gate_probability: gate, pulls }) {
+    const parts = questions.map((question) =>
+      h("section", {}, h("h2", {}, `Is it ${question.label}? ${signed(question.log_odds)}`),
+        h("p", { className: "small" }, `Its scan says ${signed(question.from_scan)}, the space around it ${signed(question.from_spaces)} (log-odds).`),
+        h("dl", { className: "facts" }, question.votes.flatMap((vote) => [
+          h("dt", {}, vote.name),
+          h("dd", { title: `It weighs most at ${short(vote.threshold)}` }, `${short(vote.value)}  `, h("b", {}, signed(vote.log_odds))),
+        ]))));
+    const notes = [];
+    if (gate) notes.push(`The gate here is a doorway with ${percent(gate)}.`);
+    const against = pulls.filter((pull) => pull.towards < 0).length;
+    const towards = pulls.filter((pull) => pull.towards > 0).length;
+    if (towards || against) notes.push(`${towards} neighbours pulled it to its label, ${against} away from it.`);
+    if (notes.length) parts.push(h("p", { className: "note" }, notes.join(" ")));
     return parts;
   }
 
@@ -93,6 +113,9 @@ export class Why {
     }));
   }
 }
+
+const signed = (value) => (value < 0 ? "−" : "+") + Math.abs(value).toFixed(2);
+const short = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : Number(value.toPrecision(3)).toString());
 
 /** A probability in words of a table: never 0 % or 100 % unless it is. */
 export function percent(value) {
