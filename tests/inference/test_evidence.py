@@ -65,9 +65,6 @@ def fitted(key: str) -> Backend:
     return backend.fit([problem], [truth]) if hasattr(backend, "fit") else backend
 
 
-del METHODS["crf, graph-cut"]  # its tables are not associative
-
-
 @pytest.mark.parametrize("how", ["known", "forbidden"])
 @pytest.mark.parametrize("key", list(METHODS))
 def test_what_is_known_holds_against_every_classifier(key: str, how: str) -> None:
