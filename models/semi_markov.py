@@ -45,7 +45,7 @@ class SemiMarkovModel(HiddenMarkovModel):
     >>> from pgm_places.graph.label_graph import LabelGraph
     >>> graph = LabelGraph.from_trajectory(np.arange(0.0, 12.0, 0.5).reshape(12, 2))
     >>> truth = np.array([0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0])
-    >>> z = np.where(np.eye(2)[truth] > 0, 0.8, 0.2)
+    >>> z = np.where(np.eye(2)[truth] > 0, 0.9, 0.1)
     >>> problem = LabelingProblem(graph, ["room", "doorway"], unary=np.log(z))
     >>> model = SemiMarkovModel("smooth").fit([problem], [truth])
     >>> model.infer(problem).labels.tolist()

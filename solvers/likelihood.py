@@ -182,7 +182,7 @@ def maximize_likelihood(
     >>> chain = TableField(np.ones((4, 1)), adjacency(4, edges), np.ones((3, 1)), 2)
     >>> found = maximize_likelihood(chain, np.array([0, 1, 0, 1]), 10.0, tolerance=1e-6)
     >>> found.status, found.weights[2:].round(2).tolist()
-    ('optimal', [-0.75, 1.0, 0.5, -0.75])
+    ('optimal', [-0.7, 1.43, -0.04, -0.7])
     """
     n_known = int((labels >= 0).sum())
     if not n_known:

@@ -73,8 +73,8 @@ class SemiMarkovChain:
     --------
     A doorway (1) is left within a metre; a room (0) takes some metres:
 
-    >>> chain = SemiMarkovChain([0.5, 0.5], [[0, 1], [1, 0]], [0.0, 1.0], [[0.2, 0.2], [0.1, 9.0]])
-    >>> seen = np.log([[0.9, 0.1], [0.3, 0.7], [0.4, 0.6], [0.6, 0.4], [0.8, 0.2]])
+    >>> chain = SemiMarkovChain([0.5, 0.5], [[0, 1], [1, 0]], [0.0, 1.0], [[0.5, 0.5], [1.0, 9.0]])
+    >>> seen = np.log([[0.9, 0.1], [0.1, 0.9], [0.2, 0.8], [0.9, 0.1], [0.8, 0.2]])
     >>> chain.viterbi(np.full(4, 0.5), seen).labels.tolist()
     [0, 1, 1, 0, 0]
     """

@@ -3,6 +3,7 @@
 import os
 import queue
 import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
@@ -19,6 +20,9 @@ Task = TypeVar("Task")
 
 _MOST_DEATHS = 3
 """A task that has taken so many processes with it is given up."""
+
+_TAKEN_WITHIN_S = 2.0
+"""A task is handed on within milliseconds; a machine that is slower than this may show an error."""
 
 _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -81,6 +85,7 @@ class _Lanes:
         self._lock, self._stopped = threading.Lock(), False
         self._found: queue.SimpleQueue[Done | BaseException | None] = queue.SimpleQueue()
         self._executors: dict[int, Any] = {}
+        self._running: dict[int, Any] = {}
         self._threads = [
             threading.Thread(target=self._lane, args=(number,), daemon=True)
             for number in range(workers.n_jobs)
@@ -104,7 +109,9 @@ class _Lanes:
         """End the processes, whatever they are doing."""
         with self._lock:
             self._stopped = True
-            executors = list(self._executors.values())
+            executors, futures = list(self._executors.values()), list(self._running.values())
+        for future in futures:
+            _wait_until_taken(future)
         for executor in executors:
             executor.shutdown(wait=False, kill_workers=True)
 
@@ -126,17 +133,26 @@ class _Lanes:
         """What the function returns, None where too many processes die on the task."""
         for _ in range(_MOST_DEATHS):
             try:
-                return self._executor(number).submit(self._function, task).result()
+                with self._lock:
+                    if self._stopped:
+                        return None
+                    future = self._executor(number).submit(self._function, task)
+                    self._running[number] = future
+                return future.result()
             except BrokenExecutor:
                 with self._lock:
                     broken = self._executors.pop(number)
                 broken.shutdown(wait=False, kill_workers=True)
-                if self._stopped:
-                    break
         return None
 
     def _executor(self, number: int) -> Any:
-        with self._lock:
-            if number not in self._executors and not self._stopped:
-                self._executors[number] = self._workers.executor()
-            return self._executors[number]
+        if number not in self._executors:
+            self._executors[number] = self._workers.executor()
+        return self._executors[number]
+
+
+def _wait_until_taken(future: Any) -> None:
+    """Wait until loky has handed a task on: shut down before that, its thread fails on the task."""
+    given_up = time.monotonic() + _TAKEN_WITHIN_S
+    while not (future.running() or future.done()) and time.monotonic() < given_up:
+        time.sleep(0.001)

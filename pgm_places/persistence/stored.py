@@ -137,7 +137,9 @@ def read(folder: Path | str, *kinds: str) -> Stored:
     wanted = kinds or KINDS
     if kind not in wanted:
         listed = " or ".join(repr(name) for name in wanted)
-        use = f"; use this one with {USES[kind]}" if kind in USES else ""
+        use = ""
+        if isinstance(kind, str) and kind in USES:  # a damaged manifest may hold anything
+            use = f"; use this one with {USES[kind]}"
         raise ModelFileError(f"{folder} holds a {shown(kind)} model; a {listed} is wanted{use}")
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written

@@ -150,7 +150,7 @@ def test_lengths_do_not_depend_on_the_resolution(resolution_m: float, metres_hig
         ({"seed": -1}, "seed must not be negative, got -1"),
         ({"wings": 0}, "wings must be at least 1, got 0"),
         ({"size": "big"}, "size must be one of floor, small, got 'big'"),
-        ({"style": "baroque"}, "style must be one of office, varied, cells, clinic, hall, hotel, "),
+        ({"style": "baroque"}, "style must be one of office, varied, cells, clinic, hall, home, "),
         ({"style": "varied", "size": "small"}, "style 'varied' needs size 'floor'"),
         ({"style": "school", "size": "small"}, "style 'school' needs size 'floor'"),
         ({"halls": "lobby"}, "halls must be one of corridor, room, hall, got 'lobby'"),

@@ -245,7 +245,7 @@ def test_a_copy_shares_nothing_that_a_fit_changes(case: Case) -> None:
 
 def test_the_three_take_the_same_keywords() -> None:
     shared = {"method", "mask", "truth", "n_threads", "progress"}
-    own = {"self", "known_map", "map_prior", "extra", "methods", "scores"}
+    own = {"self", "known", "known_map", "map_prior", "extra", "methods", "scores", "own"}
     for kind in (PlaceLabeler, TrajectoryLabeler, StructuredLabeler):
         for name in ("label", "infer", "scores"):
             found = inspect.signature(getattr(kind, name)).parameters
@@ -322,7 +322,7 @@ def test_a_method_for_chains_is_refused_before_anything_is_learned(
     with pytest.raises(
         ConfigError,
         match=r"method 'way' \(HiddenMarkovModel\) labels only chains such as trajectories, and a "
-        r"map is not a chain; use one of independent, relaxation, amn, potts",
+        r"map is not a chain; use one of independent, relaxation, amn, crf, potts, space_field",
     ):
         PlaceLabeler(NAMES, {"alone": "independent", "way": "hmm"}).fit([known(0)])
     ring = LabelingProblem(
