@@ -69,7 +69,7 @@ class LikelihoodSolution:
         f(weights).
     lower_bound : float
         No weights reach less: f is strongly convex, so that f(w) exceeds its minimum by at most
-        |grad f(w)|^2 / 2. With unknown labels f is not convex, and this is 0.
+        half the squared length of its gradient. With unknown labels f is not convex, and this is 0.
     status : str
         ``optimal``, ``within_tolerance``, ``local_optimum`` (with unknown labels: the gradient has
         vanished to the tolerance), ``iteration_limit``, ``time_limit``, ``stopped`` or ``stalled``.
