@@ -29,6 +29,7 @@ TOPICS = (
     "forward",
     "tracking",
     "topology",
+    "teaching",
     "batch",
 )
 FOLDER = Path(__file__).resolve().parent
