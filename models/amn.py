@@ -232,12 +232,7 @@ class AssociativeMarkovNetwork:
     ) -> tuple[Standardization, list[MaxMarginProblem]]:
         parts = parse_node_features(self.node_features)
         raw = [node_features(problem, parts) for problem, _ in known]
-        if len({features.shape[1] for features in raw}) > 1:
-            raise InputError(
-                "training problems must have the same number of node features, got "
-                f"{[features.shape[1] for features in raw]}"
-            )
-        scaling = Standardization.of(np.concatenate(raw))
+        scaling = Standardization.of_all(raw)
         names = known[0][0].label_names
         class_weight = "none" if self.loss == "hamming" else self.class_weight
         losses = node_losses(np.concatenate([truth for _, truth in known]), names, class_weight)

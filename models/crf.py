@@ -242,12 +242,7 @@ class ConditionalRandomField:
 
     def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
         raw = [self._node_features(problem) for problem, _ in examples]
-        if len({features.shape[1] for features in raw}) > 1:
-            raise InputError(
-                "training problems must have the same number of node features, got "
-                f"{[features.shape[1] for features in raw]}"
-            )
-        scaling = Standardization.of(np.concatenate(raw))
+        scaling = Standardization.of_all(raw)
         truth = np.concatenate([labels for _, labels in examples])
         known = truth >= 0
         names = examples[0][0].label_names

@@ -247,6 +247,22 @@ class Standardization:
         columns = columns[~repeats]
         return cls(features.shape[1], columns, mean[columns], scale[columns])
 
+    @classmethod
+    def of_all(cls, features: Sequence[NDArray[np.float64]]) -> "Standardization":
+        """The standardisation of several training problems together.
+
+        Raises
+        ------
+        InputError
+            They differ in their number of features.
+        """
+        if len({part.shape[1] for part in features}) > 1:
+            raise InputError(
+                "training problems must have the same number of node features, got "
+                f"{[part.shape[1] for part in features]}"
+            )
+        return cls.of(np.concatenate(features))
+
     def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, D' + 1): kept columns standardised and clipped to +-5, then the constant 1.
 
