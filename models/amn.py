@@ -23,6 +23,7 @@ from pgm_places.models.amn_learning import (
     labelled_parts,
     learn,
     node_losses,
+    penalties_of,
 )
 from pgm_places.models.decoding import Decoder, decode
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
@@ -191,7 +192,7 @@ class AssociativeMarkovNetwork:
         """
         known = labelled_parts(problems, labelings)
         scaling, tasks = self._prepared(known)
-        penalties = self._penalties()
+        penalties = penalties_of(self.C, AUTO_PENALTIES)
         search = None
         options = self._learner_options()
         if len(penalties) > 1:
@@ -245,7 +246,7 @@ class AssociativeMarkovNetwork:
                 truth,
                 len(names),
                 loss,
-                self._penalties()[0],
+                penalties_of(self.C, AUTO_PENALTIES)[0],
             )
             for (problem, truth), features, loss in zip(
                 known, raw, np.split(losses, ends), strict=True
@@ -369,11 +370,6 @@ class AssociativeMarkovNetwork:
         return self.node_weights, self.edge_weights, scaling
 
     # ------------------------------------------------------------------ checks
-
-    def _penalties(self) -> tuple[float, ...]:
-        if self.C == "auto":
-            return AUTO_PENALTIES
-        return self.C if isinstance(self.C, tuple) else (float(self.C),)
 
     def _check_learned(self) -> None:
         """Arrays from a file must fit together before anything is computed with them."""

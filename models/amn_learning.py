@@ -34,6 +34,7 @@ __all__ = [
     "labelled_parts",
     "learn",
     "node_losses",
+    "penalties_of",
 ]
 
 Learner = Literal["cutting-plane", "qp", "frank-wolfe"]
@@ -85,6 +86,15 @@ def node_losses(
     weights = (counts / len(labels)) ** -CLASS_WEIGHTS[class_weight]
     losses: NDArray[np.float64] = weights[labels]
     return losses / losses.mean()
+
+
+def penalties_of(
+    C: float | Literal["auto"] | tuple[float, ...], auto: tuple[float, ...]
+) -> tuple[float, ...]:
+    """The values of C to choose from; one where it is given."""
+    if C == "auto":
+        return auto
+    return C if isinstance(C, tuple) else (float(C),)
 
 
 def labelled_parts(

@@ -16,7 +16,7 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem, labelled_problems
-from pgm_places.models.amn_learning import ClassWeight, node_losses
+from pgm_places.models.amn_learning import ClassWeight, node_losses, penalties_of
 from pgm_places.models.crf_learning import (
     FieldLearner,
     LearningOptions,
@@ -186,7 +186,7 @@ class ConditionalRandomField:
         examples = self._examples(problems, labelings)
         scaling, task = self._task(examples)
         options = self._options(task.field)
-        penalties = self._penalties()
+        penalties = penalties_of(self.C, AUTO_PENALTIES)
         search = None
         if len(penalties) > 1:
             parts = held_out_parts(examples, self.n_validation_blocks)
@@ -285,11 +285,6 @@ class ConditionalRandomField:
             self.time_limit_s,
             self.certified_tolerance,
         )
-
-    def _penalties(self) -> tuple[float, ...]:
-        if self.C == "auto":
-            return AUTO_PENALTIES
-        return self.C if isinstance(self.C, tuple) else (float(self.C),)
 
     # ------------------------------------------------------------------ use
 
