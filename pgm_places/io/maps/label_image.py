@@ -12,30 +12,24 @@ from pgm_places._checks import label_raster, nearest_name
 from pgm_places.errors import LabelError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
+from pgm_places.io.maps.label_palette import (
+    colours_are_wanted,
+    palette_of,
+    values_of_colours,
+)
 from pgm_places.io.maps.label_values import (
     LabelValues,
     default_values,
     listed_names,
     read_label_values,
 )
-from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, Strip, open_image
+from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["LABEL_COLOURS", "load_labels", "save_labels"]
+__all__ = ["load_labels", "save_labels"]
 
 _log = logging.getLogger(__name__)
 
-# Okabe and Ito's colours, distinguishable with every kind of colour vision; black is left out, it
-# stands for "no label".
-LABEL_COLOURS = (
-    (0, 114, 178),
-    (230, 159, 0),
-    (0, 158, 115),
-    (204, 121, 167),
-    (86, 180, 233),
-    (213, 94, 0),
-    (240, 228, 66),
-)
 # Labels on free cells: below the first share the picture is suspected, above the second one the
 # picture turned upside down is believed to be right.
 _FEW_ON_FREE, _MOST_ON_FREE = 0.8, 0.95
@@ -56,7 +50,9 @@ def load_labels(
     image_path : Path
         PNG, PGM, BMP or TIFF of the size of the map's image. Greys are compared with the values of
         the names file; in an indexed image the palette's greys, or the indices where its palette
-        has other colours. Fully transparent pixels have no label.
+        has other colours. The colours in which :func:`save_labels` writes stand for the same values
+        in any image, whatever an editor has made of its palette. Fully transparent pixels have no
+        label.
     label_names : sequence of str
         The labels to read; label ``k`` of the result is ``label_names[k]``.
     grid : OccupancyGrid
@@ -136,10 +132,10 @@ def _raster(image: RasterImage, values: LabelValues) -> NDArray[np.int16]:
     height = image.shape[0]
     raster = np.empty(image.shape, np.int16)
     counts = np.zeros(256, np.int64)
-    by_index = image.is_indexed and not _grey_palette(image)
+    by_index = image.is_indexed and not colours_are_wanted(image, values)
     table = values.table()
     for strip in image.strips(indices=by_index):
-        stored = _single_channel(strip, image.path)
+        stored = values_of_colours(strip, values, image)
         labels = table[stored]
         seen = stored
         if strip.alpha is not None:
@@ -170,32 +166,6 @@ def _translated(
     # The entry after the last serves -1, "no label".
     table = [wanted.index(name) if name else -1 for name in to]
     return np.array([*table, -1], np.int16)[raster]
-
-
-def _grey_palette(image: RasterImage) -> bool:
-    """Whether every colour that the image uses is a grey."""
-    palette = image.palette_rgb()
-    used = np.zeros(256, np.bool_)
-    for strip in image.strips(indices=True):
-        used[np.unique(strip.channels)] = True
-    colours = palette[np.flatnonzero(used[: len(palette)])]
-    return bool((colours == colours[:, :1]).all())
-
-
-def _single_channel(strip: Strip, path: Path) -> NDArray[np.uint8]:
-    channels = strip.channels
-    if channels.shape[2] > 1:
-        coloured = (channels != channels[:, :, :1]).any(axis=2)
-        if strip.alpha is not None:
-            coloured &= strip.alpha > 0
-        if coloured.any():
-            row, column = (int(i) for i in np.argwhere(coloured)[0])
-            raise LabelError(
-                f"{path}: the label image is in colour, e.g. {channels[row, column].tolist()} at "
-                f"row {strip.row + row} from the top, column {column}; save it as greyscale or as "
-                "an indexed image"
-            )
-    return channels[:, :, 0]
 
 
 def _check_values(path: Path, counts: NDArray[np.int64], values: LabelValues) -> None:
@@ -230,21 +200,12 @@ def _check_orientation(path: Path, raster: NDArray[np.int16], grid: OccupancyGri
 def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
     from PIL import Image
 
-    palette = np.zeros((256, 3), np.uint8)
-    for k, value in enumerate(values.values()):
-        palette[value] = _colour(k)
+    palette = palette_of(list(values.values()))
     picture = Image.frombytes("P", stored.shape[::-1], np.ascontiguousarray(stored).tobytes())
     picture.putpalette(palette.ravel().tolist())
     buffer = io.BytesIO()
     picture.save(buffer, "PNG")
     return buffer.getvalue()
-
-
-def _colour(k: int) -> tuple[int, int, int]:
-    """The k-th colour; after the first seven, the same ones darkened step by step, never grey."""
-    red, green, blue = LABEL_COLOURS[k % len(LABEL_COLOURS)]
-    shade = 1 / (1 + 0.5 * (k // len(LABEL_COLOURS)))
-    return round(red * shade), round(green * shade), round(blue * shade)
 
 
 def _quoted(name: str) -> str:

@@ -12,7 +12,8 @@ from PIL import Image
 
 from pgm_places import OccupancyGrid
 from pgm_places.errors import LabelError
-from pgm_places.io.maps.label_image import LABEL_COLOURS, load_labels, save_labels
+from pgm_places.io.maps.label_image import load_labels, save_labels
+from pgm_places.io.maps.label_palette import LABEL_COLOURS, palette_of
 from pgm_places.io.maps.label_values import default_values
 
 NAMES = ["corridor", "room"]
@@ -67,6 +68,68 @@ def test_an_indexed_image_counts_by_its_greys_or_else_by_its_indices(tmp_path: P
     coloured.putpalette([0, 0, 0, 255, 0, 0, 0, 0, 255])
     path = write(tmp_path, coloured, "ignore: 0\nvalues: {room: 1, corridor: 2}\n")
     assert load_labels(path, NAMES, grid=free_grid(2, 3)).tolist() == LABELS
+
+
+@pytest.mark.parametrize("mode", ["P", "RGB", "RGBA", "L", "reordered"])
+@pytest.mark.parametrize("n_labels", [1, 2, 3, 9, 40])
+def test_what_is_written_is_read_back_however_an_editor_saves_it(
+    tmp_path: Path, mode: str, n_labels: int
+) -> None:
+    names = [f"place {k}" for k in range(n_labels)]
+    labels = np.random.default_rng(n_labels).integers(-1, n_labels, (9, 11))
+    path, _ = save_labels(tmp_path / "labels.png", labels, names)
+    with Image.open(path) as picture:
+        picture.load()
+    if mode == "reordered":  # as editors number colours: in the order in which they first appear
+        stored = np.asarray(picture)
+        old, first = np.unique(stored, return_index=True)
+        old = old[np.argsort(first)]
+        number = np.zeros(256, np.uint8)
+        number[old] = np.arange(len(old)) + 1
+        palette = np.zeros((256, 3), np.uint8)
+        palette[1 : len(old) + 1] = palette_of(list(default_values(names).values()))[old]
+        changed = Image.fromarray(number[stored]).convert("P")
+        changed.putpalette(palette.ravel().tolist())
+    elif mode == "L":
+        changed = Image.fromarray(np.asarray(picture))
+    else:
+        changed = picture.convert(mode) if mode != "P" else picture
+    changed.save(path)
+    assert (load_labels(path, names, grid=free_grid(9, 11)) == labels).all()
+
+
+def test_pixels_of_other_colours_may_be_transparent_and_greys_may_be_ignored(
+    tmp_path: Path,
+) -> None:
+    pixels = np.zeros((1, 4, 4), np.uint8)
+    pixels[0, :, :3] = [LABEL_COLOURS[0], (9, 8, 7), (255, 255, 255), (115, 115, 115)]
+    pixels[0, :, 3] = [255, 0, 255, 255]
+    text = "ignore: [0, 255]\nvalues: {room: 77, corridor: 115}\n"
+    path = write(tmp_path, Image.fromarray(pixels), text)
+    assert load_labels(path, NAMES, grid=free_grid(1, 4)).tolist() == [[1, -1, -1, 0]]
+
+
+def test_labels_that_are_ignored_keep_their_colour(tmp_path: Path) -> None:
+    labels = np.array([[0, 1, 2, -1]])
+    path, listed = save_labels(tmp_path / "labels.png", labels, ["stairs", *NAMES])
+    with Image.open(path) as picture:
+        changed = picture.convert("RGB")
+    changed.save(path)
+    listed.write_text("ignore: [0, 85]\nvalues: {corridor: 170, room: 255}\n")
+    assert load_labels(path, NAMES, grid=free_grid(1, 4)).tolist() == [[-1, 0, 1, -1]]
+
+
+def test_indices_and_colours_that_disagree_are_refused(tmp_path: Path) -> None:
+    picture = Image.fromarray(np.array([[1, 1, 0], [2, 0, 0]], np.uint8)).convert("P")
+    picture.putpalette([0, 0, 0, *LABEL_COLOURS[1], *LABEL_COLOURS[0]])
+    path = write(tmp_path, picture, "ignore: 0\nvalues: {room: 1, corridor: 2}\n")
+    with pytest.raises(LabelError) as caught:
+        load_labels(path, NAMES, grid=free_grid(2, 3))
+    assert str(caught.value) == (
+        f"{path}: its indices and its colours tell different labels: index 1 has the colour "
+        "#e69f00, which stands for 2 (room #0072b2, corridor #e69f00, black for none); save it as "
+        "RGB or as greyscale"
+    )
 
 
 def test_names_are_translated_and_the_rest_has_no_label_unless_a_star_gives_it_one(
@@ -164,7 +227,9 @@ def test_a_smoothed_image_lists_only_some_of_its_greys(tmp_path: Path) -> None:
     [
         (
             np.array([[[77, 77, 77], [9, 8, 7]]], np.uint8),
-            "the label image is in colour, e.g. [9, 8, 7] at row 0 from the top, column 1; save",
+            "the colour #090807 at row 0 from the top, column 1 is not one of the label image's: "
+            "room #0072b2, corridor #e69f00, black for none; draw with these and without smooth "
+            "edges, or save it as greyscale or as an indexed image",
         ),
         (np.array([[77, 115]], np.uint16), "16-bit grey values; label values are 0 to 255"),
         (np.array([[0, 0]], np.uint8), "no pixel has a label; are all its values under 'ignore'?"),
