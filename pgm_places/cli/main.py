@@ -12,6 +12,7 @@ from pgm_places.cli.flags import option_flags
 from pgm_places.cli.terminal import say
 from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions
 from pgm_places.datasets.map_simulation import MapSimulation
+from pgm_places.live.live_options import LiveOptions
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["app", "main"]
@@ -593,6 +594,55 @@ def track(
         raise ConfigError("--jsonl is for --follow; beliefs.csv has a row per scan of a whole log")
     else:
         run_track(log, out, options, force=force, quiet=quiet)
+
+
+@app.command()
+@option_flags("options", LiveOptions)
+def live(
+    replay: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
+    ] = None,
+    model: Model = "default",
+    method: Annotated[
+        str | None, typer.Option(help="Method that labels the map; the model's last by default.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="With --replay: folder for the place of each scan and the last map."
+        ),
+    ] = None,
+    map_topic: Annotated[
+        str | None, typer.Option(help="Topic of the maps; /map, or the only one of a bag.")
+    ] = None,
+    max_range: Annotated[
+        float | None,
+        typer.Option(min=0, help="Readings of this range or more (m) count as no return."),
+    ] = None,
+    *,
+    options: LiveOptions,
+    jsonl: Annotated[bool, typer.Option("--jsonl", help="Each line as a JSON object.")] = False,
+    force: Force = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Label the places of a robot as it drives and maps. One line for each change of place."""
+    from pgm_places.cli.live import run_live
+
+    run_live(
+        replay,
+        out,
+        model=model,
+        method=method,
+        map_topic=map_topic,
+        max_range_m=max_range,
+        options=options,
+        json_lines=jsonl,
+        force=force,
+        n_threads=threads,
+        quiet=quiet,
+    )
 
 
 @app.command()

@@ -1,7 +1,7 @@
 """MapPrior: what a map that was labelled beforehand says of the place at a position."""
 
 from collections.abc import Sequence
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +11,7 @@ from pgm_places.errors import InputError, LabelError
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
-__all__ = ["MapPrior"]
+__all__ = ["MapPrior", "PositionPrior"]
 
 WEIGHT = 1.0
 """Default weight of what the map says at one update: that of an observation of its own."""
@@ -21,6 +21,18 @@ CERTAIN = 0.9
 
 LEAST = 0.01
 """No label of a map is less probable: a drive must be able to contradict it."""
+
+
+class PositionPrior(Protocol):
+    """What is known of positions beforehand: a map's labels, wherever they are kept."""
+
+    def at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+        """(T, K) probabilities at positions (T, 2) in metres."""
+        ...
+
+    def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What probabilities (..., K) from :meth:`at`, or means of them, add to each label."""
+        ...
 
 
 class MapPrior:
@@ -66,10 +78,12 @@ class MapPrior:
             raise LabelError("no cell of the labelled map has a label")
         self.grid, self.weight = grid, float(weight)
         rows = np.maximum(table[known] / total[known, None], LEAST)
-        self._rows = rows / rows.sum(axis=1, keepdims=True)
-        self._number = np.full(grid.shape, -1, np.int32)
-        self._number[known] = np.arange(len(rows))
-        self.shares: NDArray[np.float64] = self._rows.mean(axis=0, dtype=np.float64)
+        self.rows: NDArray[np.float32] = rows / rows.sum(axis=1, keepdims=True)
+        """(N, K) probabilities of the labels at the cells where something is known."""
+        self.number: NDArray[np.int32] = np.full(grid.shape, -1, np.int32)
+        """(H, W) row of each cell, -1 where nothing is known."""
+        self.number[known] = np.arange(len(rows))
+        self.shares: NDArray[np.float64] = self.rows.mean(axis=0, dtype=np.float64)
         """(K,) how frequent each label is on the map."""
         self.shares /= self.shares.sum()
 
@@ -107,8 +121,8 @@ class MapPrior:
         cells = self.grid.cells_at_m(positions_m)
         inside = (cells.min(axis=1) >= 0) & (cells < np.array(self.grid.shape)).all(axis=1)
         row, column = np.where(inside[:, None], cells, 0).T
-        number = np.where(inside, self._number[row, column], -1)
-        return np.where((number >= 0)[:, None], self._rows[number], self.shares)
+        number = np.where(inside, self.number[row, column], -1)
+        return np.where((number >= 0)[:, None], self.rows[number], self.shares)
 
     def log_likelihood(self, probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
         """What probabilities (..., K) from :meth:`at`, or means of them, add to each label."""

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.labelers.map_prior import MapPrior
+from pgm_places.labelers.map_prior import PositionPrior
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.trajectories.scan import Scan
 from pgm_places.trajectories.segments import DistanceGate
@@ -35,7 +35,7 @@ class BeliefFilter:
     """
 
     def __init__(
-        self, model: HiddenMarkovModel, every_m: float, map_prior: MapPrior | None = None
+        self, model: HiddenMarkovModel, every_m: float, map_prior: PositionPrior | None = None
     ) -> None:
         self._model, self._map_prior = model, map_prior
         self._gate = DistanceGate(every_m)
@@ -43,8 +43,18 @@ class BeliefFilter:
         self._state: Any = None
         self._sum: NDArray[np.float64] | None = None
         self._map_sum: NDArray[np.float64] | None = None
-        self._count = 0
+        self._count, self._map_count = 0, 0
         self._moved_m = float("inf")
+
+    def use_map(self, map_prior: PositionPrior | None) -> None:
+        """Ask another labelled map from the next step on, as when the map has grown.
+
+        What the one before said of the current segment is forgotten, its effect on the segments
+        before stays.
+        """
+        self._map_prior, self._map_count = map_prior, 0
+        if self._map_sum is not None:
+            self._map_sum = np.zeros_like(self._map_sum)
 
     def step(self, x: float, y: float, log_z: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K,) belief after the list said ``log_z`` (K,) of a scan taken at (x, y) in metres."""
@@ -57,7 +67,7 @@ class BeliefFilter:
         if moved is not None:
             self._before, self._moved_m = self._state, moved
             self._sum, self._count = np.zeros(len(log_z)), 0
-            self._map_sum = np.zeros(len(log_z))
+            self._map_sum, self._map_count = np.zeros(len(log_z)), 0
         assert self._sum is not None  # the first step opens a segment
         self._sum = self._sum + np.exp(log_z)
         self._count += 1
@@ -66,7 +76,8 @@ class BeliefFilter:
         further = None
         if self._map_prior is not None:
             self._map_sum = self._map_sum + self._map_prior.at([[x, y]])[0]
-            further = self._map_prior.log_likelihood(self._map_sum / self._count)
+            self._map_count += 1
+            further = self._map_prior.log_likelihood(self._map_sum / self._map_count)
         belief, self._state, possible = self._model.advance(
             mean, self._before, moved_m=self._moved_m, further=further
         )
@@ -114,6 +125,10 @@ class OnlineLabeler:
     def choose(self, belief: NDArray[np.float64]) -> int:
         """The label that a step with this belief (K,) is given: the index of its name."""
         return self._filter.choose(belief)
+
+    def use_map(self, map_prior: PositionPrior | None) -> None:
+        """Ask another labelled map, in the frame of the poses, from the next scan on."""
+        self._filter.use_map(map_prior)
 
     def step(
         self, scan: Scan, pose: ArrayLike | None = None, *, extra: ArrayLike | None = None

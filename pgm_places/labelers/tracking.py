@@ -10,9 +10,10 @@ from pgm_places.errors import InputError
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.sensing.local_map import LocalMap
+from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
-__all__ = ["Track", "Visit", "map_of_scans"]
+__all__ = ["PathMap", "Track", "Visit", "map_of_scans"]
 
 DRAWN_M = 15.0
 """Longer readings are left out of a map drawn from scans: they only make it larger."""
@@ -118,19 +119,42 @@ def map_of_scans(trajectory: Trajectory, *, resolution_m: float = 0.05) -> Occup
 
     It is as accurate as the poses. A trajectory without scans gives an unknown map around it.
     """
-    xy = trajectory.poses[:, :2]
-    if not len(xy):
+    if not len(trajectory):
         return OccupancyGrid(np.full((8, 8), UNKNOWN, np.int8), resolution_m)
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    side = float((high - low).max()) + 2 * DRAWN_M
-    cell = max(resolution_m, side / DRAWN_CELLS)
-    whole = LocalMap(side, cell, robot_radius_m=0.0)
-    middle: Sequence[float] = [*(0.5 * (low + high)), 0.0]
-    # The window is centred on the path once; scans then do not move it.
-    whole.update(middle, [np.nan], [0.0], max_range_m=1.0)
+    whole = PathMap(trajectory.poses[:, :2], resolution_m=resolution_m)
     if trajectory.ranges_m is not None and trajectory.geometry is not None:
-        returned = trajectory.geometry.returned(trajectory.ranges_m)
-        ranges = np.where(returned, trajectory.ranges_m, np.nan)
-        for pose, row in zip(trajectory.poses, ranges, strict=True):
-            whole.write(pose, row, trajectory.geometry.angles_rad, max_range_m=DRAWN_M)
-    return whole.to_grid()
+        for pose, row in zip(trajectory.poses, trajectory.ranges_m, strict=True):
+            whole.add(pose, row, trajectory.geometry)
+    return whole.grid()
+
+
+class PathMap:
+    """A map that is drawn scan by scan, and is large enough for a whole path.
+
+    Parameters
+    ----------
+    path_xy_m : (T, 2) float
+        All positions of the path, at least one.
+    resolution_m : float
+        Side of a cell; larger where the path is long.
+    """
+
+    def __init__(self, path_xy_m: NDArray[np.float64], *, resolution_m: float = 0.05) -> None:
+        low, high = path_xy_m.min(axis=0), path_xy_m.max(axis=0)
+        side = float((high - low).max()) + 2 * DRAWN_M
+        cell = max(resolution_m, side / DRAWN_CELLS)
+        self._whole = LocalMap(side, cell, robot_radius_m=0.0)
+        middle: Sequence[float] = [*(0.5 * (low + high)), 0.0]
+        # The window is centred on the path once; scans then do not move it.
+        self._whole.update(middle, [np.nan], [0.0], max_range_m=1.0)
+
+    def add(
+        self, pose: NDArray[np.float64], ranges_m: NDArray[np.float32], geometry: ScanGeometry
+    ) -> None:
+        """Draw a scan (M,) taken at a pose (3,)."""
+        ranges = np.where(geometry.returned(ranges_m), ranges_m, np.nan)
+        self._whole.write(pose, ranges, geometry.angles_rad, max_range_m=DRAWN_M)
+
+    def grid(self) -> OccupancyGrid:
+        """What has been drawn so far."""
+        return self._whole.to_grid()

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable
 
-__all__ = ["COMPARISON", "DEMO", "PLACES", "TRACK", "label_names"]
+__all__ = ["COMPARISON", "DEMO", "LIVE", "PLACES", "TRACK", "label_names"]
 
 COMPARISON = ("results.json", "report.html")
 DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
 PLACES = ("topology.json", "regions.png", "regions.geojson", "topology.png")
 TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
+LIVE = ("places.jsonl", "check.csv", *PLACES)
 
 
 def label_names(labels: Iterable[str]) -> tuple[str, ...]:

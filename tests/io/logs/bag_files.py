@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.trajectories.trajectory import Trajectory
+
 SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
+MAP = "nav_msgs/msg/OccupancyGrid"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
@@ -84,6 +88,7 @@ class BagFile:
         x: float,
         quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0),
         topic: str = "/tf",
+        y: float = 0.0,
     ) -> None:
         item = self.new(
             "geometry_msgs/msg/TransformStamped",
@@ -91,11 +96,44 @@ class BagFile:
             child,
             self.new(
                 "geometry_msgs/msg/Transform",
-                self.new("geometry_msgs/msg/Vector3", x, 0.0, 0.0),
+                self.new("geometry_msgs/msg/Vector3", x, y, 0.0),
                 self.new("geometry_msgs/msg/Quaternion", *quaternion),
             ),
         )
         self.entries.append((topic, TRANSFORMS, time, self.new(TRANSFORMS, [item])))
+
+    def map(self, time: float, grid: OccupancyGrid, topic: str = "/map") -> None:
+        x, y = grid.origin_xy_m
+        turn = (0.0, 0.0, float(np.sin(grid.yaw_rad / 2)), float(np.cos(grid.yaw_rad / 2)))
+        height, width = grid.shape
+        header = self._header(time, "map")
+        info = self.new(
+            "nav_msgs/msg/MapMetaData",
+            header.stamp,
+            grid.resolution_m,
+            width,
+            height,
+            self._pose(x, y, turn),
+        )
+        self.entries.append((topic, MAP, time, self.new(MAP, header, info, grid.cells.ravel())))
+
+    def drive(self, path: Trajectory) -> None:
+        """Scans of evenly spaced beams, with the laser in the map frame."""
+        assert path.geometry is not None and path.ranges_m is not None
+        angles = path.geometry.angles_rad
+        for time, (x, y, turn), row in zip(path.times_s, path.poses, path.ranges_m, strict=True):
+            half = (0.0, 0.0, float(np.sin(turn / 2)), float(np.cos(turn / 2)))
+            self.transform(time, "map", "laser", x, half, y=y)
+            returned = np.where(path.geometry.returned(row), row, np.inf)
+            self.scan(
+                time,
+                returned.tolist(),
+                angle_min=float(angles[0]),
+                angle_max=float(angles[-1]),
+                angle_increment=float(path.geometry.spacing_rad or 0.0),
+                range_min=path.geometry.range_min_m,
+                range_max=path.geometry.range_max_m,
+            )
 
     def write(self, folder: Path) -> Path:
         from rosbags.rosbag2 import StoragePlugin, Writer

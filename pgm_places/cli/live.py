@@ -1,0 +1,152 @@
+"""``pgm-places live``: the place of a robot as it drives, and its map as it grows."""
+
+import json
+from collections.abc import Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say, say_written
+from pgm_places.errors import ConfigError
+from pgm_places.live.live_options import LiveOptions
+
+if TYPE_CHECKING:
+    from pgm_places.labelers.place_labeler import PlaceLabeler
+    from pgm_places.live.live_map import LiveLabels
+    from pgm_places.live.place_finder import FoundPlace
+    from pgm_places.live.replay import Replay
+    from pgm_places.progress import Progress
+
+__all__ = ["run_live"]
+
+PLACES_FILE = "places.jsonl"
+
+
+def run_live(
+    replay: Path | None,
+    out: Path | None,
+    *,
+    model: str,
+    method: str | None,
+    map_topic: str | None,
+    max_range_m: float | None,
+    options: LiveOptions,
+    json_lines: bool,
+    force: bool,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places live``."""
+    if replay is None:
+        raise ConfigError("live needs a log to replay: pass --replay LOG")
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import LIVE
+
+    progress = make_progress(quiet=quiet)
+    labeler = _labeler(model)
+    run = _replay(replay, labeler, method, map_topic, max_range_m, options, n_threads, progress)
+    with ExitStack() as stack:
+        files = None
+        if out is not None:
+            files = stack.enter_context(output_set(out, "live", names=LIVE, force=force))
+        _say_all(run, None if files is None else files.stage, json_lines)
+    if files is not None:
+        say_written(files)
+
+
+def _labeler(model: str) -> "PlaceLabeler":
+    from pgm_places.persistence.stored import read
+    from pgm_places.trained import model_folder
+
+    found: PlaceLabeler = read(model_folder(model), "place-labeler").item
+    return found
+
+
+def _replay(
+    log: Path,
+    labeler: "PlaceLabeler",
+    method: str | None,
+    map_topic: str | None,
+    max_range_m: float | None,
+    options: LiveOptions,
+    n_threads: int | None,
+    progress: "Progress",
+) -> "Replay":
+    """The log, with the maps that it holds in the frame of its poses."""
+    from pgm_places.io.logs.map_messages import read_map_messages
+    from pgm_places.io.logs.trajectories import read_trajectory
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.live.live_map import LiveMap
+    from pgm_places.live.place_finder import PlaceFinder
+    from pgm_places.live.replay import Replay
+
+    with progress.stage("log"):
+        maps = list(read_map_messages(log, map_topic))
+        frame = maps[0].frame if maps else None
+        loaded = read_trajectory(log, range_max_m=max_range_m, fixed_frame=frame)
+    for message in loaded.warnings:
+        progress.warn(message)
+    tracker = TrajectoryLabeler.from_places(labeler)
+    return Replay(
+        loaded.trajectory,
+        PlaceFinder(tracker, options),
+        LiveMap(labeler, method=method, n_threads=n_threads),
+        options,
+        maps,
+    )
+
+
+def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
+    """A line for each change and each map, and where a folder is given, the files."""
+    from pgm_places.live.live_map import LiveLabels
+    from pgm_places.report.topology_output import write_topology
+
+    last: LiveLabels | None = None
+    with ExitStack() as stack:
+        lines = None
+        if folder is not None:
+            lines = stack.enter_context((folder / PLACES_FILE).open("w", encoding="utf-8"))
+        for item in run:
+            if isinstance(item, LiveLabels):
+                last = item
+                say(_map_line(item, json_lines))
+                continue
+            if lines is not None:
+                lines.write(json.dumps(item.record(), ensure_ascii=False) + "\n")
+            if item.changed:
+                say(_place_line(item, json_lines))
+    if folder is not None and last is not None:
+        write_topology(folder, last.topology.grid, last.topology, title=run.drive.name)
+
+
+def _place_line(found: "FoundPlace", json_lines: bool) -> str:
+    if json_lines:
+        return json.dumps(found.record(), ensure_ascii=False)
+    x, y, _ = found.pose
+    region = "-" if found.region is None else found.region.name
+    return f"{found.time_s:.3f} {x:.3f} {y:.3f} {found.label} {found.probability:.3f} {region}"
+
+
+def _map_line(found: "LiveLabels", json_lines: bool) -> str:
+    """What a new map has changed."""
+    n_places = len(found.topology.regions)
+    if json_lines:
+        record = {
+            "map_seq": found.map_seq,
+            "places": n_places,
+            "appeared": list(found.appeared),
+            "vanished": list(found.vanished),
+        }
+        return json.dumps(record)
+    names = {region.id: region.name for region in found.topology.regions}
+    parts = [f"map {found.map_seq}: {n_places} places"]
+    parts += _listed("new", (names[place] for place in found.appeared))
+    if found.vanished:
+        parts.append(f"{len(found.vanished)} gone")
+    return "; ".join(parts)
+
+
+def _listed(word: str, names: Iterable[str]) -> list[str]:
+    text = ", ".join(names)
+    return [f"{word}: {text}"] if text else []

@@ -1,0 +1,35 @@
+"""The options of labelling live: how scans become places, and when the map is labelled again."""
+
+from dataclasses import dataclass
+
+from pgm_places.options import AtLeastZero, Positive, Probability, check_options
+
+__all__ = ["LiveOptions"]
+
+
+@dataclass(frozen=True)
+class LiveOptions:
+    """How scans become places, and when the map is labelled again.
+
+    Parameters
+    ----------
+    min_probability : float
+        A label less probable than this does not replace the one before.
+    hysteresis_s : float
+        A place counts as changed once the new one has lasted this long (s).
+    relabel_min_period_s : float
+        Shortest time between two maps that are labelled (s). Of maps that come faster the latest
+        is taken.
+
+    Examples
+    --------
+    >>> LiveOptions(hysteresis_s=0.2).relabel_min_period_s
+    5.0
+    """
+
+    min_probability: Probability = 0.0
+    hysteresis_s: AtLeastZero = 0.5
+    relabel_min_period_s: Positive = 5.0
+
+    def __post_init__(self) -> None:
+        check_options(self)

@@ -1,0 +1,161 @@
+"""PlaceFinder: scan by scan, the place where a robot is."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.labelers.online import OnlineLabeler
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.map_view import MapView, PlaceOfMap
+from pgm_places.trajectories.scan import Scan, ScanGeometry
+
+__all__ = ["FoundPlace", "PlaceFinder"]
+
+DIGITS = 6
+
+
+@dataclass(frozen=True)
+class FoundPlace:
+    """Where a scan was taken.
+
+    Parameters
+    ----------
+    time_s : float
+        The stamp of the scan.
+    pose : tuple of 3 float
+        x, y in metres and heading in radians of the robot, in the frame of the map.
+    label : str
+        What the place is, by the laser and the labelled map.
+    beliefs : mapping of str to float
+        The probability of each label.
+    region : PlaceOfMap or None
+        The place of the labelled map where the robot stands.
+    map_seq : int
+        Number of that map, 0 before the first.
+    changed : bool
+        Whether place or label differ from those reported before, and have for long enough.
+    """
+
+    time_s: float
+    pose: tuple[float, float, float]
+    label: str
+    beliefs: Mapping[str, float]
+    region: PlaceOfMap | None
+    map_seq: int
+    changed: bool
+
+    @property
+    def probability(self) -> float:
+        """Of the label."""
+        return self.beliefs[self.label]
+
+    def record(self) -> dict[str, Any]:
+        """As an object of JSON, with the keys of ``track --jsonl`` and ``map_seq``."""
+        x, y, heading = (round(value, DIGITS) for value in self.pose)
+        region = self.region
+        return {
+            "time_s": self.time_s,
+            "x_m": x,
+            "y_m": y,
+            "heading_rad": heading,
+            "label": self.label,
+            "beliefs": {name: round(value, DIGITS) for name, value in self.beliefs.items()},
+            "region": None if region is None else {"id": region.id, "name": region.name},
+            "map_seq": self.map_seq,
+        }
+
+
+class PlaceFinder:
+    """Labels one robot's scans as they come, and says in which place of the map each was taken.
+
+    Parameters
+    ----------
+    labeler : TrajectoryLabeler
+        Fitted, with a hidden Markov model. Where its labels are those of the labelled map, what
+        the map says counts as well.
+    options : LiveOptions, optional
+    """
+
+    def __init__(self, labeler: TrajectoryLabeler, options: LiveOptions | None = None) -> None:
+        self._labeler, self._options = labeler, options or LiveOptions()
+        self._view: MapView | None = None
+        self._geometry: ScanGeometry | None = None
+        self._online: OnlineLabeler | None = None
+        self.forget()
+
+    @property
+    def view(self) -> MapView | None:
+        """The labelled map that is asked."""
+        return self._view
+
+    def forget(self) -> None:
+        """Begin anew, as after a jump of the clock; the labelled map stays."""
+        self._online = None
+        self._label: int | None = None
+        self._reported: tuple[str, int] | None = None
+        self._since_s = math.inf
+
+    def use(self, view: MapView | None) -> None:
+        """Ask another labelled map from the next scan on."""
+        self._view = view
+        if self._online is not None:
+            self._ask_map(self._online)
+
+    def step(self, scan: Scan, robot: NDArray[np.float64] | None = None) -> FoundPlace:
+        """The place after one more scan.
+
+        Parameters
+        ----------
+        scan : Scan
+            With the pose of the laser in the frame of the map. A laser with other beams than
+            before begins anew.
+        robot : (3,) float, optional
+            The pose of the robot, where it is not that of the laser.
+        """
+        if self._online is None or not self._knows(scan.geometry):
+            self._geometry = scan.geometry
+            self._online = self._labeler.online(scan.geometry)
+            self._ask_map(self._online)
+        belief = self._online.step(scan)
+        names = self._labeler.label_names_
+        best = self._online.choose(belief)
+        if self._label is None or belief[best] >= self._options.min_probability:
+            self._label = best
+        x, y, heading = (scan.pose if robot is None else robot).tolist()
+        region = None if self._view is None else self._view.place_at(x, y)
+        label = names[self._label]
+        return FoundPlace(
+            scan.time_s,
+            (x, y, heading),
+            label,
+            dict(zip(names, belief.tolist(), strict=True)),
+            region,
+            0 if self._view is None else self._view.map_seq,
+            self._has_changed(scan.time_s, label, region),
+        )
+
+    def _has_changed(self, time_s: float, label: str, region: PlaceOfMap | None) -> bool:
+        """Whether this is to be reported: something else than before, for long enough."""
+        # On the map, the place is what changes: its label may waver within it.
+        now = (label, 0) if region is None else ("", region.id)
+        if now == self._reported:
+            self._since_s = math.inf
+            return False
+        self._since_s = min(self._since_s, time_s)
+        if self._reported is not None and time_s - self._since_s < self._options.hysteresis_s:
+            return False
+        self._reported, self._since_s = now, math.inf
+        return True
+
+    def _knows(self, geometry: ScanGeometry) -> bool:
+        known = self._geometry
+        return known is not None and (geometry is known or geometry.same_as(known))
+
+    def _ask_map(self, online: OnlineLabeler) -> None:
+        same = self._view is not None and len(self._view.shares) == len(online.label_names)
+        online.use_map(self._view if same else None)

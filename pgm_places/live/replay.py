@@ -1,0 +1,123 @@
+"""Replay: a recorded log labelled as it would have been live, scan by scan and map by map."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgm_places.errors import LogError
+from pgm_places.io.logs.map_messages import MapMessage
+from pgm_places.labelers.tracking import PathMap
+from pgm_places.live.live_map import LiveLabels, LiveMap
+from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.map_view import MapView
+from pgm_places.live.place_finder import FoundPlace, PlaceFinder
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+from pgm_places.trajectories.scan import Scan
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["Replay"]
+
+MARGIN = 1
+"""Cells of unknown space around what a map of scans has seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A recorded drive, whose maps are labelled where they come, before the next scan.
+
+    Live, a map is labelled beside the scans and is ready a little later; here each scan sees all
+    maps that were sent before it, so that a replay gives the same result on every machine.
+
+    Parameters
+    ----------
+    drive : Trajectory
+        With scans.
+    finder : PlaceFinder
+    live_map : LiveMap
+    options : LiveOptions
+    maps : sequence of MapMessage
+        The maps that were recorded, in the frame of the poses. Where there are none, a map is
+        drawn from the scans.
+
+    Raises
+    ------
+    LogError
+        There are no scans.
+    """
+
+    drive: Trajectory
+    finder: PlaceFinder
+    live_map: LiveMap
+    options: LiveOptions
+    maps: Sequence[MapMessage] = ()
+
+    def __post_init__(self) -> None:
+        if self.drive.ranges_m is None or self.drive.geometry is None or not len(self.drive):
+            raise LogError(f"{self.drive.name} has no scans to replay")
+
+    def __iter__(self) -> Iterator[FoundPlace | LiveLabels]:
+        """The place of each scan, and between them the maps as they are labelled."""
+        ranges, geometry = self.drive.ranges_m, self.drive.geometry
+        assert ranges is not None and geometry is not None  # checked above
+        maps = _Sent(self.maps) if self.maps else _Drawn(self.drive)
+        labelled_s = -np.inf
+        for step, time_s in enumerate(self.drive.times_s.tolist()):
+            scan = Scan(time_s, self.drive.poses[step], ranges[step], geometry)
+            maps.add(scan)
+            if time_s - labelled_s >= self.options.relabel_min_period_s:
+                grid = maps.take(time_s)
+                if grid is not None and grid.free.any():
+                    labelled_s = time_s
+                    labelled = self.live_map.on_map(grid)
+                    self.finder.use(MapView.of(labelled))
+                    yield labelled
+            yield self.finder.step(scan)
+        last = maps.take(np.inf)  # so that the result is that of the whole drive
+        if last is not None and last.free.any():
+            yield self.live_map.on_map(last)
+
+
+class _Sent:
+    """The maps of a bag."""
+
+    def __init__(self, maps: Sequence[MapMessage]) -> None:
+        self._maps, self._next = sorted(maps, key=lambda item: item.time_s), 0
+
+    def add(self, scan: Scan) -> None:
+        """Scans change nothing."""
+
+    def take(self, time_s: float) -> OccupancyGrid | None:
+        """The latest map that was sent by then, if it was not taken before."""
+        first = self._next
+        while self._next < len(self._maps) and self._maps[self._next].time_s <= time_s:
+            self._next += 1
+        return self._maps[self._next - 1].grid if self._next > first else None
+
+
+class _Drawn:
+    """A map that grows as the scans are drawn into it."""
+
+    def __init__(self, drive: Trajectory) -> None:
+        self._map = PathMap(drive.poses[:, :2])
+
+    def add(self, scan: Scan) -> None:
+        """Draw the scan."""
+        self._map.add(scan.pose, scan.ranges_m, scan.geometry)
+
+    def take(self, _time_s: float) -> OccupancyGrid | None:
+        """The map so far, cut to what has been seen: its origin moves as it grows."""
+        return _cut(self._map.grid())
+
+
+def _cut(grid: OccupancyGrid) -> OccupancyGrid | None:
+    seen = grid.cells != UNKNOWN
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    if not len(rows):
+        return None
+    low = np.array([rows[0], columns[0]]) - MARGIN
+    low = np.maximum(low, 0)
+    part = grid.cells[low[0] : rows[-1] + 1 + MARGIN, low[1] : columns[-1] + 1 + MARGIN]
+    x, y = grid.origin_xy_m
+    corner = (x + float(low[1]) * grid.resolution_m, y + float(low[0]) * grid.resolution_m)
+    return OccupancyGrid(part, grid.resolution_m, corner)
