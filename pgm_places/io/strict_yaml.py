@@ -6,9 +6,9 @@ becomes False. Here nothing is guessed: the reader of a key says which type it w
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import InputError, shown
@@ -122,45 +122,61 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
     text = read_text(path, error, f"the {what} (YAML)", max_bytes=MAX_BYTES)
     import yaml
 
+    file = YamlFile(path, {}, error)
+    # The parser in C takes a tenth of the time; not every installation of PyYAML has it.
+    events = yaml.parse(text, getattr(yaml, "CBaseLoader", yaml.BaseLoader))
     try:
-        node = yaml.compose(text, Loader=yaml.BaseLoader)
+        value = _document(events, file)
     except yaml.YAMLError as problem:
         detail = " ".join(str(problem).split())[:300]
         raise error(f"{path}: not a YAML file: {detail}") from None
-    except RecursionError:
-        raise error(f"{path}: nested deeper than {MAX_DEPTH} levels") from None
-    file = YamlFile(path, {}, error)
-    value = _plain(node, file, depth=0, seen=set())
     if not isinstance(value, dict):
         raise error(f"{path}: the {what} must be a mapping of keys to values (key: value)")
     file.values = value
     return file
 
 
-def _plain(node: object, file: YamlFile, *, depth: int, seen: set[int]) -> YamlValue:
-    """Texts, lists and dictionaries of a composed node."""
+def _document(events: Iterator[Any], file: YamlFile) -> YamlValue:
+    """The only document of a stream; an empty text where there is none."""
     import yaml
 
+    next(events)  # the stream begins
+    if isinstance(next(events), yaml.StreamEndEvent):
+        return ""
+    value = _value(next(events), events, file, depth=0)
+    next(events)  # the document ends
+    if not isinstance(following := next(events), yaml.StreamEndEvent):
+        line = following.start_mark.line + 1
+        raise file.fail(f"a second document begins in line {line}; keep one")
+    return value
+
+
+def _value(event: Any, events: Iterator[Any], file: YamlFile, *, depth: int) -> YamlValue:
+    """The text, list or dictionary that begins with an event.
+
+    What is refused is refused before anything behind it is parsed, so that deep nesting costs
+    nothing.
+    """
+    import yaml
+
+    if event.anchor is not None:
+        raise file.fail("anchors and aliases (& and *) are not supported; write the value out")
     if depth > MAX_DEPTH:
         raise file.fail(f"nested deeper than {MAX_DEPTH} levels")
-    if node is None:  # an empty file
-        return ""
-    if isinstance(node, yaml.ScalarNode):
-        return str(node.value)
-    if isinstance(node, yaml.SequenceNode | yaml.MappingNode):
-        if id(node) in seen:
-            raise file.fail("anchors and aliases (& and *) are not supported; write the value out")
-        seen.add(id(node))
-    if isinstance(node, yaml.SequenceNode):
-        return [_plain(item, file, depth=depth + 1, seen=seen) for item in node.value]
+    if isinstance(event, yaml.ScalarEvent):
+        return str(event.value)
+    if isinstance(event, yaml.SequenceStartEvent):
+        items: list[YamlValue] = []
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            items.append(_value(event, events, file, depth=depth + 1))
+        return items
     mapping: dict[str, YamlValue] = {}
-    if isinstance(node, yaml.MappingNode):
-        for key_node, value_node in node.value:
-            key = _plain(key_node, file, depth=depth + 1, seen=seen)
-            if not isinstance(key, str):
-                raise file.fail(f"a key must be text, got {shown(key)}")
-            if key in mapping:
-                line = key_node.start_mark.line + 1
-                raise file.fail(f"key {shown(key)} appears twice (line {line}); keep one")
-            mapping[key] = _plain(value_node, file, depth=depth + 1, seen=seen)
+    while not isinstance(event := next(events), yaml.MappingEndEvent):
+        line = event.start_mark.line + 1
+        key = _value(event, events, file, depth=depth + 1)
+        if not isinstance(key, str):
+            raise file.fail(f"a key must be text, got {shown(key)}")
+        if key in mapping:
+            raise file.fail(f"key {shown(key)} appears twice (line {line}); keep one")
+        mapping[key] = _value(next(events), events, file, depth=depth + 1)
     return mapping

@@ -1,9 +1,11 @@
 """YAML scalars as yaml-cpp reads them, and the refusals."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
 from pgm_places.errors import MapError
 from pgm_places.io.strict_yaml import YamlFile, read_yaml
@@ -75,7 +77,8 @@ def test_what_is_no_flag_is_refused(tmp_path: Path, text: str) -> None:
         ("a: " + "[" * 20 + "]" * 20, "nested deeper than 16 levels"),
         ("a: " + "[" * 1500 + "]" * 1500, "nested deeper than 16 levels"),
         ("? [a]\n: 1\n", "a key must be text, got ['a']"),
-        ("a: 1\n--- \nb: 1\n", "not a YAML file: expected a single document"),
+        ("a: 1\n--- \nb: 1\n", "a second document begins in line 2; keep one"),
+        ("a: &x 1\nb: *x\n", "anchors and aliases (& and *) are not supported"),
         ("a: " + "x" * 300_000, "larger than 262144 bytes; expected the map description (YAML)"),
     ],
 )
@@ -84,6 +87,35 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
         read(tmp_path, text)
     assert str(caught.value).startswith(f"{tmp_path / 'x.yaml'}: ")
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("parser", ["CBaseLoader", "BaseLoader"])
+@pytest.mark.parametrize("text", ["[" * 100_000, "a: " + "{b: " * 50_000, "&x [*x," * 20_000])
+def test_what_lies_behind_the_limits_is_not_parsed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, parser: str
+) -> None:
+    events = yaml.parse(text, getattr(yaml, parser))
+    parsed = []
+
+    def counted(*_: object) -> Iterator[object]:
+        for event in events:
+            parsed.append(event)
+            yield event
+
+    monkeypatch.setattr(yaml, "parse", counted)
+    with pytest.raises(MapError, match=r"nested deeper than 16 levels|anchors and aliases"):
+        read(tmp_path, text)
+    assert len(parsed) < 50
+
+
+def test_the_parser_in_python_reads_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "a: [1, {b: 'x y', c: }]\n'd e': >\n  folded\n  text\nf: !!int 7\n"
+    first = read(tmp_path, text).values
+    monkeypatch.delattr(yaml, "CBaseLoader", raising=False)
+    assert read(tmp_path, text).values == first
+    assert first == {"a": ["1", {"b": "x y", "c": ""}], "d e": "folded text\n", "f": "7"}
 
 
 def test_tags_are_not_obeyed(tmp_path: Path) -> None:

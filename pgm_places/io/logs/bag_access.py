@@ -5,6 +5,7 @@ The ``rosbags`` package does the reading and writing; it needs no ROS. It is an 
 """
 
 import contextlib
+import importlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -49,10 +50,10 @@ def open_bag(path: Path | str) -> Iterator[Any]:
     if path.suffix == ".db3" and file_kind(path.parent / "metadata.yaml") == "file":
         path = path.parent
     try:
-        with (
-            _checked(path) as paths,
-            highlevel.AnyReader(paths, default_typestore=definitions) as reader,
-        ):
+        with _checked(path) as files, contextlib.ExitStack() as stack:
+            with _without_qos():
+                reader = highlevel.AnyReader(files, default_typestore=definitions)
+                stack.enter_context(reader)
             yield reader
     except PgmPlacesError:
         raise
@@ -68,16 +69,35 @@ def open_bag(path: Path | str) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _checked(path: Path) -> Iterator[list[Path]]:
-    """The paths to open instead, once nothing in them states or unpacks to too much."""
+    """The files to open, once nothing in them states or unpacks to too much."""
     is_folder = file_kind(path) == "folder"
-    with plain_storage(path) if is_folder else contextlib.nullcontext([path]) as paths:
-        for found in paths:
-            for file in sorted(found.glob("*.mcap")) if found.is_dir() else [found]:
-                if file.suffix == ".mcap":
-                    check_mcap(file)
-                elif file.suffix == ".bag":
-                    check_ros1(file)
-        yield paths
+    with plain_storage(path) if is_folder else contextlib.nullcontext([path]) as files:
+        for file in files:
+            if file.suffix == ".mcap":
+                check_mcap(file)
+            elif file.suffix == ".bag":
+                check_ros1(file)
+        yield files
+
+
+@contextlib.contextmanager
+def _without_qos() -> Iterator[None]:
+    """Leave the publishers' quality of service unread, which nothing here needs.
+
+    It is a YAML text within the bag, and ``rosbags`` parses it by a parser in Python that some
+    kilobytes of a stranger's brackets keep busy for minutes.
+    """
+    modules: list[Any] = [
+        importlib.import_module(f"rosbags.rosbag2.storage_{kind}") for kind in ("mcap", "sqlite3")
+    ]
+    parsers = [module.parse_qos for module in modules]
+    try:
+        for module in modules:
+            module.parse_qos = lambda _: []
+        yield
+    finally:
+        for module, parse in zip(modules, parsers, strict=True):
+            module.parse_qos = parse
 
 
 def stamp_s(message: Any, recorded_ns: int) -> float:

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from pgm_places.errors import LogError, printable
-from pgm_places.io.input_file import open_input
+from pgm_places.errors import LogError, printable, shown
+from pgm_places.io.input_file import file_kind, open_input
 from pgm_places.io.strict_yaml import read_yaml
 
 __all__ = ["MAX_CHUNK_BYTES", "plain_storage", "unpacked_size", "zstd_module"]
@@ -74,13 +74,17 @@ def _decompressor(compression: str) -> Any:
 
 @contextmanager
 def plain_storage(folder: Path) -> Iterator[list[Path]]:
-    """The paths to open instead of a ROS 2 bag's folder: itself, or its files once unpacked.
+    """The files of a ROS 2 bag's folder, unpacked where they are packed.
+
+    ``rosbags`` is given these instead of the folder, because its own reading of ``metadata.yaml``
+    has no limits of time. What else that file says, such as topics, the files say too.
 
     Raises
     ------
     LogError
-        ``metadata.yaml`` is no plain YAML of at most 256 KiB; a file becomes more than 16 MiB and a
-        thousand times its size, or more than the disk has room for; messages are packed one by one.
+        ``metadata.yaml`` is no plain YAML of at most 256 KiB, or names no files, one twice or one
+        that is missing; a file becomes more than 16 MiB and a thousand times its size, or more than
+        the disk has room for; messages are packed one by one.
     """
     metadata = read_yaml(folder / "metadata.yaml", LogError, "metadata of a ROS 2 bag")
     content = metadata.values.get("rosbag2_bagfile_information")
@@ -91,14 +95,18 @@ def plain_storage(folder: Path) -> Iterator[list[Path]]:
             f"{folder}: its messages are compressed one by one, which cannot be read within "
             "limits; convert it with 'ros2 bag convert', without compression or by file"
         )
-    if not (isinstance(mode, str) and mode.lower() == "file"):
-        yield [folder]
-        return
-    if not (isinstance(names, list) and all(isinstance(name, str) and name for name in names)):
+    if not (isinstance(names, list) and names and all(isinstance(n, str) and n for n in names)):
         raise metadata.fail("relative_file_paths must be a list of names")
+    paths = [folder / PurePosixPath(name).name for name in map(str, names)]
+    if len(set(paths)) < len(paths):
+        raise metadata.fail("relative_file_paths names a file twice")
+    if absent := [path for path in paths if file_kind(path) != "file"]:
+        raise metadata.fail(f"there is no file {shown(absent[0].name)}; it is part of the bag")
+    if not (isinstance(mode, str) and mode.lower() == "file"):
+        yield paths
+        return
     with tempfile.TemporaryDirectory() as temporary:
-        packed = [folder / PurePosixPath(name).name for name in map(str, names)]
-        yield [_unpacked(path, Path(temporary)) for path in packed]
+        yield [_unpacked(path, Path(temporary)) for path in paths]
 
 
 def _unpacked(path: Path, folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 import bz2
 import shutil
+import sqlite3
 import struct
 from pathlib import Path
 from typing import Any
@@ -59,16 +60,69 @@ def test_a_trajectory_is_read_from_a_packed_file(
     with pytest.raises(LogError, match="more than 1000 times as large when it is unpacked"):
         read_bag(folder)
     packed.unlink()
-    with pytest.raises(LogError, match="no such file; expected a file of a ROS 2 bag"):
+    with pytest.raises(LogError, match=r"metadata\.yaml: there is no file 'bag\..*zstd'"):
         read_bag(folder)
+
+
+def test_a_recording_in_several_files_is_read_as_one(tmp_path: Path) -> None:
+    folder = write_trajectory(tmp_path / "bag", PATH)
+    first = folder / "bag.db3"
+    shutil.copyfile(first, folder / "bag_1.db3")
+    half = float(np.median(PATH.times_s)) * 1e9
+    for file, kept in ((first, "<="), (folder / "bag_1.db3", ">")):
+        with sqlite3.connect(file) as database:
+            database.execute(f"DELETE FROM messages WHERE NOT timestamp {kept} {half}")
+    rename(folder, "- bag.db3", "- bag.db3\n  - bag_1.db3")
+    found = read_bag(folder).trajectory
+    np.testing.assert_array_equal(found.ranges_m, PATH.ranges_m)
+    np.testing.assert_allclose(found.times_s, PATH.times_s, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ("- bag.db3\n  - bag.db3", "relative_file_paths names a file twice"),
+        ("- bag.db3\n  - other.db3", "there is no file 'other.db3'; it is part of the bag"),
+        ("  []", "relative_file_paths must be a list of names"),
+        ("- [bag.db3]", "relative_file_paths must be a list of names"),
+    ],
+)
+def test_files_that_cannot_be_are_refused(tmp_path: Path, names: str, message: str) -> None:
+    folder = write_trajectory(tmp_path / "bag", PATH)
+    rename(folder, "- bag.db3", names)
+    with pytest.raises(LogError, match=rf"metadata\.yaml: {message}"):
+        read_bag(folder)
+
+
+def rename(folder: Path, before: str, after: str) -> None:
+    """Other words in the metadata."""
+    metadata = folder / "metadata.yaml"
+    text = metadata.read_text()
+    assert before in text
+    metadata.write_text(text.replace(before, after))
+
+
+@pytest.mark.parametrize("name", ["bag", "drive.mcap"])
+def test_the_quality_of_service_of_a_stranger_is_not_parsed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    import ruamel.yaml
+
+    path = write_trajectory(tmp_path / name, PATH)
+    if name == "bag":
+        with sqlite3.connect(path / "bag.db3") as database:
+            database.execute("UPDATE topics SET offered_qos_profiles = ?", ("[" * 2000,))
+
+    def parsed(*_: object) -> None:
+        raise AssertionError("a YAML text was parsed")
+
+    monkeypatch.setattr(ruamel.yaml.YAML, "load", parsed)
+    assert len(read_bag(path).trajectory.times_s) == len(PATH.times_s)
 
 
 def test_messages_that_are_packed_one_by_one_are_refused(tmp_path: Path) -> None:
     folder = write_trajectory(tmp_path / "bag", PATH)
-    metadata = folder / "metadata.yaml"
-    text = metadata.read_text().replace("compression_mode: ''", "compression_mode: MESSAGE")
-    assert "MESSAGE" in text
-    metadata.write_text(text)
+    rename(folder, "compression_mode: ''", "compression_mode: MESSAGE")
     with pytest.raises(LogError, match="compressed one by one, which cannot be read within limit"):
         read_bag(folder)
 
