@@ -5,6 +5,7 @@ modules; this module declares those that concern files, and combines them.
 """
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -154,8 +155,7 @@ def _check_methods(config: ExperimentConfig) -> None:
     if wants and not config.context.half_widths_m:
         raise ConfigError("a method has unary = 'context' but [context] half_widths_m is empty")
     ids = [method.id for method in config.methods]
-    twice = sorted({name for name in ids if ids.count(name) > 1})
-    if twice:
+    if twice := sorted(name for name, count in Counter(ids).items() if count > 1):
         raise ConfigError(f"methods: {', '.join(twice)} repeated; give each its own id")
     if config.select is not None and config.select.method not in (None, *ids):
         raise ConfigError(

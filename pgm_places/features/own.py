@@ -6,6 +6,7 @@ and one of two methods computes them: ``of_scans`` from full-circle scans, simul
 in the given order.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -88,9 +89,8 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
             raise ConfigError(
                 f"column_names of {_kind(item)} must be a list of names, got {item.column_names!r}"
             )
-    names = column_names(built)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
+    counts = Counter(column_names(built))
+    if twice := sorted(name for name, count in counts.items() if count > 1):
         raise ConfigError(f"two feature columns are called {twice[0]!r}; columns need own names")
     return built
 

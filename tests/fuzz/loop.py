@@ -19,6 +19,7 @@ __all__ = ["Findings", "peak_bytes", "problem_of", "run"]
 MOST_SECONDS = 1.0
 MOST_BYTES = 256 << 20
 MOST_CHARACTERS = 2000
+MOST_WAITING_S = 60
 
 
 class _Hang(BaseException):
@@ -42,10 +43,12 @@ def run(reader: Reader, folder: Path, seed: int, count: int) -> Findings:
     original = target.read_bytes()
     others = {path: path.read_bytes() for path in target.parent.iterdir() if path.is_file()}
     reader.read(folder)  # imports are not counted
-    for number in range(count):
-        data = reader.spoil(original, random.Random(f"{seed} {number}"))
-        if problem := problem_of(reader, folder, data, found):
-            found.bad.append((f"input {number} of seed {seed}: {problem}", data))
+    with _limited(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for number in range(count):
+            data = reader.spoil(original, random.Random(f"{seed} {number}"))
+            if problem := problem_of(reader, folder, data, found):
+                found.bad.append((f"input {number} of seed {seed}: {problem}", data))
     for path, content in others.items():
         path.write_bytes(content)
     return found
@@ -67,9 +70,8 @@ def problem_of(reader: Reader, folder: Path, data: bytes, found: Findings) -> st
 
 def _outcome(reader: Reader, folder: Path, found: Findings) -> str:
     try:
-        with _limited(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            reader.read(folder)
+        signal.alarm(MOST_WAITING_S)
+        reader.read(folder)
         found.n_read += 1
     except PgmPlacesError as error:
         found.n_refused += 1
@@ -79,20 +81,22 @@ def _outcome(reader: Reader, folder: Path, found: Findings) -> str:
         return "does not end"
     except BaseException:  # noqa: BLE001  whatever it is, it is a finding
         return traceback.format_exc()
+    finally:
+        signal.alarm(0)
     return ""
 
 
 @contextmanager
 def _limited() -> Iterator[None]:
+    """Alarms end a reader."""
+
     def stop(*_: object) -> None:
         raise _Hang
 
     before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(60)
     try:
         yield
     finally:
-        signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
 
 

@@ -1,6 +1,5 @@
 """Mutations of files: of their bytes, of their lines and words, and of JSON values."""
 
-import copy
 import json
 import random
 from typing import Any
@@ -67,9 +66,9 @@ def mutated_text(data: bytes, rng: random.Random) -> bytes:
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
 
-def mutated_json(content: Any, rng: random.Random) -> Any:
-    """A copy of JSON data with values exchanged, keys left out or added, or nested deeper."""
-    changed = copy.deepcopy(content)
+def mutated_json(data: bytes, rng: random.Random) -> Any:
+    """What a JSON text holds, with values exchanged, keys left out or added, or nested deeper."""
+    changed = json.loads(data)
     for _ in range(rng.choice((1, 1, 2, 4))):
         places = list(_places(changed))
         holder, key = rng.choice(places)
@@ -78,18 +77,21 @@ def mutated_json(content: Any, rng: random.Random) -> Any:
         if change == 0:
             del holder[key]
         elif change == 1:
-            holder[key] = copy.deepcopy(other_holder[other_key])
+            holder[key] = _copied(other_holder[other_key])
         elif change == 2:
             holder[key] = _nested(holder[key], rng.choice((1, 5, 100)), rng.random() < 0.5)
         elif change == 3 and isinstance(holder, dict):
-            holder[rng.choice(("", "unknown", "\x1b", key + "_"))] = copy.deepcopy(
-                rng.choice(VALUES)
-            )
+            holder[rng.choice(("", "unknown", "\x1b", key + "_"))] = _copied(rng.choice(VALUES))
         else:
-            holder[key] = copy.deepcopy(rng.choice(VALUES))
-        if not any(True for _ in _places(changed)):
+            holder[key] = _copied(rng.choice(VALUES))
+        if not changed:
             break
     return changed
+
+
+def _copied(value: Any) -> Any:
+    """A copy of JSON data; much faster than copy.deepcopy."""
+    return json.loads(json.dumps(value)) if isinstance(value, dict | list) else value
 
 
 def _nested(value: Any, depth: int, in_lists: bool) -> Any:

@@ -137,7 +137,8 @@ def _write_models(folder: Path) -> None:
 
 
 def remember_definitions() -> None:
-    """Compile what rosbags derives from a definition of messages once, not for every bag."""
+    """Parse and compile what rosbags derives from a definition of messages once for all bags."""
+    from rosbags.highlevel import anyreader
     from rosbags.serde import cdr, ros1
 
     compiled = cdr.compile_lines
@@ -147,3 +148,4 @@ def remember_definitions() -> None:
         return compiled([text])
 
     cdr.compile_lines = ros1.compile_lines = lambda lines: once("\n".join(lines))
+    anyreader.get_types_from_msg = lru_cache(1000)(anyreader.get_types_from_msg)
