@@ -9,7 +9,7 @@ The update of every node (paper eq. 4 and 5)::
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.kernels.threads import resolve_threads, run_tasks
+
+if TYPE_CHECKING:
+    from pgm_places.solvers._relaxation_kernels import Neighbours
 
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
@@ -136,7 +139,7 @@ def relax_graph(
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    from pgm_places.solvers._relaxation_kernels import SUMS, Neighbours, update_nodes
+    from pgm_places.solvers._relaxation_kernels import SUMS, update_nodes
 
     check_options(damping, iterations, tolerance)
     beliefs = starting_beliefs(unary, floor=floor)
@@ -146,10 +149,11 @@ def relax_graph(
     tables = check_tables(compatibility, n_labels)
     if rows[0] != 0 or rows[-1] != len(neighbour) or (np.diff(rows) < 0).any():
         raise InputError(f"start must rise from 0 to the {len(neighbour)} entries of node")
-    which = np.zeros(len(neighbour), np.int8)
+    which = None
     if table is not None:
-        which[:] = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
-    around = Neighbours(rows, neighbour, _check_weights(weight, rows, len(neighbour)), which)
+        which = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
+    around = _neighbours(rows, neighbour, *_check_weights(weight, rows), which, len(tables))
+    beliefs, across = _padded(beliefs, tables)
     n_tasks = -(-n_nodes // NODES_PER_TASK)
     threads = useful_threads(n_threads, n_tasks)
     sums = np.zeros((n_tasks, SUMS))
@@ -159,7 +163,7 @@ def relax_graph(
         first = task * NODES_PER_TASK
         last = min(first + NODES_PER_TASK, n_nodes)
         old, new = buffers
-        update_nodes(old, around, tables, float(damping), (first, last), new, sums[task])
+        update_nodes(old, around, across, float(damping), (first, last), new, sums[task])
 
     def step() -> NDArray[np.float64]:
         run_tasks(update, n_tasks, n_threads=threads)
@@ -167,7 +171,8 @@ def relax_graph(
         return sums
 
     def current() -> NDArray[np.float64]:
-        return buffers[0] / buffers[0].sum(axis=1, keepdims=True)
+        found = buffers[0][:, :n_labels]
+        return found / found.sum(axis=1, keepdims=True)
 
     return repeat(
         step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
@@ -224,16 +229,62 @@ def check_tables(compatibility: ArrayLike, n_labels: int) -> NDArray[np.float64]
 
 
 def _check_weights(
-    weight: ArrayLike | None, rows: NDArray[np.int64], n_entries: int
-) -> NDArray[np.float64]:
+    weight: ArrayLike | None, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], bool]:
+    """One weight per node where its neighbours all have the same, otherwise one per entry.
+
+    Which of the two is said, too.
+    """
     degree = np.diff(rows)
     if weight is None:
-        return np.repeat(1.0 / np.maximum(degree, 1), degree)
-    share = finite_array("weight", weight, (n_entries,))
+        return 1.0 / np.maximum(degree, 1), True
+    share = finite_array("weight", weight, (int(rows[-1]),))
     owner = np.repeat(np.arange(len(degree)), degree)
     most = np.bincount(owner, weights=share, minlength=1).max(initial=0.0)
     if (share < 0).any() or most > 1 + 1e-9:
         raise InputError(
             f"weight must be at least 0 and sum to at most 1 at each node, got a sum of {most:g}"
         )
-    return np.ascontiguousarray(share)
+    alike = np.zeros(len(degree))
+    alike[owner] = share  # of several entries, one stays
+    shared = bool((alike[owner] == share).all())
+    return alike if shared else np.ascontiguousarray(share), shared
+
+
+def _neighbours(
+    rows: NDArray[np.int64],
+    node: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    shared: bool,
+    table: NDArray[np.int64] | None,
+    n_tables: int,
+) -> "Neighbours":
+    """The adjacency for the kernel, each node's entries by table."""
+    from pgm_places.solvers._relaxation_kernels import Neighbours
+
+    n_nodes = len(rows) - 1
+    if n_tables > 1:
+        row = np.repeat(np.arange(n_nodes) * n_tables, np.diff(rows))
+        if table is not None:
+            row += table
+        order = np.argsort(row, kind="stable")
+        node = node[order]
+        weight = weight if shared else weight[order]
+        counts = np.bincount(row, minlength=n_nodes * n_tables)
+        rows = np.concatenate([[0], np.cumsum(counts)])
+    return Neighbours(rows, node, weight, shared)
+
+
+def _padded(
+    beliefs: NDArray[np.float64], tables: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Both for the kernel: labels padded to a multiple of four, tables by the neighbour's label."""
+    from pgm_places.kernels.lane_access import FOUR
+
+    n_nodes, n_labels = beliefs.shape
+    width = -(-n_labels // FOUR) * FOUR
+    wide = np.zeros((n_nodes, width))
+    wide[:, :n_labels] = beliefs
+    across = np.zeros((len(tables), width, width))
+    across[:, :n_labels, :n_labels] = tables.transpose(0, 2, 1)
+    return wide, across.reshape(-1, width)

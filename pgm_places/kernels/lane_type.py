@@ -20,11 +20,11 @@ LANES = 16
 
 
 class LanesType(types.Type):  # type: ignore[misc]
-    """Sixteen floats, or sixteen truth values where ``scalar`` is boolean."""
+    """Sixteen floats, or another count, or as many truth values where ``scalar`` is boolean."""
 
-    def __init__(self, scalar: types.Type) -> None:
-        self.scalar = scalar
-        super().__init__(name=f"Lanes({scalar})")
+    def __init__(self, scalar: types.Type, count: int = LANES) -> None:
+        self.scalar, self.count = scalar, count
+        super().__init__(name=f"Lanes({scalar} x {count})")
 
 
 _ELEMENTS = {
@@ -37,11 +37,9 @@ _ELEMENTS = {
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, lanes_type: LanesType) -> None:
-        vector = ir.VectorType(_ELEMENTS[lanes_type.scalar], LANES)
+        vector = ir.VectorType(_ELEMENTS[lanes_type.scalar], lanes_type.count)
         super().__init__(manager, lanes_type, vector)
 
-
-MASK = LanesType(types.boolean)
 
 Emit = Callable[[Any, Any, Any, Any], Any]
 
@@ -64,6 +62,8 @@ def compiled(rule: Callable[..., tuple[Any, Emit]]) -> Callable[[F], F]:
             made = intrinsic(lambda context, a, b: rule(a, b))
         elif count == 3:
             made = intrinsic(lambda context, a, b, c: rule(a, b, c))
+        elif count == 4:
+            made = intrinsic(lambda context, a, b, c, d: rule(a, b, c, d))
         else:
             made = intrinsic(lambda context, a, b, c, d, e, f: rule(a, b, c, d, e, f))
         return made
@@ -75,7 +75,7 @@ def splat_value(builder: Any, vector: Any, value: Any) -> Any:
     """A vector whose lanes all hold the value."""
     undefined = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
     return builder.shuffle_vector(first, undefined, zeros)
 
 
@@ -86,7 +86,8 @@ def llvm_call(name: str) -> Emit:
         vector = args[0].type
         suffix = "f32" if isinstance(vector.element, ir.FloatType) else "f64"
         kind = ir.FunctionType(vector, [vector] * len(args))
-        call = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}{suffix}")
+        full_name = f"llvm.{name}.v{vector.count}{suffix}"
+        call = cgutils.get_or_insert_function(builder.module, kind, full_name)
         return builder.call(call, args)
 
     return emit
@@ -108,7 +109,8 @@ def _register_operator(function: Any, emit_lanes: Callable[..., Any], gives_mask
                 not isinstance(a, types.Float | types.Integer) for a in numbers
             ):
                 return None
-            return signature(MASK if gives_mask else lanes[0], *args)
+            mask = LanesType(types.boolean, lanes[0].count)
+            return signature(mask if gives_mask else lanes[0], *args)
 
     infer_global(function)(Template)
 

@@ -43,6 +43,27 @@ def relaxed_grid(
     return beliefs
 
 
+def relaxed_graph(
+    beliefs: NDArray[np.float64],
+    entries: list[tuple[int, int, float, int]],
+    r: NDArray[np.float64],
+    *,
+    damping: float = 0.0,
+    iterations: int = 1,
+) -> NDArray[np.float64]:
+    """(N, K) beliefs after some iterations; an entry is node, neighbour, weight, table."""
+    beliefs = beliefs.copy()
+    for _ in range(iterations):
+        before = beliefs.copy()
+        support = np.ones_like(beliefs)
+        for i, j, weight, table in entries:
+            support[i] += weight * r[table] @ before[j]
+        for i, grown in enumerate(before * np.maximum(support, 0)):
+            if grown.sum() > 1e-12:
+                beliefs[i] = (1 - damping) * grown / grown.sum() + damping * before[i]
+    return beliefs
+
+
 def pair_counts(labels: NDArray[np.int64], n_labels: int) -> NDArray[np.int64]:
     """(8, L, L) ordered pairs of labelled neighbours, by direction."""
     counts = np.zeros((8, n_labels, n_labels), np.int64)

@@ -10,7 +10,7 @@ from pgm_places.solvers._belief_store_kernels import BLOCK
 from pgm_places.solvers._grid_relaxation_kernels import CHUNK
 from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
-from tests.reference.relaxation import STEPS, relaxed_grid
+from tests.reference.relaxation import STEPS, relaxed_graph, relaxed_grid
 
 Raster = NDArray[np.float64]
 
@@ -132,6 +132,42 @@ def test_grid_kernel_is_the_graph_kernel_where_there_are_no_walls(tables: int) -
         (on_grid.support, on_graph.support),
     ):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=5e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 9),
+    st.integers(1, 3),
+    st.sampled_from(["equal", "own"]),
+    st.sampled_from([0.0, 0.3]),
+)
+def test_graph_kernel_is_the_reference(
+    seed: int, k: int, tables: int, weights: str, damping: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    n_nodes = int(rng.integers(1, 9))
+    degree = rng.integers(0, 5, n_nodes)
+    start = np.concatenate([[0], np.cumsum(degree)])
+    owner, node = np.repeat(np.arange(n_nodes), degree), rng.integers(0, n_nodes, start[-1])
+    table = rng.integers(0, tables, len(node))
+    weight = rng.uniform(0, 0.2, len(node)) if weights == "own" else np.full(len(node), 0.2)
+    r = rng.uniform(-1, 1, (tables, k, k))
+    beliefs = rng.dirichlet(np.ones(k), n_nodes)
+    found = relax_graph(
+        np.log(beliefs),
+        start,
+        node,
+        r,
+        weight=weight,
+        table=table,
+        damping=damping,
+        iterations=3,
+        tolerance=0,
+    )
+    entries = list(zip(owner.tolist(), node.tolist(), weight.tolist(), table.tolist(), strict=True))
+    want = relaxed_graph(beliefs, entries, r, damping=damping, iterations=3)
+    np.testing.assert_allclose(found.beliefs, want, rtol=0, atol=1e-12)
 
 
 def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
