@@ -1,1 +1,1 @@
-"""Compiling, caching, vector instructions and threads: the only code that imports numba."""
+"""Compiling, machine code on disk, vector instructions, threads: all that imports numba."""

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from pgm_places._version import __version__
 
-__all__ = ["cache_folder"]
+__all__ = ["cache_folder", "tell_once"]
+
+_told = False
 
 
 def cache_folder() -> Path | None:
@@ -55,3 +57,11 @@ def _private_folder(folder: Path) -> Path | None:
         )
         return None
     return folder if os.access(folder, os.W_OK) else None
+
+
+def tell_once(message: str) -> None:
+    """One warning for all kernels of a process: if one file is damaged, a hundred are."""
+    global _told
+    if not _told:
+        _told = True
+        warnings.warn(message, RuntimeWarning, stacklevel=2)

@@ -1,22 +1,20 @@
 """The vector type of :mod:`~pgm_places.kernels.lanes` for numba: type, operators, intrinsics."""
 # numba calls generators and templates with a fixed list of arguments:
-# ruff: noqa: ARG001, ARG002, ARG005
+# ruff: noqa: ARG001, ARG002
 
 import operator
 from collections.abc import Callable
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from llvmlite import ir
-from numba import config, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import lower_builtin, models, register_model
 
-__all__ = ["LANES", "Emit", "LanesType", "compiled", "llvm_call", "splat_value"]
+from pgm_places.kernels.lanes import LANES
 
-F = TypeVar("F", bound=Callable[..., Any])
-
-LANES = 16
+__all__ = ["Emit", "LanesType", "Rule", "llvm_call", "splat_value"]
 
 
 class LanesType(types.Type):  # type: ignore[misc]
@@ -42,33 +40,7 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 Emit = Callable[[Any, Any, Any, Any], Any]
-
-
-def compiled(rule: Callable[..., tuple[Any, Emit]]) -> Callable[[F], F]:
-    """Replace a NumPy function by the vector instruction that ``rule`` emits in kernels.
-
-    ``rule`` takes the argument types and gives the signature and the code generator.
-    """
-
-    def decorate(plain: F) -> F:
-        if config.DISABLE_JIT:
-            return plain
-
-        # intrinsic wants a function with exactly the arguments of the call
-        count = plain.__code__.co_argcount
-        if count == 1:
-            made = intrinsic(lambda context, a: rule(a))
-        elif count == 2:
-            made = intrinsic(lambda context, a, b: rule(a, b))
-        elif count == 3:
-            made = intrinsic(lambda context, a, b, c: rule(a, b, c))
-        elif count == 4:
-            made = intrinsic(lambda context, a, b, c, d: rule(a, b, c, d))
-        else:
-            made = intrinsic(lambda context, a, b, c, d, e, f: rule(a, b, c, d, e, f))
-        return made
-
-    return decorate
+Rule = Callable[..., tuple[Any, Emit]]
 
 
 def splat_value(builder: Any, vector: Any, value: Any) -> Any:
@@ -167,5 +139,4 @@ def _register_operators() -> None:
         )
 
 
-if not config.DISABLE_JIT:
-    _register_operators()
+_register_operators()

@@ -1,0 +1,78 @@
+"""Functions of kernels before they are compiled: nothing here imports numba, which takes 0.7 s."""
+
+import os
+from collections.abc import Callable, Iterator
+from types import CodeType
+from typing import Any, ParamSpec, TypeVar, cast
+
+__all__ = [
+    "IS_COMPILED",
+    "Deferred",
+    "Helper",
+    "Instruction",
+    "called_names",
+    "instruction",
+    "reachable",
+]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+IS_COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+"""Whether kernels are compiled in this process at all."""
+
+
+class Deferred:
+    """A function that numba compiles once it is needed, and not before.
+
+    Parameters
+    ----------
+    plain : function
+    options
+        How numba compiles it.
+    """
+
+    def __init__(self, plain: Callable[..., Any], **options: Any) -> None:
+        self.plain, self.options = plain, options
+        self.__doc__, self.__module__ = plain.__doc__, plain.__module__
+        self.__name__, self.__qualname__ = plain.__name__, plain.__qualname__
+        self.__wrapped__ = plain
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Uncompiled; only kernels call it compiled."""
+        return self.plain(*arguments)
+
+
+class Helper(Deferred):
+    """A function that is compiled as a part of the kernels that call it."""
+
+
+class Instruction(Deferred):
+    """A function that becomes the processor instruction of its name in ``instruction_rules``."""
+
+
+def instruction(plain: Callable[P, R]) -> Callable[P, R]:
+    """The function, replaced by processor instructions where compiled kernels call it."""
+    return cast(Callable[P, R], Instruction(plain)) if IS_COMPILED else plain
+
+
+def reachable(start: Deferred) -> set[Deferred]:
+    """A function and all that it calls, directly or not."""
+    found, waiting = {start}, [start]
+    while waiting:
+        plain = waiting.pop().plain
+        names = set(called_names(plain.__code__))
+        cells = [cell.cell_contents for cell in plain.__closure__ or ()]
+        for value in [*(plain.__globals__.get(name) for name in names), *cells]:
+            if isinstance(value, Deferred) and value not in found:
+                found.add(value)
+                waiting.append(value)
+    return found
+
+
+def called_names(code: CodeType) -> Iterator[str]:
+    """The names of globals and attributes that a function uses, and the functions inside it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from called_names(constant)
