@@ -1,20 +1,34 @@
 """Relaxation labelling of a raster: one update of all beliefs in their store.
 
-The store is laid out by :mod:`pgm_places.solvers._belief_store_kernels`.
+The store is laid out by :mod:`pgm_places.solvers._belief_store_kernels`; a block of sixteen cells
+is one vector. Beliefs are updated in place, so that the old rows around the one at hand are read
+ahead. The raster is divided into parts of whole rows: of each part's first and last row there is a
+copy from before the update for the parts next to it, which may be updated at the same time.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import fused, njit
-from pgm_places.solvers._belief_store_kernels import BLOCK
+from pgm_places.kernels.lane_access import field_at, load_at, store_at
+from pgm_places.kernels.lanes import (
+    LANES,
+    absolute,
+    add_to,
+    fma,
+    largest,
+    load,
+    select,
+    splat,
+    store,
+    widen,
+)
 from pgm_places.solvers._relaxation_kernels import MIN_MASS
 
-CHUNK = 512  # cells updated at once: the scratch rows of a chunk stay in the innermost cache
 SMALLEST = 1e-30  # beliefs below become 0: they cannot return, and subnormal numbers are slow
-LARGEST, MOVED, SUPPORT, SOURCES = 0, 1, 2, 3  # rows of a task's scratch; sums are kept by lane
+MOVED, SUPPORT = 0, 1  # rows of a scratch's sums
 
 
 class Store(NamedTuple):
@@ -30,285 +44,157 @@ class Store(NamedTuple):
     """(H + 3,) the spans of row y are ``span_start[y]`` to ``span_start[y + 1]``."""
     spans: NDArray[np.int64]
     """(S, 4) cells of a span, and where it starts in the row above, here and below."""
+    part_start: NDArray[np.int64]
+    """(P + 1,) first row of each part."""
 
 
 class Update(NamedTuple):
     """How beliefs are renewed."""
 
     tables: NDArray[np.float32]
-    """(K, P) c r for the cells that share a side, or (8, K, P), one per direction; column K is the
-    wall, columns are padded to whole groups of four."""
+    """(K, K + 1) c r for the cells that share a side, or (8, K, K + 1), one per direction; the last
+    column is the wall."""
     ratio: np.float32
-    """What (K, P) is multiplied by for cells that share a corner."""
+    """What (K, K + 1) is multiplied by for cells that share a corner."""
     damping: np.float32
+    each: Any
+    """An entry per label; a tuple's length is a constant to the compiler, which unrolls loops."""
 
 
 class Scratch(NamedTuple):
-    """What a task reads and works in."""
+    """What a thread works in."""
 
-    halo: NDArray[np.float32]
-    """(2, K, L) the old rows above and below."""
     rows: NDArray[np.float32]
     """(3, K, L) rows that are read ahead."""
-    lanes: NDArray[np.float32]
-    """The part of ``work`` that keeps the sums, flat and zero at the start."""
     work: NDArray[np.float32]
-    """(SOURCES + P + K + 2, CHUNK), flat for three labels and one table."""
+    """(2 K + 1, 16) sums over the neighbours of a block, then what its beliefs grow to."""
+    sums: NDArray[np.float64]
+    """(2, 16)."""
 
 
-class Span(NamedTuple):
-    """A run of cells in a row, and the old rows around it."""
+class Around(NamedTuple):
+    """The old rows (K, L) around a block, and its column in each."""
 
     above: NDArray[np.float32]
-    """(K, L)."""
     here: NDArray[np.float32]
     below: NDArray[np.float32]
     a: int
-    """Where the cells begin in the row above,"""
     h: int
-    """in their own,"""
     b: int
-    """and in the one below."""
-    code: NDArray[np.uint8]
-    """(n,) their walls."""
 
 
-@njit
-def _sum_support(
-    span: Span,
-    table: NDArray[np.float32],
-    ratio: np.float32,
-    work: NDArray[np.float32],
+@fused
+def _sum_neighbours(
+    around: Around, codes: Any, at: int, weight: np.float32, work: Any, each: Any
 ) -> None:
-    """``1 + q`` of a span (paper eq. 5), one table for all directions.
-
-    ``table`` is (K, P): c r for the sides, ``ratio`` times that for the corners, wall last. Of
-    ``work``, K + 1 rows from SOURCES on get the weighted sums over the neighbours, K rows from P
-    further on the result. Loops are kept apart so that each has few enough arrays for the compiler
-    to vectorise.
-    """
-    above, here, below, a, h, b, code = span
-    n_labels, width = table.shape
-    n = BLOCK * (len(code) // BLOCK)
+    """Write the weighted sums over the neighbours of a block, per label and of walls."""
+    above, here, below, a, h, b = around
+    ratio = splat(weight)
+    n_labels = len(each)
     for k in range(n_labels):
-        up, middle = above[k, a - 1 : a + n + 1], here[k, h - 1 : h + n + 1]
-        down, source = below[k, b - 1 : b + n + 1], work[SOURCES + k]
-        for i in range(n):
-            sides = up[i + 1] + down[i + 1] + middle[i] + middle[i + 2]
-            source[i] = sides + ratio * (up[i] + up[i + 2] + down[i] + down[i + 2])
-    low, shift = np.uint8(15), np.uint8(4)
-    source = work[SOURCES + n_labels]
-    for i in range(n):
-        source[i] = np.float32(code[i] & low) + ratio * np.float32(code[i] >> shift)
-    for k in range(n_labels):
-        grown, one = work[SOURCES + width + k], np.float32(1)
-        s0, s1, s2, s3 = work[SOURCES], work[SOURCES + 1], work[SOURCES + 2], work[SOURCES + 3]
-        t0, t1, t2, t3 = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
-        for i in range(n):
-            grown[i] = one + ((t0 * s0[i] + t1 * s1[i]) + (t2 * s2[i] + t3 * s3[i]))
-        for g in range(4, width, 4):
-            at = SOURCES + g
-            s0, s1, s2, s3 = work[at], work[at + 1], work[at + 2], work[at + 3]
-            t0, t1, t2, t3 = table[k, g], table[k, g + 1], table[k, g + 2], table[k, g + 3]
-            for i in range(n):
-                grown[i] += (t0 * s0[i] + t1 * s1[i]) + (t2 * s2[i] + t3 * s3[i])
+        sides = load_at(above, k, a) + load_at(below, k, b)
+        sides = sides + load_at(here, k, h - 1) + load_at(here, k, h + 1)
+        corners = load_at(above, k, a - 1) + load_at(above, k, a + 1)
+        corners = corners + load_at(below, k, b - 1) + load_at(below, k, b + 1)
+        store(work, k, fma(corners, ratio, sides))
+    store(work, n_labels, fma(field_at(codes, at, 4, 15), ratio, field_at(codes, at, 0, 15)))
 
 
-@njit
-def _sum_support_by_direction(
-    span: Span,
-    tables: NDArray[np.float32],
-    work: NDArray[np.float32],
+@fused
+def _line(around: Around, codes: Any, at: int, direction: int, label: int) -> Any:
+    """A block's neighbours in one direction: a label's beliefs, or whether they are walls."""
+    above, here, below, a, h, b = around
+    if label == here.shape[0]:
+        return field_at(codes, at, direction, 1)
+    if direction < 3:
+        return load_at(above, label, a - 1 + direction)
+    if direction < 5:
+        return load_at(here, label, h - 1 + 2 * (direction - 3))
+    return load_at(below, label, b - 6 + direction)
+
+
+@fused
+def _add_support(
+    around: Around, codes: Any, at: int, tables: Any, ratio: np.float32, work: Any, each: Any
 ) -> None:
-    """``1 + q`` of a span (paper eq. 5), as :func:`_sum_support`; ``tables`` (8, K, P)."""
-    above, here, below, a, h, b, code = span
-    _, n_labels, width = tables.shape
-    n = len(code)
-    for k in range(n_labels):
-        work[SOURCES + width + k, :n] = np.float32(1)
-    for d in range(8):
-        for k in range(n_labels):
-            if d < 3:
-                line = above[k, a - 1 + d : a - 1 + d + n]
-            elif d < 5:
-                line = here[k, h - 1 + 2 * (d - 3) : h - 1 + 2 * (d - 3) + n]
-            else:
-                line = below[k, b - 6 + d : b - 6 + d + n]
-            for j in range(n_labels):
-                grown, weight = work[SOURCES + width + j], tables[d, j, k]
-                for i in range(n):
-                    grown[i] += weight * line[i]
-        wall, bit = work[SOURCES + n_labels], np.uint8(d)
-        for i in range(n):
-            wall[i] = np.float32((code[i] >> bit) & np.uint8(1))
+    """Write ``1 + q`` of a block (paper eq. 5) to the rows of ``work`` from K + 1 on."""
+    n_labels = len(each)
+    if tables.ndim == 2:
+        _sum_neighbours(around, codes, at, ratio, work, each)
         for j in range(n_labels):
-            grown, weight = work[SOURCES + width + j], tables[d, j, n_labels]
-            for i in range(n):
-                grown[i] += weight * wall[i]
+            grown = splat(np.float32(1))
+            for k in range(n_labels + 1):
+                grown = fma(load(work, k), splat(tables[j, k]), grown)
+            store(work, n_labels + 1 + j, grown)
+    else:
+        for j in range(n_labels):
+            store(work, n_labels + 1 + j, splat(np.float32(1)))
+        for d in range(8):
+            for k in range(n_labels + 1):
+                line = _line(around, codes, at, d, k)
+                for j in range(n_labels):
+                    add_to(work, n_labels + 1 + j, line * tables[d, j, k])
 
 
-@njit
+@fused
 def _settle(
-    span: Span,
-    at: int,
-    damping: np.float32,
-    width: int,
-    work: NDArray[np.float32],
-    store: NDArray[np.float32],
-) -> None:
-    """Normalise ``p (1 + q)`` (paper eq. 4), damp, write to the store and account for the change.
+    around: Around, at: int, damping: np.float32, work: Any, beliefs: Any, each: Any
+) -> tuple[Any, Any, Any]:
+    """Normalise ``p (1 + q)`` of a block (paper eq. 4), damp, write it to the store.
 
-    Old beliefs are ``span.here[:, span.h:]``, ``1 + q`` lies in ``work`` as :func:`_sum_support`
-    leaves it, the target is ``store[:, at:]``.
+    Largest change, sum of changes and sum of p q of each lane are returned.
     """
-    here, h = span.here, span.h
-    n_labels = store.shape[0]
-    n = BLOCK * (len(span.code) // BLOCK)
-    one, zero = np.float32(1), np.float32(0)
-    largest, moved, support = work[LARGEST], work[MOVED], work[SUPPORT]
-    first = SOURCES + width
-    total, kept = work[first + n_labels], work[first + n_labels + 1]
-    for i in range(n):
-        total[i] = zero
-    for k in range(n_labels):
-        old, new = here[k, h : h + n], work[first + k]
-        for i in range(n):
-            part = old[i] * (new[i] if new[i] > zero else zero)
-            new[i] = part
-            total[i] += part
-        for i in range(n):
-            support[i] += new[i] - old[i]
-    for i in range(n):
-        usable = total[i] > np.float32(MIN_MASS)
-        kept[i] = damping if usable else one
-        total[i] = (one - damping) / total[i] if usable else zero
-    for k in range(n_labels):
-        old, new, target = here[k, h : h + n], work[first + k], store[k, at : at + n]
-        for i in range(n):
-            belief = new[i] * total[i] + kept[i] * old[i]
-            target[i] = belief if belief > np.float32(SMALLEST) else zero
-        for i in range(n):
-            change = abs(target[i] - old[i])
-            largest[i] = change if change > largest[i] else largest[i]
-            moved[i] += change
+    n_labels = len(each)
+    zero, one = splat(np.float32(0)), splat(np.float32(1))
+    total, support = zero, zero
+    for j in range(n_labels):
+        before = load_at(around.here, j, around.h)
+        grown = before * largest(load(work, n_labels + 1 + j), zero)
+        store(work, n_labels + 1 + j, grown)
+        total = total + grown
+        support = support + (grown - before)
+    usable = total > np.float32(MIN_MASS)
+    kept = select(usable, splat(damping), one)
+    scale = select(usable, splat(np.float32(1) - damping) / select(usable, total, one), zero)
+    most, moved = zero, zero
+    for j in range(n_labels):
+        before = load_at(around.here, j, around.h)
+        after = fma(load(work, n_labels + 1 + j), scale, kept * before)
+        after = select(after > np.float32(SMALLEST), after, zero)
+        store_at(beliefs, j, at, after)
+        change = absolute(after - before)
+        most = largest(change, most)
+        moved = moved + change
+    return most, moved, support
 
 
 @njit
-def _update_three(
-    span: Span,
-    table: NDArray[np.float32],
-    ratio: np.float32,
-    damping: np.float32,
-    at: int,
-    work: NDArray[np.float32],
-    store: NDArray[np.float32],
-) -> None:
-    """Sum, support and settle for three labels and one table: nearly twice as fast.
-
-    The scratch ``work`` is flat here: rows a constant CHUNK apart are known not to overlap, so that
-    the whole update is one vector loop. Rows 3-5 are the sums, then the new beliefs; 6-8 the old.
-    """
-    above, here, below, a, h, b, code = span
-    n = BLOCK * (len(code) // BLOCK)
-    one, zero = np.float32(1), np.float32(0)
-    for k in range(3):
-        up, middle = above[k, a - 1 : a + n + 1], here[k, h - 1 : h + n + 1]
-        down, row = below[k, b - 1 : b + n + 1], (SOURCES + k) * CHUNK
-        source, old = work[row : row + n], work[row + 3 * CHUNK : row + 3 * CHUNK + n]
-        for i in range(n):
-            sides = up[i + 1] + down[i + 1] + middle[i] + middle[i + 2]
-            source[i] = sides + ratio * (up[i] + up[i + 2] + down[i] + down[i + 2])
-        for i in range(n):
-            old[i] = middle[i + 1]
-    r00, r01, r02, r03 = table[0, 0], table[0, 1], table[0, 2], table[0, 3]
-    r10, r11, r12, r13 = table[1, 0], table[1, 1], table[1, 2], table[1, 3]
-    r20, r21, r22, r23 = table[2, 0], table[2, 1], table[2, 2], table[2, 3]
-    low, shift = np.uint8(15), np.uint8(4)
-    for i in range(n):
-        s0, s1, s2 = work[i + 3 * CHUNK], work[i + 4 * CHUNK], work[i + 5 * CHUNK]
-        s3 = np.float32(code[i] & low) + ratio * np.float32(code[i] >> shift)
-        p0, p1, p2 = work[i + 6 * CHUNK], work[i + 7 * CHUNK], work[i + 8 * CHUNK]
-        q0 = one + ((r00 * s0 + r01 * s1) + (r02 * s2 + r03 * s3))
-        q1 = one + ((r10 * s0 + r11 * s1) + (r12 * s2 + r13 * s3))
-        q2 = one + ((r20 * s0 + r21 * s1) + (r22 * s2 + r23 * s3))
-        g0 = p0 * (q0 if q0 > zero else zero)
-        g1 = p1 * (q1 if q1 > zero else zero)
-        g2 = p2 * (q2 if q2 > zero else zero)
-        total = g0 + g1 + g2
-        usable = total > np.float32(MIN_MASS)
-        kept = damping if usable else one
-        scale = (one - damping) / total if usable else zero
-        n0, n1, n2 = g0 * scale + kept * p0, g1 * scale + kept * p1, g2 * scale + kept * p2
-        n0 = n0 if n0 > np.float32(SMALLEST) else zero
-        n1 = n1 if n1 > np.float32(SMALLEST) else zero
-        n2 = n2 if n2 > np.float32(SMALLEST) else zero
-        work[i + 3 * CHUNK], work[i + 4 * CHUNK], work[i + 5 * CHUNK] = n0, n1, n2
-        d0, d1, d2 = abs(n0 - p0), abs(n1 - p1), abs(n2 - p2)
-        most = d0 if d0 > d1 else d1
-        most = most if most > d2 else d2
-        largest = work[i]
-        work[i] = most if most > largest else largest
-        work[i + CHUNK] += d0 + d1 + d2
-        work[i + 2 * CHUNK] += (g0 - p0) + (g1 - p1) + (g2 - p2)
-    for k in range(3):
-        target, row = store[k, at : at + n], (SOURCES + k) * CHUNK
-        fresh = work[row : row + n]
-        for i in range(n):
-            target[i] = fresh[i]
-
-
-@njit
-def _copy_row(store: NDArray[np.float32], begin: int, end: int, out: NDArray[np.float32]) -> None:
-    for k in range(store.shape[0]):
-        row, copy = store[k, begin:end], out[k]
+def _copy_row(store_: NDArray[np.float32], begin: int, end: int, out: NDArray[np.float32]) -> None:
+    for k in range(store_.shape[0]):
+        row, copy = store_[k, begin:end], out[k]
         for i in range(len(row)):
             copy[i] = row[i]
 
 
 @njit
-def _add_lanes(lanes: NDArray[np.float32], out: NDArray[np.float64]) -> None:
-    """The sums of a task from those of its lanes."""
-    largest, moved, support = np.float32(0), 0.0, 0.0
-    for i in range(CHUNK):
-        change = lanes[i + LARGEST * CHUNK]
-        largest = change if change > largest else largest
-        moved += np.float64(lanes[i + MOVED * CHUNK])
-        support += np.float64(lanes[i + SUPPORT * CHUNK])
-    out[0], out[1], out[2] = largest, moved, support
-
-
-@fused
-def _update_span(
-    span: Span,
-    tables: NDArray[np.float32],
-    ratio: np.float32,
-    damping: np.float32,
-    at: int,
-    work: NDArray[np.float32],
-    store: NDArray[np.float32],
-) -> None:
-    """Update the cells of a span, from ``store[:, at]`` on.
-
-    Which update is compiled depends on the numbers of axes alone, as each takes seconds.
-    """
-    if work.ndim == 1:
-        _update_three(span, tables, ratio, damping, at, work, store)
-    elif tables.ndim == 2:
-        _sum_support(span, tables, ratio, work)
-        _settle(span, at, damping, tables.shape[-1], work, store)
-    else:
-        _sum_support_by_direction(span, tables, work)
-        _settle(span, at, damping, tables.shape[-1], work, store)
+def copy_edges(store_: Store, part: int, edges: NDArray[np.float32]) -> None:
+    """Copy the first and the last row of a part to ``edges[part + 1]`` (2, K, L)."""
+    beliefs, starts, rows = store_.beliefs, store_.row_start, store_.part_start
+    for side in range(2):
+        row = rows[part] if side == 0 else rows[part + 1] - 1
+        _copy_row(beliefs, starts[row], starts[row + 1], edges[part + 1, side])
 
 
 @njit
-def update_rows(
-    store: Store, update: Update, scratch: Scratch, first: int, last: int, out: NDArray[np.float64]
-) -> None:
-    """Update the rows ``first..last - 1`` of the store in place (paper eq. 4 and 5)."""
-    beliefs, codes, row_start, span_start, spans = store
-    halo, rows, lanes, work = scratch
-    above, here, below = halo[0], rows[0], rows[1]
+def _update_part(
+    store_: Store, update: Update, scratch: Scratch, part: int, edges: NDArray[np.float32]
+) -> Any:
+    """Update the rows of a part; the largest change of each lane."""
+    beliefs, codes, row_start, span_start, spans, part_start = store_
+    rows, work, sums = scratch
+    first, last = part_start[part], part_start[part + 1]
+    most = splat(np.float32(0))
+    above, here, below = edges[part, 1], rows[0], rows[1]
     _copy_row(beliefs, row_start[first], row_start[first + 1], here)
     for y in range(first, last):
         begin, end = row_start[y], row_start[y + 1]
@@ -316,12 +202,46 @@ def update_rows(
             below = rows[(y - first + 1) % 3]
             _copy_row(beliefs, end, row_start[y + 2], below)
         else:
-            below = halo[1]
+            below = edges[part + 2, 0]
+        moved, support = splat(np.float32(0)), splat(np.float32(0))
         for s in range(span_start[y], span_start[y + 1]):
-            n = spans[s, 0]
             a, h, b = spans[s, 1] - row_start[y - 1], spans[s, 2] - begin, spans[s, 3] - end
-            at = begin + h
-            span = Span(above, here, below, a, h, b, codes[at : at + n])
-            _update_span(span, update.tables, update.ratio, update.damping, at, work, beliefs)
+            for i in range(0, spans[s, 0], LANES):
+                around = Around(above, here, below, a + i, h + i, b + i)
+                at = begin + h + i
+                _add_support(around, codes, at, update.tables, update.ratio, work, update.each)
+                highest, more, gained = _settle(
+                    around, at, update.damping, work, beliefs, update.each
+                )
+                most = largest(highest, most)
+                moved = moved + more
+                support = support + gained
+        add_to(sums, MOVED, widen(moved))
+        add_to(sums, SUPPORT, widen(support))
         above, here = here, below
-    _add_lanes(lanes, out)
+    return most
+
+
+@njit
+def update_parts(
+    store_: Store,
+    update: Update,
+    scratch: Scratch,
+    parts: tuple[int, int],
+    old_edges: NDArray[np.float32],
+    new_edges: NDArray[np.float32],
+    out: NDArray[np.float64],
+) -> None:
+    """Update some parts in place (paper eq. 4 and 5), the first to the one before the last.
+
+    ``old_edges`` (P + 2, 2, K, L) hold the first and last row of each part as they are, between two
+    parts of nothing; ``new_edges`` get them as they become. ``out`` (P, 3) gets each part's largest
+    change, sum of changes, and sum of p q over labels and nodes.
+    """
+    sums = scratch.sums
+    for part in range(parts[0], parts[1]):
+        sums[:] = 0.0
+        store(scratch.work, 0, _update_part(store_, update, scratch, part, old_edges))
+        copy_edges(store_, part, new_edges)
+        out[part, 0] = scratch.work[0].max()
+        out[part, 1], out[part, 2] = sums[MOVED].sum(), sums[SUPPORT].sum()

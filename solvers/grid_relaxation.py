@@ -1,14 +1,14 @@
 """Relaxation labelling on a raster: compact rows of single-precision beliefs, updated in place."""
 
 from dataclasses import dataclass
-from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import run_tasks
+from pgm_places.kernels.threads import Crew
 from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.relaxation import (
     OnIteration,
@@ -20,10 +20,15 @@ from pgm_places.solvers.relaxation import (
     useful_threads,
 )
 
+if TYPE_CHECKING:
+    from pgm_places.solvers._grid_relaxation_kernels import Scratch, Store
+
 __all__ = ["neighbour_weights", "relax_grid"]
 
-CELLS_PER_TASK = 65_536
-MAX_TASKS = 64  # bounds the scratch rows that tasks keep
+CELLS_PER_PART = 16_384
+MAX_PARTS = 64  # bounds the rows that parts keep
+FEW_LABELS = 4  # the kernel is compiled for each of these numbers of labels, and for any number
+GROUPS_PER_THREAD = 2  # so that a thread which is interrupted does not keep the others waiting
 NODES_AT_ONCE = 262_144  # while filling the store: bounds the temporary arrays
 
 
@@ -105,14 +110,7 @@ def relax_grid(
     node or neighbour one, so that empty parts of a huge raster cost next to nothing.
     """
     from pgm_places.solvers._belief_store_kernels import collect
-    from pgm_places.solvers._grid_relaxation_kernels import (
-        CHUNK,
-        SOURCES,
-        Scratch,
-        Store,
-        Update,
-        update_rows,
-    )
+    from pgm_places.solvers._grid_relaxation_kernels import Store, Update, update_parts
     from pgm_places.solvers._relaxation_kernels import SUMS
 
     check_options(damping, iterations, tolerance)
@@ -124,45 +122,74 @@ def relax_grid(
     r = check_tables(compatibility, n_labels + 1)
     if len(r) not in (1, len(DIRECTIONS)):
         raise InputError(f"compatibility must hold 1 or {len(DIRECTIONS)} tables, got {len(r)}")
+    one_table = len(r) == 1
     tables, ratio = _weighted(r, diagonal_weight)
     rows = _lay_out(cells, shape)
+    parts = _split(rows)
+    n_parts = len(parts) - 1
     beliefs = _fill(table, cells, rows, floor)
-    codes = _codes(walls, cells, shape, rows, by_direction=len(r) > 1)
-    store = Store(beliefs, codes, rows.row_start, rows.span_start, rows.spans)
-    rule = Update(tables[0] if len(tables) == 1 else tables, ratio, np.float32(damping))
-    tasks = _split(rows)
-    halo = np.zeros((len(tasks), 2, n_labels, rows.longest), np.float32)
-    ahead = np.zeros((len(tasks), 3, n_labels, rows.longest), np.float32)
-    work_rows = SOURCES + tables.shape[2] + n_labels + 2
-    work = np.zeros((len(tasks), work_rows, CHUNK), np.float32)
-    three = len(tables) == 1 and n_labels == 3
-    results = np.zeros((len(tasks), SUMS))
-    threads = useful_threads(n_threads, len(tasks))
+    codes = _codes(walls, cells, shape, rows, by_direction=not one_table)
+    store = Store(beliefs, codes, rows.row_start, rows.span_start, rows.spans, parts)
+    rule = Update(
+        tables[0] if one_table else tables,
+        ratio,
+        np.float32(damping),
+        _each(n_labels) if one_table else np.zeros(n_labels, np.int64),
+    )
+    edges = _edges(store, n_labels, rows.longest)
+    results = np.zeros((n_parts, SUMS))
+    threads = useful_threads(n_threads, n_parts)
+    groups = np.linspace(0, n_parts, (GROUPS_PER_THREAD * threads if threads > 1 else 1) + 1)
+    scratch = [_scratch(n_labels, rows.longest) for _ in groups[1:]]
 
-    def update(task: int) -> None:
-        first, last = tasks[task]
-        scratch, lanes = work[task], work[task, :SOURCES]
-        lanes[:] = 0
-        room = Scratch(
-            halo[task], ahead[task], lanes.reshape(-1), scratch.reshape(-1) if three else scratch
-        )
-        update_rows(store, rule, room, first, last, results[task])
-
-    def step() -> NDArray[np.float64]:
-        for task, (first, last) in enumerate(tasks):
-            for side, row in enumerate((first - 1, last)):
-                begin, end = rows.row_start[row], rows.row_start[row + 1]
-                halo[task, side, :, : end - begin] = beliefs[:, begin:end]
-        run_tasks(update, len(tasks), n_threads=threads)
-        return results
+    def update(group: int) -> None:
+        some = (int(groups[group]), int(groups[group + 1]))
+        now, later = edges
+        update_parts(store, rule, scratch[group], some, now, later, results)
 
     def current() -> NDArray[np.float32]:
         found = np.empty((n_nodes, n_labels), np.float32)
         collect(beliefs, cells, rows.index, found)
         return found
 
-    return repeat(
-        step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+    with Crew(threads) as crew:
+
+        def step() -> NDArray[np.float64]:
+            crew.run(update, len(scratch))
+            edges.reverse()
+            return results
+
+        return repeat(
+            step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+        )
+
+
+def _edges(store: "Store", n_labels: int, longest: int) -> list[NDArray[np.float32]]:
+    """The rows at the edges of parts as they are, and room for those of the next iteration."""
+    from pgm_places.solvers._grid_relaxation_kernels import copy_edges
+
+    n_parts = len(store.part_start) - 1
+    now, later = (np.zeros((n_parts + 2, 2, n_labels, longest), np.float32) for _ in range(2))
+    for part in range(n_parts):
+        copy_edges(store, part, now)
+    return [now, later]
+
+
+def _each(n_labels: int) -> Any:
+    """An entry per label, in a tuple where there are few."""
+    return (0,) * n_labels if n_labels <= FEW_LABELS else np.zeros(n_labels, np.int64)
+
+
+def _scratch(n_labels: int, longest: int) -> "Scratch":
+    from pgm_places.kernels.lanes import LANES, aligned_planes
+    from pgm_places.solvers._grid_relaxation_kernels import SUPPORT, Scratch
+
+    rows = aligned_planes(3 * n_labels * longest // LANES, np.float32)
+    rows[:] = 0
+    return Scratch(
+        rows.reshape(3, n_labels, longest),
+        aligned_planes(2 * n_labels + 1, np.float32),
+        aligned_planes(SUPPORT + 1, np.float64),
     )
 
 
@@ -177,19 +204,16 @@ def _check_cells(cells_rc: ArrayLike, n_nodes: int, shape: tuple[int, int]) -> N
 def _weighted(
     r: NDArray[np.float64], diagonal_weight: float
 ) -> tuple[NDArray[np.float32], np.float32]:
-    """The tables c r without the wall's own row, labels padded to whole groups of four."""
+    """The tables c r without the wall's own row."""
     side, corner = neighbour_weights(diagonal_weight)
     n_labels = r.shape[1] - 1
-    tables = np.zeros((len(r), n_labels, -(-(n_labels + 1) // 4) * 4), np.float32)
     weights = [side] if len(r) == 1 else [side if 0 in step else corner for step in DIRECTIONS]
-    for d, weight in enumerate(weights):
-        tables[d, :, : n_labels + 1] = weight * r[d, :n_labels]
-    return tables, np.float32(diagonal_weight)
+    tables = np.array(weights)[:, None, None] * r[:, :n_labels]
+    return tables.astype(np.float32), np.float32(diagonal_weight)
 
 
 def _lay_out(cells: NDArray[np.int32], shape: tuple[int, int]) -> _Rows:
     from pgm_places.solvers._belief_store_kernels import BLOCK
-    from pgm_places.solvers._grid_relaxation_kernels import CHUNK
 
     height, width = shape
     used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
@@ -203,7 +227,7 @@ def _lay_out(cells: NDArray[np.int32], shape: tuple[int, int]) -> _Rows:
     number = np.cumsum(kept, dtype=np.int64).reshape(kept.shape) - 1
     index = np.where(kept, number, -1).astype(np.int32)
     row_start = np.concatenate([[0], np.cumsum(kept.sum(axis=1, dtype=np.int64))]) * BLOCK
-    row, first, last = _runs(used, CHUNK // BLOCK)
+    row, first, last = _runs(used)
     at = [BLOCK * index[row + dr, first].astype(np.int64) for dr in (-1, 0, 1)]
     spans = np.stack([BLOCK * (last - first), *at], axis=1)
     span_start = np.searchsorted(row, np.arange(height + 3))
@@ -211,18 +235,13 @@ def _lay_out(cells: NDArray[np.int32], shape: tuple[int, int]) -> _Rows:
 
 
 def _runs(
-    used: NDArray[np.bool_], longest: int
+    used: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Row, first and end of the maximal runs of true in each row, long ones cut to ``longest``."""
+    """Row, first and end of the maximal runs of true in each row."""
     change = np.diff(used.view(np.int8), axis=1)
     row, first = np.nonzero(change == 1)
     _, last = np.nonzero(change == -1)
-    first, last = first + 1, last + 1
-    pieces = -(-(last - first) // longest)
-    owner = np.repeat(np.arange(len(row)), pieces)
-    piece = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    begin = first[owner] + piece * longest
-    return row[owner], begin, np.minimum(begin + longest, last[owner])
+    return row, first + 1, last + 1
 
 
 def _fill(
@@ -258,11 +277,10 @@ def _codes(
     return codes
 
 
-def _split(rows: _Rows) -> list[tuple[int, int]]:
-    """Consecutive rows of about the same work; depends on the raster only, not on threads."""
+def _split(rows: _Rows) -> NDArray[np.int64]:
+    """First rows of parts of about the same work; depends on the raster only, not on threads."""
     height = len(rows.row_start) - 3
-    n_tasks = int(np.clip(rows.n_cells // CELLS_PER_TASK, 1, MAX_TASKS))
-    wanted = np.linspace(0, rows.n_cells, n_tasks + 1)[1:-1]
+    n_parts = int(np.clip(rows.n_cells // CELLS_PER_PART, 1, MAX_PARTS))
+    wanted = np.linspace(0, rows.n_cells, n_parts + 1)[1:-1]
     cuts = np.searchsorted(rows.row_start[1 : height + 1], wanted) + 1
-    ends = np.unique(np.concatenate([[1], cuts, [height + 1]]))
-    return [(int(a), int(b)) for a, b in pairwise(ends)]
+    return np.unique(np.concatenate([[1], cuts, [height + 1]])).astype(np.int64)

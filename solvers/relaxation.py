@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import resolve_threads, run_tasks
+from pgm_places.kernels.threads import Crew, resolve_threads
 
 if TYPE_CHECKING:
     from pgm_places.solvers._relaxation_kernels import Neighbours
@@ -89,17 +89,21 @@ def starting_beliefs(
     array = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
     beliefs = np.empty(array.shape)
     for first in range(0, len(array), NODES_AT_ONCE):
-        part, weights = (rows[first : first + NODES_AT_ONCE] for rows in (array, beliefs))
-        best = part.max(axis=1, keepdims=True, initial=-np.inf)
-        forbidden = np.flatnonzero(~np.isfinite(best[:, 0]))
+        part = slice(first, first + NODES_AT_ONCE)
+        planes = array[part].T.copy()  # a row per label: few labels make short, slow rows
+        best = planes.max(axis=0, initial=-np.inf)
+        forbidden = np.flatnonzero(~np.isfinite(best))
         if len(forbidden):
             node = first_node + first + forbidden[0]
             raise InputError(f"unary forbids every label at node {node}")
-        np.exp(part - best, out=weights)
-        weights /= weights.sum(axis=1, keepdims=True)
+        allowed = np.isfinite(planes) if floor > 0 else True
+        planes -= best
+        np.exp(planes, out=planes)
+        planes /= planes.sum(axis=0)
         if floor > 0:
-            np.maximum(weights, floor, out=weights, where=np.isfinite(part))
-            weights /= weights.sum(axis=1, keepdims=True)
+            np.maximum(planes, floor, out=planes, where=allowed)
+            planes /= planes.sum(axis=0)
+        beliefs[part] = planes.T
     return beliefs
 
 
@@ -165,18 +169,20 @@ def relax_graph(
         old, new = buffers
         update_nodes(old, around, across, float(damping), (first, last), new, sums[task])
 
-    def step() -> NDArray[np.float64]:
-        run_tasks(update, n_tasks, n_threads=threads)
-        buffers.reverse()
-        return sums
-
     def current() -> NDArray[np.float64]:
         found = buffers[0][:, :n_labels]
         return found / found.sum(axis=1, keepdims=True)
 
-    return repeat(
-        step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
-    )
+    with Crew(threads) as crew:
+
+        def step() -> NDArray[np.float64]:
+            crew.run(update, n_tasks)
+            buffers.reverse()
+            return sums
+
+        return repeat(
+            step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+        )
 
 
 def repeat(

@@ -7,12 +7,12 @@ compile faster, work in forked processes, and are bounded by the caller.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from itertools import count
 
 from pgm_places.errors import InputError
 
-__all__ = ["resolve_threads", "run_tasks"]
+__all__ = ["Crew", "resolve_threads", "run_tasks"]
 
 
 _MOST = 1024
@@ -39,37 +39,60 @@ def resolve_threads(n_threads: int | None = None) -> int:
     return n_threads
 
 
+class Crew:
+    """Threads that stay for many rounds of tasks, as starting them costs more than a short round.
+
+    The caller's own thread is one of them.
+
+    Parameters
+    ----------
+    n_threads : int
+    """
+
+    def __init__(self, n_threads: int) -> None:
+        self._helpers = n_threads - 1
+        self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
+
+    def __enter__(self) -> "Crew":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def run(self, work: Callable[[int], None], n_tasks: int) -> None:
+        """Call ``work(task)`` for every task in ``range(n_tasks)``, as :func:`run_tasks` does."""
+        tickets = count()  # its next() is atomic
+        stopped = False
+
+        def worker() -> None:
+            nonlocal stopped
+            while not stopped:
+                task = next(tickets)
+                if task >= n_tasks:
+                    return
+                try:
+                    work(task)
+                except BaseException:
+                    stopped = True
+                    raise
+
+        helpers = min(self._helpers, n_tasks - 1)
+        others = [self._pool.submit(worker) for _ in range(helpers)] if self._pool else []
+        try:
+            worker()
+            for other in others:
+                other.result()
+        finally:
+            stopped = True
+            wait(others)
+
+
 def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | None = None) -> None:
     """Call ``work(task)`` for every task in ``range(n_tasks)``, spread over threads.
 
     Tasks are handed out in order to whichever thread is free. The first exception stops the
     handing out and is raised here once the running tasks have ended.
     """
-    threads = min(resolve_threads(n_threads), n_tasks)
-    if threads <= 1:
-        for task in range(n_tasks):
-            work(task)
-        return
-    tickets = count()  # its next() is atomic
-    stopped = False
-
-    def worker() -> None:
-        nonlocal stopped
-        while not stopped:
-            task = next(tickets)
-            if task >= n_tasks:
-                return
-            try:
-                work(task)
-            except BaseException:
-                stopped = True
-                raise
-
-    with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(worker) for _ in range(threads)]
-        try:
-            for future in futures:
-                future.result()
-        except BaseException:
-            stopped = True
-            raise
+    with Crew(max(1, min(resolve_threads(n_threads), n_tasks))) as crew:
+        crew.run(work, n_tasks)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import resolve_threads, run_tasks
+from pgm_places.kernels.threads import Crew, resolve_threads, run_tasks
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 5])
@@ -35,6 +35,24 @@ def test_the_first_error_is_raised_and_stops_the_rest(n_threads: int) -> None:
     with pytest.raises(RuntimeError, match="task 2"):
         run_tasks(work, 10_000, n_threads=n_threads)
     assert len(seen) < 10_000
+
+
+def test_a_crew_stays_for_many_rounds() -> None:
+    workers: set[int] = set()
+    done = np.zeros(6, np.int64)
+    meeting = threading.Barrier(3, timeout=60)
+
+    def work(task: int) -> None:
+        workers.add(threading.get_ident())
+        done[task] += 1
+        meeting.wait()
+
+    with Crew(3) as crew:
+        for _ in range(5):
+            crew.run(work, 6)
+    assert (done == 5).all()
+    assert len(workers) == 3
+    assert threading.get_ident() in workers
 
 
 def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

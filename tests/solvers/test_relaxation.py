@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError
 from pgm_places.solvers import grid_relaxation, relaxation
 from pgm_places.solvers._belief_store_kernels import BLOCK
-from pgm_places.solvers._grid_relaxation_kernels import CHUNK
 from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
 from tests.reference.relaxation import STEPS, relaxed_graph, relaxed_grid
@@ -65,12 +64,12 @@ def test_grid_kernel_is_the_reference(
 
 
 @pytest.mark.parametrize("tables", [1, 8])
-def test_long_rows_and_many_tasks_are_the_reference(
+def test_long_rows_and_many_parts_are_the_reference(
     tables: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grid_relaxation, "CELLS_PER_TASK", 256)
+    monkeypatch.setattr(grid_relaxation, "CELLS_PER_PART", 256)
     monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 100)
-    shape = (7, CHUNK + 70)
+    shape = (7, 582)
     unary, cells, walls, r, start = a_raster(3, shape, 2, tables=tables)
     got = relax_grid(unary, cells, shape, r, walls=walls, iterations=2, tolerance=0)
     want = relaxed_grid(start, walls, r, iterations=2)
@@ -81,7 +80,7 @@ def test_long_rows_and_many_tasks_are_the_reference(
 def test_any_number_of_threads_gives_the_same_bits(
     tables: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grid_relaxation, "CELLS_PER_TASK", 512)
+    monkeypatch.setattr(grid_relaxation, "CELLS_PER_PART", 512)
     monkeypatch.setattr("pgm_places.solvers.relaxation.TASKS_PER_THREAD", 1)
     shape = (60, 90)
     unary, cells, walls, r, _ = a_raster(5, shape, 3, tables=tables)
