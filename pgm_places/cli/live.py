@@ -6,10 +6,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pgm_places._extras import needed
 from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say, say_written
-from pgm_places.errors import ConfigError
+from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.node_options import NodeOptions
 
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -18,18 +19,18 @@ if TYPE_CHECKING:
     from pgm_places.live.replay import Replay
     from pgm_places.progress import Progress
 
-__all__ = ["run_live"]
+__all__ = ["run_live", "run_robot"]
 
 PLACES_FILE = "places.jsonl"
 
 
 def run_live(
-    replay: Path | None,
+    replay: Path,
     out: Path | None,
     *,
     model: str,
     method: str | None,
-    map_topic: str | None,
+    map_topic: str,
     max_range_m: float | None,
     options: LiveOptions,
     json_lines: bool,
@@ -37,9 +38,7 @@ def run_live(
     n_threads: int | None,
     quiet: bool,
 ) -> None:
-    """``pgm-places live``."""
-    if replay is None:
-        raise ConfigError("live needs a log to replay: pass --replay LOG")
+    """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import LIVE
 
@@ -55,6 +54,48 @@ def run_live(
         say_written(files)
 
 
+def run_robot(
+    node: NodeOptions,
+    options: LiveOptions,
+    *,
+    model: str,
+    method: str | None,
+    local_only: bool,
+    seconds: float | None,
+    json_lines: bool,
+    n_threads: int | None,
+    quiet: bool,
+) -> None:
+    """``pgm-places live --dds``."""
+    for module in ("cyclonedds", "rosbags"):
+        needed(module, extra="dds", purpose="live --dds")
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.live.dds_node import DdsNode
+    from pgm_places.live.map_process import MapProcess
+    from pgm_places.live.place_finder import PlaceFinder
+
+    progress = make_progress(quiet=quiet)
+    with progress.stage("model"):
+        finder = PlaceFinder(TrajectoryLabeler.from_places(_labeler(model)), options)
+        finder.warm_up()
+
+    def show(found: "FoundPlace") -> None:
+        if found.changed:
+            say(_place_line(found, json_lines))
+
+    desk = MapProcess(model, method=method, n_threads=n_threads)
+    try:
+        robot = DdsNode(
+            finder, desk, progress.warn, node, options, on_place=show, local_only=local_only
+        )
+        robot.run(float("inf") if seconds is None else seconds)
+    except KeyboardInterrupt:
+        if not quiet:
+            complain("stopped")
+    finally:
+        desk.close()
+
+
 def _labeler(model: str) -> "PlaceLabeler":
     from pgm_places.persistence.stored import read
     from pgm_places.trained import model_folder
@@ -67,7 +108,7 @@ def _replay(
     log: Path,
     labeler: "PlaceLabeler",
     method: str | None,
-    map_topic: str | None,
+    map_topic: str,
     max_range_m: float | None,
     options: LiveOptions,
     n_threads: int | None,

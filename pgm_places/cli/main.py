@@ -13,6 +13,7 @@ from pgm_places.cli.terminal import say
 from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.node_options import NodeOptions
 from pgm_places.topology.rules import TopologyOptions
 
 __all__ = ["app", "main"]
@@ -597,11 +598,21 @@ def track(
 
 
 @app.command()
+@option_flags("node", NodeOptions)
 @option_flags("options", LiveOptions)
 def live(
     replay: Annotated[
         Path | None,
         typer.Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
+    ] = None,
+    dds: Annotated[
+        bool, typer.Option("--dds", help="Speak to a robot with ROS 2, without ROS on this side.")
+    ] = False,
+    local: Annotated[
+        bool, typer.Option("--local", help="With --dds: speak to this machine only.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(min=0, help="With --dds: end after so many seconds.")
     ] = None,
     model: Model = "default",
     method: Annotated[
@@ -613,14 +624,14 @@ def live(
             "--out", "-o", help="With --replay: folder for the place of each scan and the last map."
         ),
     ] = None,
-    map_topic: Annotated[
-        str | None, typer.Option(help="Topic of the maps; /map, or the only one of a bag.")
-    ] = None,
     max_range: Annotated[
         float | None,
-        typer.Option(min=0, help="Readings of this range or more (m) count as no return."),
+        typer.Option(
+            min=0, help="With --replay: readings of this range or more (m) count as no return."
+        ),
     ] = None,
     *,
+    node: NodeOptions,
     options: LiveOptions,
     jsonl: Annotated[bool, typer.Option("--jsonl", help="Each line as a JSON object.")] = False,
     force: Force = False,
@@ -628,14 +639,30 @@ def live(
     quiet: Quiet = False,
 ) -> None:
     """Label the places of a robot as it drives and maps. One line for each change of place."""
-    from pgm_places.cli.live import run_live
+    from pgm_places.cli.live import run_live, run_robot
+    from pgm_places.errors import ConfigError
 
+    if dds == (replay is not None):
+        raise ConfigError("live needs a log or a robot: pass --replay LOG, or --dds")
+    if replay is None:
+        run_robot(
+            node,
+            options,
+            model=model,
+            method=method,
+            local_only=local,
+            seconds=seconds,
+            json_lines=jsonl,
+            n_threads=threads,
+            quiet=quiet,
+        )
+        return
     run_live(
         replay,
         out,
         model=model,
         method=method,
-        map_topic=map_topic,
+        map_topic=node.map_topic,
         max_range_m=max_range,
         options=options,
         json_lines=jsonl,

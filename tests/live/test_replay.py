@@ -176,8 +176,8 @@ def test_bad_requests_are_one_line(tmp_path: Path, run: Run) -> None:
     bag.map(0.0, grid, "/b")
     log = bag.write(tmp_path)
     for words, message in [
-        ((), "pass --replay LOG"),
-        (("--replay", log), "several topics of OccupancyGrid: /a, /b"),
+        ((), "pass --replay LOG, or --dds"),
+        (("--replay", log), "no maps on /map; topics of OccupancyGrid: /a, /b"),
         (("--replay", log, "--map-topic", "/c"), "no maps on /c; topics of OccupancyGrid: /a, /b"),
         (("--replay", tmp_path / "none.bag"), "no such file"),
         (("--replay", log, "--hysteresis", -1), "--hysteresis must be"),

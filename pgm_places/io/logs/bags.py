@@ -18,7 +18,7 @@ from pgm_places.io.logs.loaded_log import (
     code_warnings,
     order_warnings,
 )
-from pgm_places.trajectories.scan import Scan, ScanGeometry
+from pgm_places.io.logs.scan_messages import ScanMessages
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["read_bag"]
@@ -176,46 +176,14 @@ class _Bag:
 
 def _read_scans(bag: _Bag, topic: str, range_max_m: float | None) -> tuple[ScanColumns, str]:
     """The scans, without poses yet, and the frame of the laser."""
-    geometries: dict[tuple[float, ...], ScanGeometry] = {}
-    scans = ScanColumns(bag.path)
+    made, scans = ScanMessages(str(bag.path), range_max_m), ScanColumns(bag.path)
     frame = ""
     for _, recorded_ns, message in bag.messages(topic):
         frame = frame or message.header.frame_id.lstrip("/")
-        geometry = _geometry(bag, message, range_max_m, geometries)
-        ranges = geometry.cleaned(message.ranges)
-        scans.add(Scan(stamp_s(message, recorded_ns), _ORIGIN, ranges, geometry))
+        scans.add(made.scan(message, stamp_s(message, recorded_ns), _ORIGIN))
     if not scans.n_scans:
         raise LogError(f"{bag.path}: the topic {topic} holds no scans")
     return scans, frame
-
-
-def _geometry(
-    bag: _Bag,
-    message: Any,
-    range_max_m: float | None,
-    known: dict[tuple[float, ...], ScanGeometry],
-) -> ScanGeometry:
-    n_beams = len(message.ranges)
-    low, high = _shortest(message.range_min), _shortest(message.range_max)
-    reach = high if range_max_m is None else range_max_m
-    start, spacing = float(message.angle_min), float(message.angle_increment)
-    # Drivers compute the angles for each message; a thousandth of a radian is the same beam.
-    key = (n_beams, round(start, 3), round(spacing * n_beams, 3), low, reach)
-    if key not in known:
-        angles = start + spacing * np.arange(n_beams, dtype=np.float64)
-        try:
-            known[key] = ScanGeometry(angles, reach, low)
-        except InputError as error:
-            raise LogError(
-                f"{bag.path}: a scan of {n_beams} beams says range_min {low:g} and range_max "
-                f"{high:g}: {error}; give the right one as range_max_m"
-            ) from None
-    return known[key]
-
-
-def _shortest(value: float) -> float:
-    """The shortest decimal of a single-precision number: 81.83, not 81.83000183105469."""
-    return float(str(np.float32(value)))
 
 
 def _read_tree(bag: _Bag) -> FrameTree:

@@ -61,33 +61,33 @@ def grid_of_message(message: Any) -> OccupancyGrid:
     return OccupancyGrid(cells.reshape(info.height, info.width), resolution, (x, y), yaw)
 
 
-def read_map_messages(path: Path | str, topic: str | None = None) -> Iterator[MapMessage]:
+def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessage]:
     """The maps of a bag in the order of recording; none of a log that is no bag.
 
     Parameters
     ----------
     path : path
-    topic : str, optional
-        Where several topics hold maps; the only one, or ``/map``, by default.
+    topic : str
+        The topic of the maps; the default also takes the only one that there is.
 
     Raises
     ------
     LogError
-        The bag is damaged, or several topics hold maps and none was chosen.
+        The bag is damaged, or holds no maps on the topic but on several others.
     """
     if not is_bag(path):
         return
     with open_bag(path) as reader:
         topics = sorted({c.topic for c in reader.connections if c.msgtype == MAP_TYPE})
-        if topic is None and len(topics) > 1 and "/map" not in topics:
-            raise LogError(
-                f"{path} has several topics of OccupancyGrid: {', '.join(topics)}; name the map "
-                "with --map-topic"
-            )
-        if topic is not None and topic not in topics:
+        wanted = f"/{topic.lstrip('/')}"
+        if wanted not in topics:
             listed = ", ".join(topics) or "none"
-            raise LogError(f"{path} has no maps on {topic}; topics of OccupancyGrid: {listed}")
-        wanted = topic or ("/map" if "/map" in topics else "".join(topics))
+            if wanted != "/map" or len(topics) > 1:
+                raise LogError(
+                    f"{path} has no maps on {wanted}; topics of OccupancyGrid: {listed}; name the "
+                    "map's with --map-topic"
+                )
+            wanted = listed
         chosen = [c for c in reader.connections if c.topic == wanted and c.msgtype == MAP_TYPE]
         if not chosen:
             return

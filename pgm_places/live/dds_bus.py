@@ -1,0 +1,265 @@
+"""DdsBus: topics of ROS 2 over plain DDS, with no ROS on the machine.
+
+Cyclone DDS carries the bytes. Types are declared from the definitions of the messages, so that
+Cyclone can tell others what a topic holds; it never looks into the bytes itself.
+"""
+
+import dataclasses
+import types
+from collections.abc import Callable
+from typing import Any
+
+from pgm_places._extras import needed
+from pgm_places.live.ros_codec import TYPES, RosCodec
+
+__all__ = ["DdsBus", "DdsWriter"]
+
+PURPOSE = "speaking DDS"
+
+CONFIG = """\
+<CycloneDDS xmlns="https://cdds.io/config"><Domain id="any">
+  {network}
+  <Internal><SocketReceiveBufferSize max="10MB"/></Internal>
+  <Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>
+</Domain></CycloneDDS>
+"""
+"""The buffer takes a map of four million cells in one burst. Fast DDS from 3.1 on marks sequences
+in its types otherwise than Cyclone does, so types are compared by name."""
+
+LOCAL = """\
+<General>
+    <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
+    <AllowMulticast>false</AllowMulticast>
+  </General>
+  <Discovery>
+    <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex>
+    <Peers><Peer address="127.0.0.1"/></Peers>
+  </Discovery>"""
+"""Only processes of this machine are seen, and see us."""
+
+_BLOCKED_MS = 100
+
+_PLAIN = {
+    "byte": "byte",
+    "char": "uint8",
+    "int8": "int8",
+    "uint8": "uint8",
+    "int16": "int16",
+    "uint16": "uint16",
+    "int32": "int32",
+    "uint32": "uint32",
+    "int64": "int64",
+    "uint64": "uint64",
+    "float32": "float32",
+    "float64": "float64",
+}
+
+
+class DdsBus:
+    """A participant of a DDS domain that reads and writes bytes of ROS messages.
+
+    Parameters
+    ----------
+    domain : int
+        As ROS_DOMAIN_ID.
+    local_only : bool
+        Whether only this machine is spoken to.
+
+    Raises
+    ------
+    InputError
+        The extra ``dds`` is not installed.
+    """
+
+    def __init__(self, domain: int, *, local_only: bool = False) -> None:
+        self._cores = needed("cyclonedds.core", extra="dds", purpose=PURPOSE)
+        domains = needed("cyclonedds.domain", extra="dds", purpose=PURPOSE)
+        self.codec = RosCodec()
+        # Handed over, not set as CYCLONEDDS_URI: ROS processes that are started would inherit it.
+        config = CONFIG.format(network=LOCAL if local_only else "")
+        self._domain = domains.Domain(domain, config)
+        self._participant = domains.DomainParticipant(domain)
+        self._readers: dict[str, _Reader] = {}
+        self._waits = self._cores.WaitSet(self._participant)
+        self._classes: dict[str, Any] = {}
+
+    def read(
+        self, what: str, topic: str, *, reliable: bool, kept: bool = False, depth: int = 10
+    ) -> None:
+        """Subscribe to a topic.
+
+        Parameters
+        ----------
+        what : str
+            A key of ``TYPES``: what is read, as :meth:`take` names it.
+        topic : str
+            Its ROS name, from the root.
+        reliable : bool
+            Whether lost messages are sent again.
+        kept : bool
+            Whether the last messages from before are wanted (transient local).
+        depth : int
+            How many messages wait to be taken.
+        """
+        subs = needed("cyclonedds.sub", extra="dds", purpose=PURPOSE)
+        entity, qos = self._topic(what, topic, reliable=reliable, kept=kept, depth=depth)
+        reader = subs.DataReader(self._participant, entity, qos=qos)
+        states = self._cores
+        condition = states.ReadCondition(
+            reader, states.ViewState.Any | states.InstanceState.Any | states.SampleState.NotRead
+        )
+        self._waits.attach(condition)
+        self._readers[what] = _Reader(topic, reader, condition)
+
+    def writer(self, what: str, topic: str, *, kept: bool = False, depth: int = 10) -> "DdsWriter":
+        """A reliable publisher of a topic; ``kept`` messages reach those who come later."""
+        pubs = needed("cyclonedds.pub", extra="dds", purpose=PURPOSE)
+        entity, qos = self._topic(what, topic, reliable=True, kept=kept, depth=depth)
+        return DdsWriter(pubs.DataWriter(self._participant, entity, qos=qos), self._class_of(what))
+
+    def take(self, on_message: Callable[[str, bytes], None]) -> int:
+        """Hand over all messages that have come, topic by topic as they were subscribed to.
+
+        The number of messages is returned.
+        """
+        count = 0
+        for what, item in self._readers.items():
+            for sample in item.reader.take(N=item.depth):
+                if isinstance(sample, _Raw):  # others say that a writer has gone
+                    on_message(what, sample.data)
+                    count += 1
+        return count
+
+    def wait(self, seconds: float) -> None:
+        """Sleep until a message comes, or for so many seconds."""
+        util = needed("cyclonedds.util", extra="dds", purpose=PURPOSE)
+        self._waits.wait(util.duration(microseconds=max(int(1e6 * seconds), 1)))
+
+    def lonely(self) -> list[str]:
+        """The topics that nobody publishes, or not as they are asked for."""
+        return [item.topic for item in self._readers.values() if not item.reader.matched_pub]
+
+    def mismatched(self) -> list[str]:
+        """The topics that are published with another quality of service than is asked for."""
+        return [
+            item.topic
+            for item in self._readers.values()
+            if item.reader.get_requested_incompatible_qos_status().total_count
+        ]
+
+    def _topic(self, what: str, topic: str, **quality: Any) -> tuple[Any, Any]:
+        topics = needed("cyclonedds.topic", extra="dds", purpose=PURPOSE)
+        qos = self._qos(what, **quality)
+        return topics.Topic(self._participant, f"rt{topic}", self._class_of(what), qos=qos), qos
+
+    def _qos(self, what: str, *, reliable: bool, kept: bool, depth: int) -> Any:
+        util = needed("cyclonedds.util", extra="dds", purpose=PURPOSE)
+        policy = self._cores.Policy
+        wait = policy.Reliability.Reliable(util.duration(milliseconds=_BLOCKED_MS))
+        # From Iron on, ROS looks for the hash of the type in the user data of an endpoint.
+        type_hash = f"typehash={self.codec.store.hash_rihs01(TYPES[what])};"
+        return self._cores.Qos(
+            wait if reliable else policy.Reliability.BestEffort,
+            policy.Durability.TransientLocal if kept else policy.Durability.Volatile,
+            policy.History.KeepLast(depth),
+            policy.DataRepresentation(
+                use_cdrv0_representation=True, use_xcdrv2_representation=False
+            ),
+            policy.Userdata(type_hash.encode()),
+        )
+
+    def _class_of(self, what: str) -> Any:
+        """The type of a message for Cyclone, which passes bytes through as they are."""
+        kind = TYPES[what]
+        if kind not in self._classes:
+            cls = _IdlTypes(self.codec.store.fielddefs).declared(kind)
+            cls.__idl__.populate()
+            cls.serialize = _bytes_of
+            cls.deserialize = classmethod(_of_bytes)
+            self._classes[kind] = cls
+        return self._classes[kind]
+
+
+class DdsWriter:
+    """Publishes bytes of messages on one topic."""
+
+    def __init__(self, writer: Any, cls: Any) -> None:
+        self._writer, self._cls = writer, cls
+
+    def write(self, raw: bytes) -> None:
+        """Send a message."""
+        item = self._cls.__new__(self._cls)
+        item.raw = raw
+        self._writer.write(item)
+
+    @property
+    def n_readers(self) -> int:
+        """How many subscribers it has."""
+        return int(self._writer.get_publication_matched_status().current_count)
+
+
+@dataclasses.dataclass
+class _Reader:
+    topic: str
+    reader: Any
+    condition: Any  # kept alive: the wait set only knows its handle
+    depth: int = 100
+
+
+class _Raw:
+    """The bytes of a message that has come; Cyclone adds where from."""
+
+    __slots__ = ("data", "sample_info")
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+
+
+def _bytes_of(item: Any, *_: Any, **__: Any) -> bytes:
+    raw: bytes = item.raw
+    return raw
+
+
+def _of_bytes(_cls: Any, data: bytes, *_: Any, **__: Any) -> _Raw:
+    return _Raw(data)
+
+
+class _IdlTypes:
+    """Declares the types of messages as Cyclone's dataclasses, from their definitions."""
+
+    def __init__(self, definitions: Any) -> None:
+        self._definitions, self._declared = definitions, dict[str, Any]()
+        self._idl = needed("cyclonedds.idl", extra="dds", purpose=PURPOSE)
+        self._kinds = needed("cyclonedds.idl.types", extra="dds", purpose=PURPOSE)
+        self._nodes = needed("rosbags.interfaces", extra="dds", purpose=PURPOSE).Nodetype
+
+    def declared(self, kind: str) -> Any:
+        """``sensor_msgs/msg/LaserScan`` as ``sensor_msgs::msg::dds_::LaserScan_``."""
+        if kind not in self._declared:
+            package, _, name = kind.split("/")
+            _, fields = self._definitions[kind]
+            hints = {field: self._annotation(described) for field, described in fields}
+            # Not type(): only new_class lets the metaclass prepare, which reads typename.
+            cls = types.new_class(
+                f"{name}_",
+                (self._idl.IdlStruct,),
+                {"typename": f"{package}.msg.dds_.{name}_"},
+                lambda space: space.update(__annotations__=hints, __module__=__name__),
+            )
+            self._declared[kind] = dataclasses.dataclass(cls)
+        return self._declared[kind]
+
+    def _annotation(self, described: Any) -> Any:
+        kind, rest = described
+        if kind == self._nodes.BASE:
+            name, bound = rest
+            if name == "string":
+                return self._kinds.bounded_str[bound] if bound else str
+            return bool if name == "bool" else getattr(self._kinds, _PLAIN[name])
+        if kind == self._nodes.NAME:
+            return self.declared(rest)
+        inner, size = rest
+        if kind == self._nodes.ARRAY:
+            return self._kinds.array[self._annotation(inner), size]
+        item = self._annotation(inner)
+        return self._kinds.sequence[item, size] if size else self._kinds.sequence[item]

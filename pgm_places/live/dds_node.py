@@ -1,0 +1,118 @@
+"""DdsNode: the live node of a robot that speaks DDS, on a machine without ROS."""
+
+import os
+import time
+from collections.abc import Callable
+
+from pgm_places.errors import ConfigError
+from pgm_places.live.dds_bus import DdsBus
+from pgm_places.live.live_node import LiveNode
+from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.map_process import MapDesk
+from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.place_finder import FoundPlace, PlaceFinder
+
+__all__ = ["DdsNode"]
+
+TURN_S = 0.02
+"""How often maps are looked after where no message comes."""
+
+LONELY_AFTER_S = 5.0
+"""Discovery takes up to three seconds: by then, who publishes has been found."""
+
+
+class DdsNode:
+    """Reads a robot's topics, and publishes its places.
+
+    Parameters
+    ----------
+    finder, desk, complain, options, live, on_place
+        As of :class:`~pgm_places.live.live_node.LiveNode`.
+    local_only : bool
+        Whether only this machine is spoken to.
+    """
+
+    def __init__(
+        self,
+        finder: PlaceFinder,
+        desk: MapDesk,
+        complain: Callable[[str], None],
+        options: NodeOptions | None = None,
+        live: LiveOptions | None = None,
+        *,
+        on_place: Callable[[FoundPlace], None] | None = None,
+        local_only: bool = False,
+    ) -> None:
+        options = options or NodeOptions()
+        self._options, self._complain, self._desk = options, complain, desk
+        self._bus = DdsBus(_domain(options), local_only=local_only)
+        name, out = options.full_name, options.full_name(options.output_namespace)
+        kept = options.map_subscribe_transient_local
+        # Transforms come first, so that a scan finds those that were sent with it.
+        self._bus.read("tf_static", f"{name(options.tf_topic)}_static", reliable=True, kept=True)
+        self._bus.read("tf", name(options.tf_topic), reliable=True, depth=100)
+        self._bus.read("map", name(options.map_topic), reliable=True, kept=kept, depth=1)
+        self._bus.read("odom", name(options.odom_topic), reliable=False)
+        self._bus.read("scan", name(options.scan_topic), reliable=False, depth=5)
+        if options.use_sim_time:
+            self._bus.read("clock", "/clock", reliable=False, depth=1)
+        self._writers = {
+            "place": self._bus.writer("place", f"{out}/place"),
+            **{
+                what: self._bus.writer(what, f"{out}/{what}", kept=True, depth=1)
+                for what in ("label_map", "markers", "topology")
+            },
+        }
+        self._sim_s: float | None = None
+        self._node = LiveNode(finder, desk, self._send, complain, options, live, on_place=on_place)
+
+    def run(self, seconds: float = float("inf")) -> None:
+        """Work until interrupted, or for so many seconds."""
+        start = time.monotonic()
+        has_looked = False
+        while (now := time.monotonic()) < start + seconds:
+            self._bus.take(self._take)
+            self._node.turn(now)
+            if not has_looked and now - start > LONELY_AFTER_S:
+                has_looked = True
+                self._look_for_others()
+            self._bus.wait(TURN_S)
+
+    def close(self) -> None:
+        """End the labelling of maps."""
+        self._desk.close()
+
+    def _send(self, what: str, raw: bytes) -> None:
+        self._writers[what].write(raw)
+
+    def _take(self, what: str, raw: bytes) -> None:
+        if what == "clock":
+            clock = self._bus.codec.read(raw, what).clock
+            self._sim_s = clock.sec + 1e-9 * clock.nanosec
+        else:
+            clock_s = self._sim_s if self._options.use_sim_time else time.time()
+            self._node.take(what, raw, clock_s=clock_s)
+
+    def _look_for_others(self) -> None:
+        optional = {self._options.full_name(self._options.odom_topic)}
+        lonely = [topic for topic in self._bus.lonely() if topic not in optional]
+        if lonely:
+            self._complain(
+                f"nobody publishes {', '.join(lonely)}: are the topics and their types right, is "
+                f"the domain (ROS_DOMAIN_ID) {_domain(self._options)}, and does multicast pass?"
+            )
+        for topic in self._bus.mismatched():
+            self._complain(
+                f"{topic} is published with another quality of service: is it best effort where "
+                "reliable is wanted, or volatile where the last map is (map_subscribe_transient"
+                "_local)?"
+            )
+
+
+def _domain(options: NodeOptions) -> int:
+    if options.domain >= 0:
+        return options.domain
+    text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
+    if not text.isdecimal() or int(text) > 232:
+        raise ConfigError(f"ROS_DOMAIN_ID must be a number from 0 to 232, got {text!r}")
+    return int(text)

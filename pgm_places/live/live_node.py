@@ -1,0 +1,255 @@
+"""LiveNode: a robot's messages in, its places out, whatever carries the messages."""
+
+import json
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from pgm_places.errors import InputError
+from pgm_places.io.logs.bag_poses import planar
+from pgm_places.io.logs.scan_messages import ScanMessages
+from pgm_places.live.frame_buffer import FrameBuffer, SoughtPose
+from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.map_process import MapDesk
+from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder
+from pgm_places.live.ros_codec import RosCodec
+
+__all__ = ["LiveNode"]
+
+JUMP_S = 1.0
+"""Scans that come this much before the one before them: the clock has been set back."""
+
+AGAIN_S = 10.0
+"""How long a complaint of one kind is not repeated."""
+
+NO_MAP_AFTER_S = 5.0
+"""How long scans come before a missing map is worth a word."""
+
+MOST_WAITING = 1000
+"""Scans that wait for their transforms: more than any laser sends in the time that they may."""
+
+
+class LiveNode:
+    """What a node of a robot does, without the middleware: bytes of messages in, bytes out.
+
+    An adapter hands over what comes (:meth:`take`), calls :meth:`turn` regularly, and sends what
+    it is given. Nothing here reads a clock: times are those of the messages and of the calls.
+
+    Parameters
+    ----------
+    finder : PlaceFinder
+    desk : MapDesk
+        Who labels the maps.
+    publish : callable
+        Called with what it is (``place``, ``label_map``, ``markers``, ``topology``) and its bytes.
+    complain : callable
+        Called with one line where something is wrong; each kind once in ten seconds.
+    options : NodeOptions, optional
+    live : LiveOptions, optional
+    on_place : callable, optional
+        Called with the place of each scan.
+    """
+
+    def __init__(
+        self,
+        finder: PlaceFinder,
+        desk: MapDesk,
+        publish: Callable[[str, bytes], None],
+        complain: Callable[[str], None],
+        options: NodeOptions | None = None,
+        live: LiveOptions | None = None,
+        *,
+        on_place: Callable[[FoundPlace], None] | None = None,
+    ) -> None:
+        self._finder, self._desk, self._publish, self._say = finder, desk, publish, complain
+        self._options, self._live = options or NodeOptions(), live or LiveOptions()
+        self._on_place = on_place
+        self._codec, self._frames = RosCodec(), FrameBuffer()
+        self._scans = ScanMessages(self._options.scan_topic)
+        self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
+        self._latest_s, self._last_scan_s = -np.inf, -np.inf
+        self._first_scan_s: float | None = None
+        self._said: dict[str, float] = {}
+        self._map: bytes | None = None
+        self._submitted_s, self._n_skipped, self._now_s = -np.inf, 0, 0.0
+        self._took_map = False
+        self._from_odometry: set[str] = set()
+
+    def take(self, what: str, raw: bytes, *, clock_s: float | None = None) -> None:
+        """A message has come.
+
+        Parameters
+        ----------
+        what : {"scan", "map", "tf", "tf_static", "odom"}
+        raw : bytes
+            As it came over the wire (CDR).
+        clock_s : float, optional
+            The time on the clock of the stamps, to tell scans that come too late.
+        """
+        if what == "map":
+            self._on_map(raw)
+            return
+        try:
+            message = self._codec.read(raw, what)
+        except InputError as error:
+            self._complain(what, str(error))
+            return
+        if what == "scan":
+            self._on_scan(message, clock_s)
+        elif what == "odom":
+            self._on_odom(message)
+        else:
+            self._on_transforms(message, is_static=what == "tf_static")
+
+    def turn(self, now_s: float) -> None:
+        """Take what the labelling of maps has found, and hand in the latest map.
+
+        ``now_s`` comes from any clock that never goes back.
+        """
+        self._now_s = now_s
+        answer = self._desk.answer()
+        if isinstance(answer, str):
+            self._complain("map", f"the map is not labelled: {answer}")
+        elif answer is not None:
+            self._finder.use(answer.view)
+            for what, raw in answer.messages.items():
+                self._publish(what, raw)
+        since = now_s - self._submitted_s
+        if self._map is None or not self._desk.is_idle or since < self._live.relabel_min_period_s:
+            return
+        if self._n_skipped:
+            self._complain(
+                "slow",
+                f"labelling a map took {since:.1f} s, and {self._n_skipped} that came meanwhile "
+                "were skipped; the latest is labelled now",
+            )
+        raw, self._map, self._n_skipped = self._map, None, 0
+        self._submitted_s = now_s
+        self._desk.submit(raw)
+
+    def _on_map(self, raw: bytes) -> None:
+        self._took_map = True
+        if self._map is not None and not self._desk.is_idle:
+            self._n_skipped += 1
+        self._map = raw
+
+    def _on_transforms(self, message: Any, *, is_static: bool) -> None:
+        for item in message.transforms:
+            time_s = _stamp_s(item.header)
+            place = planar(item.transform.translation, item.transform.rotation)
+            child = item.child_frame_id
+            self._frames.add(item.header.frame_id, child, time_s, place, is_static=is_static)
+            if not is_static:
+                self._latest_s = max(self._latest_s, time_s)
+        self._drain()
+
+    def _on_odom(self, message: Any) -> None:
+        parent, child = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
+        if self._frames.knows(child) and child not in self._from_odometry:
+            return  # a transform says it better
+        self._from_odometry.add(child)
+        place = planar(message.pose.pose.position, message.pose.pose.orientation)
+        self._frames.add(parent, child, _stamp_s(message.header), place)
+        self._drain()
+
+    def _on_scan(self, message: Any, clock_s: float | None) -> None:
+        time_s = _stamp_s(message.header)
+        if time_s < self._last_scan_s - JUMP_S:
+            back_s = self._last_scan_s - time_s
+            self._complain("clock", f"the clock went back by {back_s:.1f} s; beginning anew")
+            self._begin_anew(time_s)
+        if clock_s is not None and clock_s - time_s > self._options.stale_after_s:
+            self._complain(
+                "stale",
+                f"a scan came {clock_s - time_s:.2f} s after its stamp and is dropped; are the "
+                "clocks in step, and is use_sim_time right? (stale_after)",
+            )
+            return
+        self._last_scan_s = max(self._last_scan_s, time_s)
+        self._latest_s = max(self._latest_s, time_s)
+        if self._first_scan_s is None:
+            self._first_scan_s = time_s
+        if not self._took_map and time_s - self._first_scan_s > NO_MAP_AFTER_S:
+            topic = self._options.full_name(self._options.map_topic)
+            self._complain("no map", f"no map on {topic} yet: places are told by the scans alone")
+        self._waiting.append(message)
+        self._drain()
+
+    def _begin_anew(self, time_s: float) -> None:
+        self._waiting.clear()
+        self._frames.forget_after(time_s)
+        self._finder.forget()
+        self._latest_s = self._last_scan_s = -np.inf
+
+    def _drain(self) -> None:
+        """Label the scans that wait, in order, as far as their transforms have come."""
+        while self._waiting:
+            message = self._waiting[0]
+            time_s, frame = _stamp_s(message.header), message.header.frame_id
+            sought = self._frames.pose(self._options.map_frame, frame, time_s)
+            late_s = self._latest_s - time_s
+            if sought.pose is None and sought.may_come and late_s <= self._options.tf_tolerance_s:
+                return
+            self._waiting.popleft()
+            if sought.pose is None:
+                self._complain(
+                    "tf", f"a scan is dropped: {sought.problem} (map_frame, tf_tolerance)"
+                )
+            else:
+                self._label(message, time_s, sought)
+
+    def _label(self, message: Any, time_s: float, sought: SoughtPose) -> None:
+        pose = sought.pose
+        assert pose is not None  # the caller has checked
+        base = self._frames.pose(self._options.map_frame, self._options.base_frame, time_s)
+        if base.pose is None:
+            self._complain(
+                "base", f"the laser stands in for the robot: {base.problem} (base_frame)"
+            )
+        try:
+            scan = self._scans.scan(message, time_s, pose, mirrored=sought.mirrored)
+        except InputError as error:
+            self._complain("scan", f"a scan is dropped: {error}")
+            return
+        found = self._finder.step(scan, pose if base.pose is None else base.pose)
+        view = self._finder.view
+        if view is not None and not view.contains(*found.pose[:2]):
+            x, y, _ = found.pose
+            self._complain(
+                "outside",
+                f"the robot at ({x:.2f}, {y:.2f}) is outside the map; are map_frame and the map's "
+                "origin right?",
+            )
+        self._publish("place", self._codec.text(_place_text(found, message.header.stamp), "place"))
+        if self._on_place is not None:
+            self._on_place(found)
+
+    def _complain(self, kind: str, text: str) -> None:
+        """Say it, unless that kind was said within the last seconds."""
+        before = self._said.get(kind, -np.inf)
+        if self._now_s - before >= AGAIN_S:
+            self._said[kind] = self._now_s
+            self._say(text)
+
+
+def _stamp_s(header: Any) -> float:
+    return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
+
+
+def _place_text(found: FoundPlace, stamp: Any) -> str:
+    region = found.region
+    record = {
+        "stamp": {"sec": int(stamp.sec), "nanosec": int(stamp.nanosec)},
+        "label": found.label,
+        "p": round(found.probability, DIGITS),
+        "beliefs": {name: round(value, DIGITS) for name, value in found.beliefs.items()},
+        "region": None if region is None else region.id,
+        "name": None if region is None else region.name,
+        "map_seq": found.map_seq,
+        "changed": found.changed,
+        "pose": [round(value, DIGITS) for value in found.pose],
+    }
+    return json.dumps(record, ensure_ascii=False)

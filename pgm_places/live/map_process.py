@@ -1,0 +1,163 @@
+"""MapProcess: maps labelled in a process of their own, so that scans never wait for them.
+
+Python runs one thread at a time. A map of four million cells takes seconds to label, and while one
+of its steps holds the interpreter, no scan could be answered. So maps go to a second process of
+lower priority, which writes what it found into files; the first maps them into memory and reads
+only the cells that it looks up.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from tempfile import TemporaryDirectory
+from typing import IO, Protocol
+
+from pgm_places.errors import PgmPlacesError
+from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
+
+__all__ = ["MapAnswer", "MapDesk", "MapProcess", "main"]
+
+NICENESS = 10
+"""How much the process stands back behind others."""
+
+MapAnswer = LabelledMapMessages | str
+"""A labelled map, or why there is none."""
+
+
+class MapDesk(Protocol):
+    """Where maps are handed in to be labelled, one at a time."""
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether the next map can be handed in."""
+        ...
+
+    def submit(self, raw: bytes) -> None:
+        """Hand in the bytes of a map."""
+        ...
+
+    def answer(self) -> MapAnswer | None:
+        """What has become of the map that was handed in; None as long as it is not ready."""
+        ...
+
+    def close(self) -> None:
+        """End the work."""
+        ...
+
+
+class MapProcess:
+    """A second process that labels maps.
+
+    Parameters
+    ----------
+    model : str
+        Folder or name of the model.
+    method : str, optional
+        The model's default method if not given.
+    n_threads : int, optional
+        All cores but one by default.
+    """
+
+    def __init__(
+        self, model: str, *, method: str | None = None, n_threads: int | None = None
+    ) -> None:
+        self._folder = TemporaryDirectory(prefix="pgm-places-live-", ignore_cleanup_errors=True)
+        self._answers: SimpleQueue[dict[str, str]] = SimpleQueue()
+        self._count, self._is_idle = 0, True
+        threads = n_threads or max((os.cpu_count() or 2) - 1, 1)
+        command = [sys.executable, "-P", "-m", "pgm_places.live.map_process"]
+        command += ["--model", str(model), "--threads", str(threads)]
+        command += [] if method is None else ["--method", method]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether the next map can be handed in."""
+        return self._is_idle
+
+    def submit(self, raw: bytes) -> None:
+        """Hand in the bytes of a map."""
+        self._count, self._is_idle = self._count + 1, False
+        folder = Path(self._folder.name) / str(self._count)
+        folder.mkdir()
+        (folder / "map.cdr").write_bytes(raw)
+        with contextlib.suppress(OSError):  # it has ended: the listener says so
+            _pipe(self._process.stdin).write(f"{folder}\n")
+
+    def answer(self) -> MapAnswer | None:
+        """What has become of the map that was handed in; None as long as it is not ready."""
+        try:
+            found = self._answers.get_nowait()
+        except Empty:
+            return None
+        if "folder" not in found:
+            return found["error"]  # and it stays busy: nobody is there to take another map
+        self._is_idle = True
+        folder = Path(found["folder"])
+        try:
+            return found["error"] if "error" in found else LabelledMapMessages.open(folder)
+        finally:
+            # Arrays that are mapped into memory outlive their files, but not on Windows.
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.wait()
+        self._listener.join()
+        for stream in (self._process.stdin, self._process.stdout):
+            _pipe(stream).close()
+        self._folder.cleanup()
+
+    def _listen(self) -> None:
+        for line in _pipe(self._process.stdout):
+            self._answers.put(json.loads(line))
+        code = self._process.wait()
+        self._answers.put({"error": f"the process that labels maps has ended (exit code {code})"})
+
+
+def _pipe(stream: IO[str] | None) -> IO[str]:
+    assert stream is not None  # both are pipes
+    return stream
+
+
+def main() -> None:
+    """Label map after map: a folder per line comes in, and goes out again when it is done."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--model", required=True)
+    parser.add_argument("--method")
+    parser.add_argument("--threads", type=int)
+    options = parser.parse_args()
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+    from pgm_places.live.live_map import LiveMap
+    from pgm_places.trained import trained_labeler
+
+    labeller: MapLabeller | None = None
+    for line in sys.stdin:
+        folder, answer = Path(line.rstrip("\n")), {"folder": line.rstrip("\n")}
+        try:
+            if labeller is None:
+                places = trained_labeler(options.model)
+                live_map = LiveMap(places, method=options.method, n_threads=options.threads)
+                labeller = MapLabeller(live_map)
+            labeller.label((folder / "map.cdr").read_bytes()).write(folder)
+        except PgmPlacesError as error:
+            answer["error"] = str(error)
+        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,231 @@
+"""The core of a node: messages in any order and of any quality, places out, plain words."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pgm_places.io.logs.scan_messages import ScanMessages
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.live.live_map import LiveMap
+from pgm_places.live.live_node import LiveNode
+from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.map_view import MapView
+from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.place_finder import PlaceFinder
+from pgm_places.live.ros_codec import RosCodec
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from tests.drives import building, drive
+from tests.io.logs.bag_files import BagFile
+from tests.live.quick import places
+from tests.live.robot import Desk, driven, raw_map, raw_messages, text_of
+
+
+class Robot:
+    """A node whose every message and complaint is kept."""
+
+    def __init__(self, options: NodeOptions | None = None, **live: float) -> None:
+        self.sent: list[tuple[str, bytes]] = []
+        self.said: list[str] = []
+        self.desk = Desk()
+        chosen = LiveOptions(**live)
+        self.finder = PlaceFinder(TrajectoryLabeler.from_places(places()), chosen)
+        self.node = LiveNode(
+            self.finder,
+            self.desk,
+            lambda what, raw: self.sent.append((what, raw)),
+            self.said.append,
+            options or NodeOptions(base_frame="laser"),
+            chosen,
+        )
+
+    def take(self, messages: list[tuple[str, bytes]], **clock: float) -> None:
+        for what, raw in messages:
+            self.node.take(what, raw, **clock)
+
+    def places(self) -> list[dict[str, Any]]:
+        return [text_of(raw) for what, raw in self.sent if what == "place"]
+
+
+def test_scans_get_the_places_that_the_finder_gives() -> None:
+    path, grid, robot = drive(1)[:12], building()[0].grid, Robot()
+    robot.node.take("map", raw_map(grid))
+    robot.node.turn(0.0)
+    robot.node.turn(0.1)
+    robot.take(driven(path))
+    alone = PlaceFinder(TrajectoryLabeler.from_places(places()))
+    alone.use(MapView.of(LiveMap(places()).on_map(grid)))
+    found, codec, made = robot.places(), RosCodec(), ScanMessages("scan")
+    assert len(found) == len(path)
+    raws = [raw for what, raw in driven(path) if what == "scan"]
+    for pose, raw, row in zip(path.poses, raws, found, strict=True):
+        message = codec.read(raw, "scan")  # whose angles are of single precision
+        time_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        scan = made.scan(message, time_s, pose)
+        wanted = alone.step(scan)
+        assert (row["label"], row["map_seq"], row["changed"]) == (wanted.label, 1, wanted.changed)
+        assert row["region"] == (wanted.region and wanted.region.id)
+        assert row["name"] == (wanted.region and wanted.region.name)
+        assert row["beliefs"] == pytest.approx(wanted.beliefs, abs=1e-5)
+        assert row["stamp"]["sec"] + 1e-9 * row["stamp"]["nanosec"] == pytest.approx(scan.time_s)
+    assert robot.said == []
+
+
+def test_what_is_published_of_a_map() -> None:
+    plain = building()[0].grid
+    grid = OccupancyGrid(plain.cells, 0.1, (-2.0, 3.0), 0.5)
+    robot, codec = Robot(), RosCodec()
+    robot.node.take("map", raw_map(grid))
+    robot.node.turn(0.0)
+    robot.node.turn(0.1)
+    sent = dict(robot.sent)
+    assert set(sent) == {"label_map", "markers", "topology"}
+    labels = codec.read(sent["label_map"], "label_map")
+    came = codec.read(raw_map(grid), "map")
+    assert labels.info == came.info and labels.header == came.header
+    raster = labels.data.reshape(grid.shape)
+    assert ((raster >= 1) == (raster != -1)).all()
+    assert (raster[~grid.free] == -1).all()
+    markers = codec.read(sent["markers"], "markers").markers
+    assert (markers[0].action, len({(m.ns, m.id) for m in markers})) == (3, len(markers))
+    assert all(m.header.frame_id == "map" for m in markers)
+    topology = text_of(sent["topology"])
+    assert topology["map_seq"] == 1
+    ids = {place["id"] for place in topology["places"]}
+    assert ids == set(topology["appeared"]) == {m.id for m in markers if m.ns == "names"}
+    assert {end for item in topology["connections"] for end in (item["a"], item["b"])} <= ids
+
+
+def test_a_scan_waits_for_its_transform_and_is_dropped_when_none_comes() -> None:
+    messages = driven(drive(1)[:8])
+    transforms, scans = messages[0::2], messages[1::2]
+    robot = Robot(NodeOptions(base_frame="laser", tf_tolerance_s=0.5))
+    robot.take([transforms[0], scans[0], scans[1]])
+    assert len(robot.places()) == 1
+    robot.take([transforms[1]])  # 0.2 s later
+    assert len(robot.places()) == 2
+    assert robot.said == []
+    robot.take(scans[2:8])  # 1.2 s without transforms
+    [line] = robot.said
+    assert line.startswith("a scan is dropped: the transform from map to laser is 0.20 s older")
+    assert len(robot.places()) == 2
+    robot.take(transforms[2:8])  # they come late: what still waits is labelled
+    assert len(robot.places()) > 2
+
+
+def test_odometry_stands_in_where_no_transform_says_how_the_robot_moves() -> None:
+    bag = BagFile()
+    bag.transform(0.0, "map", "odom", 1.0, topic="/tf_static")
+    bag.transform(0.0, "base_link", "laser", 0.5, topic="/tf_static")
+    bag.odometry(0.0, 2.0)
+    bag.odometry(1.0, 4.0)
+    bag.scan(0.5, [1.0, 1.0, 1.0])
+    robot = Robot(NodeOptions())
+    robot.take(list(raw_messages(bag)))
+    [place] = robot.places()
+    assert place["pose"] == [4.0, 0.0, 0.0]
+    with_transforms = BagFile()
+    with_transforms.transform(0.0, "odom", "base_link", 20.0)
+    with_transforms.odometry(0.0, 2.0)
+    with_transforms.scan(0.0, [1.0, 1.0, 1.0])
+    robot = Robot(NodeOptions(map_frame="odom", base_frame="base_link"))
+    robot.take([*raw_messages(bag)][1:2] + list(raw_messages(with_transforms)))
+    assert robot.places()[0]["pose"] == [20.0, 0.0, 0.0]
+
+
+def test_a_clock_that_goes_back_begins_anew() -> None:
+    messages = driven(drive(1)[:10])
+    robot = Robot()
+    robot.take(messages)
+    robot.take(messages[:4])
+    [line] = robot.said
+    assert line == "the clock went back by 1.8 s; beginning anew"
+    places_found = robot.places()
+    assert places_found[10]["changed"]
+    assert places_found[10]["beliefs"] == places_found[0]["beliefs"]
+
+
+def test_what_is_wrong_is_said_once_in_plain_words() -> None:
+    path = drive(1)[:40]
+    robot = Robot()
+    robot.take(driven(path))
+    assert robot.said == ["no map on /map yet: places are told by the scans alone"]
+
+    robot = Robot()
+    robot.take(driven(path[:3]), clock_s=float(path.times_s[0]) + 60.0)
+    [line] = robot.said
+    assert line.startswith("a scan came 60.00 s after its stamp and is dropped")
+
+    robot = Robot(NodeOptions(map_frame="world", base_frame="laser"))
+    robot.take(driven(path[:5]))
+    [line] = robot.said
+    assert "no transforms lead from 'world' to 'laser'; frames: laser, map" in line
+
+    robot = Robot(NodeOptions(base_frame="robot"))
+    robot.take(driven(path[:3]))
+    [line] = robot.said
+    assert line.startswith("the laser stands in for the robot: no transforms lead from 'map' to")
+
+    grid = building()[0].grid
+    robot = Robot()
+    robot.node.take("map", raw_map(OccupancyGrid(grid.cells, grid.resolution_m, (500.0, 0.0))))
+    robot.node.turn(0.0)
+    robot.node.turn(0.1)
+    robot.take(driven(path[:2]))
+    assert "is outside the map" in robot.said[0]
+    assert robot.places()[0]["region"] is None
+
+    robot = Robot()
+    robot.node.take("scan", b"\0\1\0\0nonsense")
+    assert robot.said[0].startswith("a message of scan cannot be read as sensor_msgs/msg/LaserScan")
+
+
+def test_maps_that_cannot_be_labelled_leave_the_one_before() -> None:
+    grid, robot, codec = building()[0].grid, Robot(relabel_min_period_s=0.5), RosCodec()
+    broken = codec.read(raw_map(grid), "map")
+    broken.data = broken.data[:-1]
+    nothing = raw_map(grid.with_cells(np.full(grid.shape, -1)))
+    for number, raw in enumerate(
+        (raw_map(grid), codec.write(broken, "map"), nothing, b"\0\1\0\0nonsense")
+    ):
+        robot.node.take("map", raw)
+        robot.node.turn(20.0 * number)
+        robot.node.turn(20.0 * number + 0.1)
+    size = grid.cells.size
+    assert [line.partition(";")[0] for line in robot.said][:2] == [
+        f"the map is not labelled: the map says {grid.shape[1]} x {grid.shape[0]} cells, but "
+        f"{size - 1} came",
+        "the map is not labelled: the map has no free cell to label",
+    ]
+    assert "a message of map cannot be read" in robot.said[2]
+    view = robot.finder.view
+    assert view is not None and view.map_seq == 1
+
+
+def test_of_maps_that_come_too_fast_the_latest_is_labelled() -> None:
+    grid, robot = building()[0].grid, Robot(relabel_min_period_s=2.0)
+    cells = [np.where(np.arange(grid.shape[1]) < n, grid.cells, -1) for n in (40, 60, 80, 100)]
+    maps = [raw_map(grid.with_cells(item)) for item in cells]
+    robot.desk.busy = True
+    robot.node.take("map", maps[0])
+    robot.node.turn(0.0)
+    for number, raw in enumerate(maps[1:], 1):
+        robot.node.take("map", raw)
+        robot.node.turn(float(number))
+    assert robot.desk.n_submitted == 1
+    robot.desk.busy = False
+    robot.node.turn(30.0)
+    assert robot.desk.n_submitted == 2
+    assert robot.desk.waiting == [maps[-1]]
+    assert robot.said == [
+        "labelling a map took 30.0 s, and 2 that came meanwhile were skipped; the latest is "
+        "labelled now"
+    ]
+    robot.node.turn(31.0)
+    robot.node.take("map", maps[0])
+    robot.node.turn(31.5)  # too soon after the last
+    assert robot.desk.n_submitted == 2
+    robot.node.turn(32.0)
+    assert robot.desk.n_submitted == 3
+    assert json.loads(json.dumps([what for what, _ in robot.sent])).count("topology") == 2
