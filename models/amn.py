@@ -1,20 +1,20 @@
 """Associative Markov network: nodes and edges scored by learned weights, trained by max margin."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_type
-from pgm_places.errors import InputError, NotFittedError
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Learner,
@@ -25,8 +25,8 @@ from pgm_places.models.amn_learning import (
     node_losses,
     penalties_of,
 )
-from pgm_places.models.decoding import Decoder, decode
-from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
+from pgm_places.models.decoding import Decoder, decode_as
+from pgm_places.models.learning_record import LearningRecord
 from pgm_places.models.linear_features import (
     Standardization,
     edge_feature_count,
@@ -35,6 +35,7 @@ from pgm_places.models.linear_features import (
     parse_edge_features,
     parse_node_features,
 )
+from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
@@ -55,7 +56,7 @@ AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0)
 
 
 @dataclass(frozen=True, eq=False)
-class AssociativeMarkovNetwork:
+class AssociativeMarkovNetwork(LinearModel):
     """Labels all nodes at once: node scores plus rewards where neighbours agree, both learned.
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij [y_i = y_j] w_e[:, y_i] . x_ij`` with
@@ -145,15 +146,7 @@ class AssociativeMarkovNetwork:
     certify: bool = False
     certify_learning: bool = True
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
-    node_weights: NDArray[np.float64] | None = learned()
     edge_weights: NDArray[np.float64] | None = learned()
-    feature_columns: NDArray[np.int64] | None = learned()
-    feature_mean: NDArray[np.float64] | None = learned()
-    feature_scale: NDArray[np.float64] | None = learned()
-    n_features: NDArray[np.int64] | None = learned()
-    learning: NDArray[np.float64] | None = learned()
-    learning_history: NDArray[np.float64] | None = learned()
-    penalty_search: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -210,13 +203,7 @@ class AssociativeMarkovNetwork:
             self,
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
-            feature_columns=scaling.columns,
-            feature_mean=scaling.mean,
-            feature_scale=scaling.scale,
-            n_features=np.array([scaling.n_columns], np.int64),
-            learning=record.to_array(),
-            learning_history=history_array(solution.history),
-            penalty_search=search,
+            **learned_arrays(scaling, record, solution.history, search),
         )
 
     def learning_problems(
@@ -311,19 +298,11 @@ class AssociativeMarkovNetwork:
         InputError
             Other labels or features than in training.
         """
-        node_weights, edge_weights, scaling = self._fitted()
-        require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
-        if problem.n_labels != node_weights.shape[1]:
-            raise InputError(
-                f"the network was trained on {node_weights.shape[1]} labels, this problem has "
-                f"{problem.n_labels}"
-            )
-        nodes = scaling.apply(node_features(problem, parse_node_features(self.node_features)))
-        if edge_feature_count(problem, self.edge_features) != len(edge_weights):
-            raise InputError(
-                f"the network was trained on {len(edge_weights)} edge features, this problem has "
-                f"{edge_feature_count(problem, self.edge_features)}; make them as for training"
-            )
+        node_weights, edge_weights = self._learned("node_weights", "edge_weights")
+        self._require_labels(problem)
+        require_edge_features(edge_feature_count(problem, self.edge_features), len(edge_weights))
+        parts = parse_node_features(self.node_features)
+        nodes = self._scaling().apply(node_features(problem, parts))
         edges = self._edge_features(problem)
         unary = problem.with_evidence(nodes @ node_weights)
         return Potentials(unary, agreement=edges @ edge_weights)
@@ -334,55 +313,12 @@ class AssociativeMarkovNetwork:
         ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
         one or ``certify`` asks for it.
         """
-        potentials = self.potentials(problem)
-        found = decode(
-            problem.graph,
-            potentials,
-            self.inference,
-            certify=self.certify,
-            max_iterations=self.max_iterations,
-        )
-        return replace(found, info={**found.info, "learning": self.summary})
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """How learning went, by name: status, C, objective, bounds, gap, cuts, seconds, sizes."""
-        self._fitted()
-        if self.learning is None:
-            return {}
-        return LearningRecord.from_array(self.learning).summary()
-
-    def _fitted(self) -> tuple[NDArray[np.float64], NDArray[np.float64], Standardization]:
-        if (
-            self.node_weights is None
-            or self.edge_weights is None
-            or self.feature_columns is None
-            or self.feature_mean is None
-            or self.feature_scale is None
-            or self.n_features is None
-        ):
-            raise NotFittedError(
-                "this AssociativeMarkovNetwork has not learned yet; call fit(problems, labelings)"
-            )
-        scaling = Standardization(
-            int(self.n_features[0]), self.feature_columns, self.feature_mean, self.feature_scale
-        )
-        return self.node_weights, self.edge_weights, scaling
-
-    # ------------------------------------------------------------------ checks
+        found = decode_as(self, problem, self.potentials(problem), self.inference)
+        return self._with_summary(found)
 
     def _check_learned(self) -> None:
-        """Arrays from a file must fit together before anything is computed with them."""
-        node_weights, edge_weights, scaling = self._fitted()
-        n_labels = node_weights.shape[-1]
-        n_kept = len(scaling.columns)
-        finite_array("node_weights", node_weights, (n_kept + 1, n_labels))
-        finite_array("edge_weights", edge_weights, ("F", n_labels))
+        super()._check_learned()
+        node_weights, edge_weights = self._learned("node_weights", "edge_weights")
+        finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
-        integer_array("feature_columns", scaling.columns, (n_kept,), low=0, high=scaling.n_columns)
-        finite_array("feature_mean", scaling.mean, (n_kept,))
-        if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
-            raise InputError("feature_scale must be positive")
-        if self.learning is not None and self.learning.shape != (N_RECORD,):
-            raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")

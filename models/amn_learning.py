@@ -30,6 +30,7 @@ __all__ = [
     "ClassWeight",
     "Learner",
     "LearnerOptions",
+    "best_penalty",
     "choose_penalty",
     "labelled_parts",
     "learn",
@@ -40,6 +41,9 @@ __all__ = [
 Learner = Literal["cutting-plane", "qp", "frank-wolfe"]
 ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
 LEARNERS: tuple[Learner, ...] = get_args(Learner)
+
+Example = tuple[LabelingProblem, NDArray[np.int64]]
+"""A problem and the true label (N,) of every node."""
 
 CLASS_WEIGHTS: dict[ClassWeight, float] = {
     "none": 0.0,
@@ -98,24 +102,29 @@ def penalties_of(
 
 
 def labelled_parts(
-    problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
-) -> list[tuple[LabelingProblem, NDArray[np.int64]]]:
-    """Each map without its unlabelled nodes; maps without any label are left out.
+    problems: Sequence[LabelingProblem],
+    labelings: Sequence[NDArray[np.int64]],
+    *,
+    with_unlabelled: bool = False,
+) -> list[Example]:
+    """Each problem that has labels, without its unlabelled nodes unless these are wanted.
 
     Raises
     ------
     InputError
-        Maps and labelings that do not belong together, or no label at all.
+        Problems and labelings that do not belong together, or no label at all.
     """
-    known = []
+    known: list[Example] = []
     for problem, truth in labelled_problems(problems, labelings):
         labelled = truth >= 0
-        if labelled.all() and len(truth):
+        if not labelled.any():
+            continue
+        if with_unlabelled or labelled.all():
             known.append((problem, truth))
-        elif labelled.any():
+        else:
             known.append((problem.subproblem(labelled), truth[labelled]))
     if not known:
-        raise InputError("no node of any training map has a label")
+        raise InputError("no node of any training problem has a label")
     return known
 
 
@@ -213,14 +222,33 @@ def choose_penalty(
             solution = learn(priced, quick, cuts=cuts)
             cuts = solution.cuts  # planes hold at any C
             found[number].append(oracle(*potentials_of(held_out, solution.weights)))
+    return best_penalty(penalties, truth, found)
+
+
+def best_penalty(
+    penalties: Sequence[float],
+    truth: Sequence[NDArray[np.int64]],
+    found: Sequence[Sequence[NDArray[np.int64]]],
+) -> tuple[float, NDArray[np.float64]]:
+    """The C whose labels of all held-out parts are best, and (P, 2) C and balanced accuracy.
+
+    Among equals the smaller C wins.
+
+    Parameters
+    ----------
+    penalties : sequence of P float
+    truth : sequence of (N_part,) int
+        The true labels of each part.
+    found : P sequences of (N_part,) int
+        The labels that each C gave these parts.
+    """
     everywhere = np.concatenate(truth)
     scores = [
         float(balanced_accuracy(confusion_matrix(everywhere, np.concatenate(labels))))
         for labels in found
     ]
-    table = np.column_stack([penalties, scores])
     best = max(range(len(penalties)), key=lambda p: (scores[p], -penalties[p]))
-    return float(penalties[best]), table
+    return float(penalties[best]), np.column_stack([penalties, scores])
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:

@@ -1,22 +1,28 @@
 """Conditional random field: scores of nodes and full tables of label pairs, all learned."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, integer_array, require_type
-from pgm_places.errors import InputError, NotFittedError
+from pgm_places._checks import finite_array
+from pgm_places.errors import InputError
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem, labelled_problems
-from pgm_places.models.amn_learning import ClassWeight, node_losses, penalties_of
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.amn_learning import (
+    ClassWeight,
+    Example,
+    labelled_parts,
+    node_losses,
+    penalties_of,
+)
 from pgm_places.models.crf_learning import (
     FieldLearner,
     LearningOptions,
@@ -25,8 +31,8 @@ from pgm_places.models.crf_learning import (
     learn,
     resolved,
 )
-from pgm_places.models.decoding import Decoder, decode
-from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
+from pgm_places.models.decoding import Decoder, decode_as
+from pgm_places.models.learning_record import LearningRecord
 from pgm_places.models.linear_features import (
     Standardization,
     edge_features,
@@ -34,6 +40,7 @@ from pgm_places.models.linear_features import (
     parse_edge_features,
     parse_node_features,
 )
+from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.options import Positive, Whole, check_options
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import is_forest
@@ -45,11 +52,9 @@ __all__ = ["ConditionalRandomField"]
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
 """What C="auto" tries."""
 
-Example = tuple[LabelingProblem, NDArray[np.int64]]
-
 
 @dataclass(frozen=True, eq=False)
-class ConditionalRandomField:
+class ConditionalRandomField(LinearModel):
     """Labels all nodes at once: node scores plus a learned score for every pair of labels.
 
     A labelling scores ``sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij``. The tables
@@ -137,16 +142,8 @@ class ConditionalRandomField:
     max_iterations: Whole | None = None
     certify: bool = False
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
-    node_weights: NDArray[np.float64] | None = learned()
     tables: NDArray[np.float64] | None = learned()
     by_margin: NDArray[np.bool_] | None = learned()
-    feature_columns: NDArray[np.int64] | None = learned()
-    feature_mean: NDArray[np.float64] | None = learned()
-    feature_scale: NDArray[np.float64] | None = learned()
-    n_features: NDArray[np.int64] | None = learned()
-    learning: NDArray[np.float64] | None = learned()
-    learning_history: NDArray[np.float64] | None = learned()
-    penalty_search: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -183,7 +180,8 @@ class ConditionalRandomField:
             Problems and labelings that do not belong together, features that are missing, or
             ``likelihood`` on a graph with a cycle.
         """
-        examples = self._examples(problems, labelings)
+        hidden = self.unlabelled == "hidden"
+        examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         scaling, task = self._task(examples)
         options = self._options(task.field)
         penalties = penalties_of(self.C, AUTO_PENALTIES)
@@ -214,31 +212,8 @@ class ConditionalRandomField:
             node_weights=node_weights.copy(),
             tables=tables.copy(),
             by_margin=np.array([options.learner == "max-margin"]),
-            feature_columns=scaling.columns,
-            feature_mean=scaling.mean,
-            feature_scale=scaling.scale,
-            n_features=np.array([scaling.n_columns], np.int64),
-            learning=record.to_array(),
-            learning_history=history_array(solution.history),
-            penalty_search=search,
+            **learned_arrays(scaling, record, solution.history, search),
         )
-
-    def _examples(
-        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
-    ) -> list[Example]:
-        """Each problem with its labels, as far as there is something to learn from."""
-        examples: list[Example] = []
-        for problem, truth in labelled_problems(problems, labelings):
-            labelled = truth >= 0
-            if not labelled.any():
-                continue
-            if self.unlabelled == "dropped" and not labelled.all():
-                examples.append((problem.subproblem(labelled), truth[labelled]))
-            else:
-                examples.append((problem, truth))
-        if not examples:
-            raise InputError("no node of any training problem has a label")
-        return examples
 
     def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
         raw = [self._node_features(problem) for problem, _ in examples]
@@ -298,22 +273,13 @@ class ConditionalRandomField:
         InputError
             Other labels or features than in training.
         """
-        node_weights, tables, scaling = self._fitted()
-        require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
-        n_labels = node_weights.shape[1]
-        if problem.n_labels != n_labels:
-            raise InputError(
-                f"the field was trained on {n_labels} labels, this problem has {problem.n_labels}"
-            )
-        nodes = scaling.apply(self._node_features(problem))
+        node_weights, tables = self._learned("node_weights", "tables")
+        self._require_labels(problem)
+        nodes = self._scaling().apply(self._node_features(problem))
         edges = self._edge_features(problem)
-        if edges.shape[1] != len(tables):
-            raise InputError(
-                f"the field was trained on {len(tables)} edge features, this problem has "
-                f"{edges.shape[1]}; make them as for training"
-            )
+        require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)
-        field = TableField(nodes, around, edges, n_labels)
+        field = TableField(nodes, around, edges, problem.n_labels)
         found = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
         return Potentials(problem.with_evidence(found.unary), pairwise=found.tables)
 
@@ -323,65 +289,24 @@ class ConditionalRandomField:
         ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
         one or ``certify`` asks for it.
         """
-        potentials = self.potentials(problem)
-        found = decode(
-            problem.graph,
-            potentials,
-            self._decoder(problem),
-            certify=self.certify,
-            max_iterations=self.max_iterations,
-        )
-        return replace(found, info={**found.info, "learning": self.summary})
+        found = decode_as(self, problem, self.potentials(problem), self._decoder(problem))
+        return self._with_summary(found)
 
     def _decoder(self, problem: LabelingProblem) -> Decoder:
         if self.inference != "auto":
             return self.inference
         if not is_forest(adjacency(problem.graph.n_nodes, problem.graph.edges)):
             return "trw-s"
-        assert self.by_margin is not None
-        return "max-product" if self.by_margin[0] else "sum-product"
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """How learning went, by name: status, C, objective, bounds, gap, steps, seconds, sizes."""
-        self._fitted()
-        if self.learning is None:
-            return {}
-        return LearningRecord.from_array(self.learning).summary()
-
-    def _fitted(self) -> tuple[NDArray[np.float64], NDArray[np.float64], Standardization]:
-        if (
-            self.node_weights is None
-            or self.tables is None
-            or self.by_margin is None
-            or self.feature_columns is None
-            or self.feature_mean is None
-            or self.feature_scale is None
-            or self.n_features is None
-        ):
-            raise NotFittedError(
-                "this ConditionalRandomField has not learned yet; call fit(problems, labelings)"
-            )
-        scaling = Standardization(
-            int(self.n_features[0]), self.feature_columns, self.feature_mean, self.feature_scale
-        )
-        return self.node_weights, self.tables, scaling
+        [by_margin] = self._learned("by_margin")
+        return "max-product" if by_margin[0] else "sum-product"
 
     def _check_learned(self) -> None:
-        """Arrays from a file must fit together before anything is computed with them."""
-        node_weights, tables, scaling = self._fitted()
-        n_labels = node_weights.shape[-1]
-        n_kept = len(scaling.columns)
-        finite_array("node_weights", node_weights, (n_kept + 1, n_labels))
+        super()._check_learned()
+        node_weights, tables, by_margin = self._learned("node_weights", "tables", "by_margin")
+        n_labels = node_weights.shape[1]
         finite_array("tables", tables, ("F", n_labels, n_labels))
-        integer_array("feature_columns", scaling.columns, (n_kept,), low=0, high=scaling.n_columns)
-        finite_array("feature_mean", scaling.mean, (n_kept,))
-        if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
-            raise InputError("feature_scale must be positive")
-        if self.by_margin is None or self.by_margin.shape != (1,):
+        if by_margin.shape != (1,):
             raise InputError("by_margin must hold one value")
-        if self.learning is not None and self.learning.shape != (N_RECORD,):
-            raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
 
 
 def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.models.amn_learning import SEARCH_TOLERANCE, best_penalty
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
@@ -29,9 +29,6 @@ _KINDS: dict[str, Likelihood] = {
     "pseudo-likelihood": "pseudo",
     "piecewise": "piecewise",
 }
-
-SEARCH_TOLERANCE = 1e-2
-"""Learning is only this exact while C is being chosen: C changes by factors of several."""
 
 MAX_COMPLETIONS = 10
 """How often max-margin learning completes the unknown labels anew."""
@@ -196,10 +193,4 @@ def choose_penalty(
             potentials = held_out.field.potentials(weights)
             labels = best_labels(held_out.field, *potentials, DECODING_PASSES)
             found[number].append(labels[known])
-    everywhere = np.concatenate(truth)
-    scores = [
-        float(balanced_accuracy(confusion_matrix(everywhere, np.concatenate(labels))))
-        for labels in found
-    ]
-    best = max(range(len(penalties)), key=lambda p: (scores[p], -penalties[p]))
-    return float(penalties[best]), np.column_stack([penalties, scores])
+    return best_penalty(penalties, truth, found)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,14 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.raster_edges import RasterEdges
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
+from pgm_places.inference.problem import LabelingProblem
 
 if TYPE_CHECKING:
     from pgm_places.solvers.grid_mean_field import GridMeanField
     from pgm_places.solvers.mean_field import MeanField
     from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["DECODERS", "FOREST_DECODERS", "Decoder", "decode", "require_decoder"]
+__all__ = ["DECODERS", "FOREST_DECODERS", "Decoder", "decode", "decode_as", "require_decoder"]
 
 Decoder = Literal[
     "graph-cut", "lp", "trw-s", "icm", "mean-field", "max-product", "sum-product", "exact"
@@ -135,6 +136,28 @@ def decode(
         score=total,
         bound=bound,
         info=info,
+    )
+
+
+class DecodingOptions(Protocol):
+    """What methods with a decoder let their users choose."""
+
+    @property
+    def certify(self) -> bool: ...
+    @property
+    def max_iterations(self) -> int | None: ...
+
+
+def decode_as(
+    method: DecodingOptions, problem: LabelingProblem, potentials: Potentials, inference: Decoder
+) -> Labeling:
+    """What a decoder finds for a problem's graph, as the options of a method want it."""
+    return decode(
+        problem.graph,
+        potentials,
+        inference,
+        certify=method.certify,
+        max_iterations=method.max_iterations,
     )
 
 

@@ -11,7 +11,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary
-from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.decoding import Decoder, decode_as
 from pgm_places.options import Whole, check_options
 
 __all__ = ["PottsField"]
@@ -81,13 +81,7 @@ class PottsField:
         if self.edge_weights == "given":
             earned = np.repeat(weight * _given(problem), problem.n_labels, axis=1)
             potentials = Potentials(unary, agreement=earned)
-        return decode(
-            problem.graph,
-            potentials,
-            self.inference,
-            certify=self.certify,
-            max_iterations=self.max_iterations,
-        )
+        return decode_as(self, problem, potentials, self.inference)
 
 
 def _by_degree(graph: LabelGraph) -> float:

@@ -13,7 +13,7 @@ from pgm_places.graph.node_kind import NodeKind
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary
-from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.decoding import Decoder, decode_as
 from pgm_places.options import Whole, check_options
 
 __all__ = ["SpaceField"]
@@ -97,14 +97,7 @@ class SpaceField:
             The problem has no unary, forbids every label at some node, or has nodes of several
             kinds without edges of known kinds.
         """
-        potentials = self.potentials(problem)
-        return decode(
-            problem.graph,
-            potentials,
-            self.inference,
-            certify=self.certify,
-            max_iterations=self.max_iterations,
-        )
+        return decode_as(self, problem, self.potentials(problem), self.inference)
 
     def potentials(self, problem: LabelingProblem) -> Potentials:
         """The log-potentials of a problem's nodes and edges.

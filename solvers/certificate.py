@@ -1,20 +1,20 @@
 """Certificate of learned weights: the hinge bounded from above by TRW-S."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.expansion import ExpansionGraph
-from pgm_places.solvers.max_margin import (
-    MaxMarginProblem,
-    hinge,
-    objective,
-)
-from pgm_places.solvers.pairwise import pairwise_model
+from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem, hinge, objective
+from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.trws import trws
 
-__all__ = ["Certificate", "certify_weights"]
+__all__ = ["Augmented", "Certificate", "certify", "certify_weights"]
+
+MAX_PASSES = 1_000
+"""Passes of TRW-S after which a certificate is as good as it gets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ def certify_weights(
     weights: NDArray[np.float64],
     *,
     accuracy: float = 1e-3,
-    max_iterations: int = 1_000,
+    max_iterations: int = MAX_PASSES,
 ) -> Certificate:
     """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
 
@@ -56,18 +56,49 @@ def certify_weights(
     unary, agreement = problem.augmented_potentials(weights)
     graph = ExpansionGraph(problem.n_nodes, problem.edges)
     quick = graph.expand(unary, agreement)
-    known = objective(problem, weights, hinge(problem, weights, quick.score))
-    slack = accuracy * known * problem.n_nodes / problem.penalty
-    size = pairwise_model(unary, graph.around, agreement).size
-    found = trws(
-        unary,
-        problem.edges,
-        agreement=agreement,
-        initial=quick.labels,
+    found = certify(
+        problem,
+        weights,
+        Augmented(graph.around, unary, agreement=agreement),
+        quick.labels,
+        accuracy=accuracy,
         max_iterations=max_iterations,
-        tolerance=slack / size if size > 0 else 0.0,
+    )
+    # moves from there reach further than from the best unaries, where the quick oracle starts
+    return replace(found, labels=graph.expand(unary, agreement, found.labels).labels)
+
+
+@dataclass(frozen=True, eq=False)
+class Augmented:
+    """Score plus loss as potentials: ``agreement`` (E, K) or ``pairwise`` tables (E, K, K)."""
+
+    around: Adjacency
+    unary: NDArray[np.float64]
+    agreement: NDArray[np.float64] | None = None
+    pairwise: NDArray[np.float64] | None = None
+
+
+def certify(
+    problem: MarginProblem,
+    weights: NDArray[np.float64],
+    augmented: Augmented,
+    quick: NDArray[np.integer],
+    *,
+    accuracy: float = 1e-3,
+    max_iterations: int = MAX_PASSES,
+) -> Certificate:
+    """The bound from the augmented potentials; TRW-S starts with the labels of a quick oracle."""
+    pairs = augmented.agreement, augmented.pairwise
+    model = pairwise_model(augmented.unary, augmented.around, *pairs)
+    known = objective(problem, weights, hinge(problem, weights, total_score(model, quick)))
+    slack = accuracy * known * problem.n_nodes / problem.penalty
+    found = trws(
+        augmented.unary,
+        augmented.around,
+        *pairs,
+        initial=quick,
+        max_iterations=max_iterations,
+        tolerance=slack / model.size if model.size > 0 else 0.0,
     )
     bounded = hinge(problem, weights, found.bound)
-    # moves from there reach further than from the best unaries, where the quick oracle starts
-    labels = graph.expand(unary, agreement, found.labels).labels
-    return Certificate(objective(problem, weights, bounded), labels)
+    return Certificate(objective(problem, weights, bounded), found.labels)

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.solvers.certificate import Certificate
+from pgm_places.solvers.certificate import Augmented, Certificate, certify
 from pgm_places.solvers.forest import forest_maximum
-from pgm_places.solvers.max_margin import Cut, Oracle, hinge, objective
-from pgm_places.solvers.pairwise import pairwise_model
+from pgm_places.solvers.max_margin import Cut, Oracle
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import trws
 
@@ -25,8 +24,6 @@ __all__ = ["TableMarginProblem", "best_labels", "certify_tables", "table_oracle"
 
 ORACLE_PASSES = 40
 """Passes of TRW-S for a cut; the certificate takes more."""
-
-CERTIFICATE_PASSES = 1_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,27 +114,9 @@ def certify_tables(
 ) -> Certificate:
     """The objective at ``weights``, with the hinge replaced by its TRW-S upper bound.
 
-    Parameters
-    ----------
-    problem : TableMarginProblem
-    weights : (n_weights,) float
-    accuracy : float
-        Passes end when the bound cannot raise the objective by more than this share of it.
+    As :func:`~pgm_places.solvers.certificate.certify_weights`, for tables.
     """
     unary, tables = problem.augmented_potentials(weights)
-    around = problem.field.around
-    quick = trws(unary, around, pairwise=tables, max_iterations=ORACLE_PASSES)
-    known = objective(problem, weights, hinge(problem, weights, quick.score))
-    slack = accuracy * known * problem.n_nodes / problem.penalty
-    size = pairwise_model(unary, around, pairwise=tables).size
-    found = trws(
-        unary,
-        around,
-        pairwise=tables,
-        initial=quick.labels,
-        max_iterations=CERTIFICATE_PASSES,
-        tolerance=slack / size if size > 0 else 0.0,
-    )
-    return Certificate(
-        objective(problem, weights, hinge(problem, weights, found.bound)), found.labels
-    )
+    quick = table_oracle(problem.field)(unary, tables)
+    augmented = Augmented(problem.field.around, unary, pairwise=tables)
+    return certify(problem, weights, augmented, quick, accuracy=accuracy)

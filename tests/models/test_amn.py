@@ -392,7 +392,7 @@ def test_maps_and_labelings_must_belong_together() -> None:
         network.fit([problem], [])
     with pytest.raises(InputError, match=r"labelings\[0\] must have shape \(96,\)"):
         network.fit([problem], [truth[:-1]])
-    with pytest.raises(InputError, match="no node of any training map has a label"):
+    with pytest.raises(InputError, match="no node of any training problem has a label"):
         network.fit([problem], [np.full(96, -1)])
     other = replace(problem, label_names=("a", "b", "c"))
     with pytest.raises(InputError, match="problems have different labels"):

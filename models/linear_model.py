@@ -1,0 +1,116 @@
+"""What models that are linear in their weights keep of learning, and what follows from it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import finite_array, integer_array, require_type
+from pgm_places.errors import InputError, NotFittedError
+from pgm_places.inference.backends import learned
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
+from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
+from pgm_places.models.linear_features import Standardization
+from pgm_places.solvers.max_margin import LearningStep
+
+__all__ = ["LinearModel", "learned_arrays", "require_edge_features"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearModel:
+    """The learned arrays that networks and fields share; a model adds its options and its own."""
+
+    node_weights: NDArray[np.float64] | None = learned()
+    feature_columns: NDArray[np.int64] | None = learned()
+    feature_mean: NDArray[np.float64] | None = learned()
+    feature_scale: NDArray[np.float64] | None = learned()
+    n_features: NDArray[np.int64] | None = learned()
+    learning: NDArray[np.float64] | None = learned()
+    learning_history: NDArray[np.float64] | None = learned()
+    penalty_search: NDArray[np.float64] | None = learned()
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """How learning went, by name: status, C, objective, bounds, gap, seconds, sizes.
+
+        Raises
+        ------
+        NotFittedError
+            The model has not learned.
+        """
+        self._learned("node_weights")
+        if self.learning is None:
+            return {}
+        return LearningRecord.from_array(self.learning).summary()
+
+    def _learned(self, *names: str) -> list[NDArray[Any]]:
+        """Learned arrays by name, all of them there."""
+        arrays = [getattr(self, name) for name in names]
+        if any(array is None for array in arrays):
+            raise NotFittedError(
+                f"this {type(self).__name__} has not learned yet; call fit(problems, labelings)"
+            )
+        return arrays
+
+    def _scaling(self) -> Standardization:
+        count, *rest = self._learned(
+            "n_features", "feature_columns", "feature_mean", "feature_scale"
+        )
+        return Standardization(int(count[0]), *rest)
+
+    def _require_labels(self, problem: LabelingProblem) -> None:
+        """Refuse what is no problem, and one with other labels than in training."""
+        [node_weights] = self._learned("node_weights")
+        require_type("the problem", problem, LabelingProblem, ONE_BY_ONE)
+        if problem.n_labels != node_weights.shape[1]:
+            raise InputError(
+                f"the model was trained on {node_weights.shape[1]} labels, this problem has "
+                f"{problem.n_labels}"
+            )
+
+    def _with_summary(self, found: Labeling) -> Labeling:
+        """The labelling with how learning went in ``info["learning"]``."""
+        return replace(found, info={**found.info, "learning": self.summary})
+
+    def _check_learned(self) -> None:
+        """Arrays from a file must fit together before anything is computed with them."""
+        [node_weights] = self._learned("node_weights")
+        scaling = self._scaling()
+        n_kept = len(scaling.columns)
+        finite_array("node_weights", node_weights, (n_kept + 1, node_weights.shape[-1]))
+        integer_array("feature_columns", scaling.columns, (n_kept,), low=0, high=scaling.n_columns)
+        finite_array("feature_mean", scaling.mean, (n_kept,))
+        if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
+            raise InputError("feature_scale must be positive")
+        if self.learning is not None and self.learning.shape != (N_RECORD,):
+            raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
+
+
+def require_edge_features(count: int, n_known: int) -> None:
+    """Refuse a problem with another number of edge features than in training."""
+    if count != n_known:
+        raise InputError(
+            f"the model was trained on {n_known} edge features, this problem has {count}; make "
+            "them the same way as for training"
+        )
+
+
+def learned_arrays(
+    scaling: Standardization,
+    record: LearningRecord,
+    history: tuple[LearningStep, ...],
+    search: NDArray[np.float64] | None,
+) -> dict[str, Any]:
+    """What learning leaves beside the weights, by the names of :class:`LinearModel`."""
+    return {
+        "feature_columns": scaling.columns,
+        "feature_mean": scaling.mean,
+        "feature_scale": scaling.scale,
+        "n_features": np.array([scaling.n_columns], np.int64),
+        "learning": record.to_array(),
+        "learning_history": history_array(history),
+        "penalty_search": search,
+    }
