@@ -272,7 +272,7 @@ def pass_forest(
     parent: NDArray[np.uint32],
     message: NDArray[np.float64],
 ) -> float:
-    """Messages to the roots, and for sums back to the leaves; log Z for sums.
+    """Messages from the leaves to the roots; log Z for sums.
 
     ``message`` (2 E, K) starts at 0.
     """
@@ -291,15 +291,27 @@ def pass_forest(
             if top == -np.inf:
                 return -np.inf
             total += top + np.log(np.exp(belief - top).sum())
-    if not maximise:
-        for step in range(n_nodes):
-            i = order[step]
-            gather_beliefs(terms.unary, arcs, message, i, belief)
-            for slot in range(arcs.start[i], arcs.start[i + _ONE]):
-                along = arcs.arc[slot]
-                if along != parent[i]:
-                    send(False, along, belief, terms.pairwise, message, sent, message[along])
     return total
+
+
+@njit
+def pass_back(
+    terms: Terms,
+    arcs: Arcs,
+    order: NDArray[np.uint32],
+    parent: NDArray[np.uint32],
+    message: NDArray[np.float64],
+) -> None:
+    """Sums from the roots back to the leaves, after those of :func:`pass_forest`."""
+    n_labels = terms.unary.shape[1]
+    belief, sent = np.empty(n_labels), np.empty(n_labels)
+    for step in range(order.shape[0]):
+        i = order[step]
+        gather_beliefs(terms.unary, arcs, message, i, belief)
+        for slot in range(arcs.start[i], arcs.start[i + _ONE]):
+            along = arcs.arc[slot]
+            if along != parent[i]:
+                send(False, along, belief, terms.pairwise, message, sent, message[along])
 
 
 @njit
@@ -336,19 +348,14 @@ def sample_forest(
 ) -> None:
     """Draw every node after its parent, by what its children said and the parent's label.
 
-    ``message`` (2 E, K) are sums, at least those towards the roots; ``chance`` (N,) in [0, 1).
+    ``message`` (2 E, K) are sums towards the roots, 0 elsewhere; ``chance`` (N,) in [0, 1).
     """
     n_labels = terms.unary.shape[1]
     belief = np.empty(n_labels)
     for step in range(order.shape[0]):
         i = order[step]
+        gather_beliefs(terms.unary, arcs, message, i, belief)
         up = parent[i]
-        belief[:] = terms.unary[i]
-        for slot in range(arcs.start[i], arcs.start[i + _ONE]):
-            along = arcs.arc[slot]
-            if along != up:
-                for k in range(n_labels):
-                    belief[k] += message[along ^ REVERSE, k]
         if up != NO_ARC:
             add_edge(terms.pairwise, up, labels[arcs.ends[up ^ REVERSE]], belief)
         top = belief.max()

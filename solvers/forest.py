@@ -10,6 +10,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers._belief_kernels import (
     decode_forest,
     forest_order,
+    pass_back,
     pass_forest,
     sample_forest,
 )
@@ -124,10 +125,8 @@ def forest_marginals(
     [[0.5, 0.5], [0.5, 0.5]]
     """
     model, order, parent = _ordered(unary, edges, agreement, pairwise)
-    message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    log_z = pass_forest(False, model.terms, model.around.arcs, order, parent, message)
-    if log_z == -np.inf:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+    message, log_z = _sums_to_roots(model, order, parent)
+    pass_back(model.terms, model.around.arcs, order, parent, message)
     beliefs = frozen(beliefs_from_messages(model, message))
     joint = frozen(_pair_beliefs(model, message)) if pairs else None
     return ForestMarginals(beliefs, log_z + model.offset, joint)
@@ -153,10 +152,7 @@ def forest_samples(
     True
     """
     model, order, parent = _ordered(unary, edges, agreement, pairwise)
-    message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    log_z = pass_forest(False, model.terms, model.around.arcs, order, parent, message)
-    if log_z == -np.inf:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+    message, _ = _sums_to_roots(model, order, parent)
     rng = np.random.default_rng(seed)
     labels = np.empty((n_samples, model.n_nodes), np.int32)
     for drawn in labels:
@@ -168,6 +164,17 @@ def forest_samples(
 def is_forest(around: Adjacency) -> bool:
     """Whether a graph has no cycle."""
     return _closing_edge(around)[0] < 0
+
+
+def _sums_to_roots(
+    model: PairwiseModel, order: NDArray[np.uint32], parent: NDArray[np.uint32]
+) -> tuple[NDArray[np.float64], float]:
+    """(2 E, K) log-messages, those away from the roots still 0, and log Z without the offset."""
+    message = np.zeros((2 * model.around.n_edges, model.n_labels))
+    log_z = pass_forest(False, model.terms, model.around.arcs, order, parent, message)
+    if log_z == -np.inf:
+        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+    return message, log_z
 
 
 def _pair_beliefs(model: PairwiseModel, message: NDArray[np.float64]) -> NDArray[np.float64]:
