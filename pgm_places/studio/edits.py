@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.place_edits import doorways_between
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["fill_cells", "merge_cells"]
@@ -50,24 +51,11 @@ def merge_cells(topology: TopologicalMap, first: int, second: int) -> tuple[NDAr
     InputError
         The places are one, or have no border and no doorway between them.
     """
-    if first == second:
-        raise InputError("choose two places to merge")
-    pair = {first, second}
-    larger = max((topology.place(first), topology.place(second)), key=lambda place: place.area_m2)
-    around = {place.id for place in topology.neighbours(first)}
-    between = [
-        place
-        for place in topology.neighbours(second)
-        if place.label == topology.doorway_label
-        and place.id in around
-        and {other.id for other in topology.neighbours(place.id)} == pair
-    ]
-    if second not in around and not between:
-        names = " and ".join(topology.place(number).name for number in (first, second))
-        raise InputError(f"{names} do not touch; merge places that share a border or a doorway")
-    ids = [*pair, *(place.id for place in between)]
-    cells = np.concatenate([_flat(topology.cells(number), topology.grid) for number in ids])
-    return np.sort(cells), larger.label
+    one, other = topology.place(first), topology.place(second)
+    merging = (one, other, *doorways_between(topology, one, other))
+    cells = [_flat(topology.cells(place.id), topology.grid) for place in merging]
+    larger = max((one, other), key=lambda place: place.area_m2)
+    return np.sort(np.concatenate(cells)), larger.label
 
 
 def _cell(grid: OccupancyGrid, point: tuple[float, float]) -> tuple[int, int]:

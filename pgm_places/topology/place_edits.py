@@ -16,7 +16,7 @@ from pgm_places.topology.naming import name_places
 from pgm_places.topology.regions import Region, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["merged", "renamed", "split_across", "split_at"]
+__all__ = ["doorways_between", "merged", "renamed", "split_across", "split_at"]
 
 _N_DIRECTIONS = 24
 _LEAST_PART_M2 = 0.1
@@ -51,6 +51,21 @@ def merged(topology: TopologicalMap, first: int | str, second: int | str) -> Top
         A place is unknown, both are the same, or they neither touch nor share a doorway.
     """
     one, other = topology.place(first), topology.place(second)
+    doors = doorways_between(topology, one, other)
+    region = topology.region.copy()
+    for gone in (other, *doors):
+        region[region == gone.id] = one.id
+    return _described(topology, region, {})
+
+
+def doorways_between(topology: TopologicalMap, one: Region, other: Region) -> list[Region]:
+    """The doorways that join two places and lead nowhere else; empty where they only touch.
+
+    Raises
+    ------
+    InputError
+        Both are the same place, or they neither touch nor share a doorway.
+    """
     if one.id == other.id:
         raise InputError(f"{one.name!r} cannot be merged with itself; name two places")
     near = {region.id: region for region in topology.neighbours(one.id)}
@@ -69,10 +84,7 @@ def merged(topology: TopologicalMap, first: int | str, second: int | str) -> Top
             f"{one.name!r} and {other.name!r} neither touch nor share a doorway of their own"
             f"{between}; merge places that lie next to each other"
         )
-    region = topology.region.copy()
-    for gone in (other, *doors):
-        region[region == gone.id] = one.id
-    return _described(topology, region, {})
+    return doors
 
 
 def split_across(
