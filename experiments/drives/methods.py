@@ -54,7 +54,8 @@ def _rows(config: ExperimentConfig) -> Iterator[str]:
     variants = {CHAIN: config}
     variants[LOOPS] = replace(changed_config(config, {"steps.loop_m": LOOP_M}), methods=loopy)
     if "room" in config.labels.names:  # categories are labels of steps, and not of the cells
-        variants[JOINT] = replace(config, nodes="both", methods=loopy)
+        drives = tuple(item for item in config.train if item.is_drive)  # each with its map
+        variants[JOINT] = replace(config, nodes="both", train=drives, methods=loopy)
     found = {}
     for graph, variant in variants.items():
         compared = compare(Experiment(variant, FOLDER))

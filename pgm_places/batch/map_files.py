@@ -12,9 +12,10 @@ from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.progress import Progress
 from pgm_places.report.label_files import write_labels
 from pgm_places.report.topology_output import write_places
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["LabelledFile", "label_file"]
+__all__ = ["LabelledFile", "label_file", "write_labelled"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +64,28 @@ def label_file(
         n_threads=n_threads,
         progress=progress,
     )
+    return write_labelled(result, source, files, model.rules, progress)
+
+
+def write_labelled(
+    result: LabelledPlaces,
+    source: MapFile,
+    files: OutputSet,
+    rules: TopologyOptions,
+    progress: Progress,
+) -> LabelledFile:
+    """Write a labelled map and its places; what the labelling warned of is passed on."""
     for message in result.warnings:
         progress.warn(message)
     with progress.stage("writing files"):
         write_labels(result, source, files.stage)
     summary, labels, area_m2 = result.summary(), result.labels, result.shares()
     warnings = (*source.warnings, *result.warnings)
-    inputs = _inputs_of_places(result, gates=model.rules.doorways == "gates")
+    inputs = _inputs_of_places(result, gates=rules.doorways == "gates")
     title = f"{source.yaml_path.stem}: {result.method}"
     del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
-        topology = write_places(files, title, model.rules, grid=source.grid, **inputs)
+        topology = write_places(files, title, rules, grid=source.grid, **inputs)
     return LabelledFile(summary, labels, area_m2, warnings, topology)
 
 

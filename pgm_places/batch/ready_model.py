@@ -50,8 +50,10 @@ def ready_model(options: LabelOptions) -> ReadyModel:
     ConfigError
         The model has no such method, or an option does not take its value.
     """
-    stored = read(options.folder, "place-labeler")
+    stored = read(options.folder, "place-labeler", "joint-labeler")
     labeler, rules = stored.item, rules_with(stored.rules, options.doorways)
+    if stored.kind == "joint-labeler":
+        labeler = labeler.of_maps()
     if options.halls is not None:
         labeler = labeler.with_options(halls=options.halls)
     method = options.method or labeler.default_method

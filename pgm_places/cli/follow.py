@@ -15,6 +15,7 @@ from pgm_places.cli.track import (
     labelled_map,
     map_of,
     seen_objects,
+    stored_model,
     track_labeler,
     write,
 )
@@ -54,7 +55,13 @@ def run_follow(
     if options.truth is not None:
         raise ConfigError("--truth scores complete logs; track the log without --follow to use it")
     progress = make_progress(quiet=quiet)
-    labeler, grid = track_labeler(options, progress), map_of(options)
+    stored = stored_model(options)
+    if stored.kind == "joint-labeler":
+        raise ConfigError(
+            "--follow labels scan by scan, but this model labels a whole drive together with its "
+            "map; track the complete log without --follow"
+        )
+    labeler, grid = track_labeler(stored, options, progress), map_of(options)
     if log.suffix.lower() == ".csv":  # poses without scans
         labeler = labeler.with_options(beams__missing="known-map", beams__all_from_map=True)
     known = labelled_map(options, labeler)

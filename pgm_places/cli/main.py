@@ -580,7 +580,7 @@ def track(
     quiet: Quiet = False,
 ) -> None:
     """Label the places along a trajectory. The log may be complete or growing."""
-    from pgm_places.cli.track import TrackOptions, run_track
+    from pgm_places.cli.track import TrackOptions, run_track, stored_model
 
     options = TrackOptions(
         model, map_yaml, mode, beams, every, max_range, truth, counts, counts_within, map_labels
@@ -594,7 +594,13 @@ def track(
 
         raise ConfigError("--jsonl is for --follow; beliefs.csv has a row per scan of a whole log")
     else:
-        run_track(log, out, options, force=force, quiet=quiet)
+        stored = stored_model(options)
+        if stored.kind == "joint-labeler":
+            from pgm_places.cli.track_joint import run_joint
+
+            run_joint(stored, log, out, options, force=force, quiet=quiet)
+        else:
+            run_track(stored, log, out, options, force=force, quiet=quiet)
 
 
 @app.command()

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.persistence.map_prior import LabelledMapFolder
+    from pgm_places.persistence.stored import Stored
     from pgm_places.progress import Progress
     from pgm_places.trajectories.trajectory import Trajectory
     from pgm_places.vision.object_counts import ObjectCounts
@@ -26,11 +27,16 @@ if TYPE_CHECKING:
 __all__ = [
     "Seen",
     "TrackOptions",
+    "folder_for",
     "labelled_map",
     "map_of",
+    "read_log",
     "run_track",
     "seen_objects",
+    "stored_model",
+    "summary",
     "track_labeler",
+    "with_truth",
     "write",
 ]
 
@@ -55,31 +61,49 @@ class TrackOptions:
 
 
 def run_track(
-    log: Path, out: Path | None, options: TrackOptions, *, force: bool, quiet: bool
+    stored: "Stored",
+    log: Path,
+    out: Path | None,
+    options: TrackOptions,
+    *,
+    force: bool,
+    quiet: bool,
 ) -> None:
-    """Label a complete log."""
-    from pgm_places.io.logs.trajectories import read_trajectory
+    """Label a complete log with a model of drives, or one of maps."""
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import TRACK
 
+    out, progress = folder_for(log, out), make_progress(quiet=quiet)
+    labeler = track_labeler(stored, options, progress)
+    grid, known = map_of(options), labelled_map(options, labeler)
+    counts = seen_objects(options, labeler, progress)
+    with output_set(out, "track", names=TRACK, force=force) as files:
+        read = read_log(log, options, progress)
+        track = _track(read, labeler, grid, known, counts, options, progress)
+        with progress.stage("writing files"):
+            write(track, grid, files.stage)
+    say(summary(track))
+    say_written(files)
+
+
+def folder_for(log: Path, out: Path | None) -> Path:
+    """The folder for the results of a complete log; without one, or a log, the command ends."""
     if out is None:
         raise ConfigError("track needs a folder for its results: pass --out DIR")
     if str(log) == "-":
         raise ConfigError("standard input requires --follow; without it, name a log file")
-    progress = make_progress(quiet=quiet)
-    labeler = track_labeler(options, progress)
-    grid, known = map_of(options), labelled_map(options, labeler)
-    counts = seen_objects(options, labeler, progress)
-    with output_set(out, "track", names=TRACK, force=force) as files:
-        with progress.stage("log"):
-            read = read_trajectory(log, range_max_m=options.max_range_m)
-        for message in read.warnings:
-            progress.warn(message)
-        track = _track(read, labeler, grid, known, counts, options, progress)
-        with progress.stage("writing files"):
-            write(track, grid, files.stage)
-    say(_summary(track))
-    say_written(files)
+    return out
+
+
+def read_log(log: Path, options: TrackOptions, progress: "Progress") -> "LoadedLog":
+    """A complete log, with its warnings on standard error."""
+    from pgm_places.io.logs.trajectories import read_trajectory
+
+    with progress.stage("log"):
+        read = read_trajectory(log, range_max_m=options.max_range_m)
+    for message in read.warnings:
+        progress.warn(message)
+    return read
 
 
 def _track(
@@ -94,7 +118,7 @@ def _track(
     """The labelled log, with all warnings about it."""
     from pgm_places.labelers.tracking import Track
 
-    trajectory = _with_truth(read.trajectory, options, tuple(labeler.label_names))
+    trajectory = with_truth(read.trajectory, options, tuple(labeler.label_names))
     warnings = list(read.warnings)
     extra = None
     if counts is not None:
@@ -168,11 +192,16 @@ def seen_objects(
     return Seen(counts, names, options.counts_within_s)
 
 
-def track_labeler(options: TrackOptions, progress: "Progress") -> "TrajectoryLabeler":
-    """The stored labeler, with the options of the command."""
+def track_labeler(
+    stored: "Stored", options: TrackOptions, progress: "Progress"
+) -> "TrajectoryLabeler":
+    """The labeler of a stored model, with the options of the command."""
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.models.hmm import HiddenMarkovModel
 
-    labeler = _stored_labeler(options.model or _default_model(options))
+    labeler = stored.item
+    if stored.kind == "place-labeler":  # with what it knows of moving robots
+        labeler = TrajectoryLabeler.from_places(labeler)
     is_hmm = isinstance(labeler.method_, HiddenMarkovModel)
     if is_hmm:
         labeler = _changed(labeler, method__mode=options.mode)
@@ -218,29 +247,24 @@ def _default_model(options: TrackOptions) -> str:
     return TRACKING if options.map_yaml is None else DEFAULT
 
 
-def _stored_labeler(model: str) -> "TrajectoryLabeler":
-    """A trajectory labeler, or one made from a map model and its motion statistics."""
-    from pgm_places.labelers.place_labeler import PlaceLabeler
-    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+def stored_model(options: TrackOptions) -> "Stored":
+    """The model that is named, or the default one, of a kind that labels drives."""
     from pgm_places.persistence.stored import read
     from pgm_places.trained import model_folder
 
-    found = read(model_folder(model), "place-labeler", "trajectory-labeler").item
-    if isinstance(found, PlaceLabeler):
-        return TrajectoryLabeler.from_places(found)
-    assert isinstance(found, TrajectoryLabeler)  # read() has checked
-    return found
+    folder = model_folder(options.model or _default_model(options))
+    return read(folder, "place-labeler", "trajectory-labeler", "joint-labeler")
 
 
-def _with_truth(
+def with_truth(
     trajectory: "Trajectory", options: TrackOptions, label_names: tuple[str, ...]
 ) -> "Trajectory":
     """The trajectory with the true places from a table of as many steps, if one is named."""
     if options.truth is None:
         return trajectory
-    from pgm_places.io.logs.truth_table import with_truth
+    from pgm_places.io.logs import truth_table
 
-    return with_truth(trajectory, options.truth, label_names)
+    return truth_table.with_truth(trajectory, options.truth, label_names)
 
 
 def map_of(options: TrackOptions) -> "OccupancyGrid | None":
@@ -259,7 +283,7 @@ def write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
     write_track(track, drawn_on, out)
 
 
-def _summary(track: "Track") -> str:
+def summary(track: "Track") -> str:
     """The visits, steps and metres of each place."""
     total = max(len(track.trajectory), 1)
     rows = [["place", "visits", "steps", "share", "metres"]]

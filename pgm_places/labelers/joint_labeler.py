@@ -1,5 +1,6 @@
 """JointLabeler: labels a map, a drive, or a map together with a drive through it, as one graph."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self
@@ -9,10 +10,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.evaluation.evaluation import evaluate
-from pgm_places.inference.backends import Learnable
+from pgm_places.inference.backends import METHODS, Learnable
 from pgm_places.labelers.joint_graph import JointGraph, JointLabeling
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.labelers.method import as_backend, check_labels_maps, infer, with_edge_kinds
+from pgm_places.labelers.method import (
+    PlaceMethod,
+    as_backend,
+    check_labels_maps,
+    infer,
+    unfitted,
+    with_edge_kinds,
+)
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.maps.labelled_map import LabelledMap
@@ -380,6 +388,42 @@ class JointLabeler(Labeler):
         """
         scores = self.scores(grid, drive, mask=mask, n_threads=n_threads, progress=progress)
         return self.infer(scores)
+
+    def with_steps(self, **options: Any) -> Self:
+        """A copy that has learned the same and looks at drives with other options.
+
+        Options are those of ``steps``, such as ``every_m`` or ``beams__missing``.
+
+        Raises
+        ------
+        ConfigError
+            There is no such option, or it does not take its value.
+        """
+        self.check_fitted()
+        found = copy.copy(self)
+        found.steps_ = self.steps_.with_options(**options)
+        return found
+
+    def of_maps(self) -> PlaceLabeler:
+        """A labeler of maps alone, with the same list and method: its labels are those of a map.
+
+        Everything that takes a labeler of maps takes it, such as
+        :func:`pgm_places.labelers.label_map.label_map`.
+
+        Raises
+        ------
+        NotFittedError
+            Before :meth:`fit`.
+        """
+        self.check_fitted()
+        backend = self.method_
+        if self.link_weight_ is not None:  # without links, all edges have the same weight
+            backend = replace(backend, edge_weights="equal")
+        name, unary = METHODS.name_of(type(backend)), self.places_.method().unary
+        found = copy.copy(self.places_)
+        found.methods = {name: PlaceMethod(unfitted(backend), unary)}
+        found.methods_ = {name: PlaceMethod(backend, unary)}
+        return found
 
     def _part(self, name: str) -> Any:
         return as_backend(self.method) if name == "method" else super()._part(name)

@@ -29,7 +29,7 @@ KINDS = (
 USES = {
     "place-labeler": "pgm-places label",
     "trajectory-labeler": "pgm-places track",
-    "joint-labeler": "pgm_places.load(folder).label(grid, drive) in Python",
+    "joint-labeler": "pgm-places track LOG --map MAP, or pgm-places label",
     "structured-labeler": "pgm_places.load(folder) in Python",
     "backend": "pgm_places.load(folder) in Python",
 }

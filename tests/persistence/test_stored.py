@@ -127,7 +127,7 @@ def test_other_kinds_are_refused_where_one_is_wanted(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match="holds a 'backend' model; a 'place-labeler' or 'traj"):
         read(STORED / "backend_hmm", "place-labeler", "trajectory-labeler")
     save_folder(tmp_path / "joint", {"kind": "joint-labeler"}, {})
-    with pytest.raises(ModelFileError, match=r"with pgm_places\.load\(folder\)\.label\(grid"):
+    with pytest.raises(ModelFileError, match="use this one with pgm-places track LOG --map MAP"):
         read(tmp_path / "joint", "place-labeler", "trajectory-labeler")
     save_folder(tmp_path / "steps", {"kind": "trajectory-labeler"}, {})
     with pytest.raises(ModelFileError, match="use this one with pgm-places track"):

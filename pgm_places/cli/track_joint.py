@@ -1,0 +1,99 @@
+"""``pgm-places track`` with a model of cells and steps: a drive labelled together with its map."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places.cli.flags import named_as_flags
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.track import TrackOptions, folder_for, read_log, summary, with_truth, write
+from pgm_places.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pgm_places.io.maps.map_server import MapFile
+    from pgm_places.labelers.joint_labeler import JointLabeler
+    from pgm_places.labelers.label_map import LabelledPlaces
+    from pgm_places.labelers.tracking import Track
+    from pgm_places.persistence.stored import Stored
+    from pgm_places.progress import Progress
+
+__all__ = ["run_joint"]
+
+
+def run_joint(
+    stored: "Stored",
+    log: Path,
+    out: Path | None,
+    options: TrackOptions,
+    *,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Label a complete log, and the map beneath it if there is one, which is written as well."""
+    from pgm_places.batch.map_files import write_labelled
+    from pgm_places.io.maps.map_server import load_map
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import TRACK, label_names
+    from pgm_places.report.topology_output import places_summary
+
+    out, progress = folder_for(log, out), make_progress(quiet=quiet)
+    labeler = _labeler(stored, options)
+    source, names = None, TRACK
+    if options.map_yaml is not None:
+        source, names = load_map(options.map_yaml), (*TRACK, *label_names(labeler.label_names_))
+        for message in source.warnings:
+            progress.warn(message)
+    with output_set(out, "track", names=names, force=force) as files:
+        track, places = _labelled(labeler, log, source, options, progress)
+        found = None
+        if source is not None and places is not None:
+            found = write_labelled(places, source, files, stored.rules, progress)
+        with progress.stage("writing files"):
+            write(track, None if source is None else source.grid, files.stage)
+    say(summary(track))
+    if found is not None:
+        say(f"{found.summary}\n{places_summary(found.topology)}")
+    say_written(files)
+
+
+def _labeler(stored: "Stored", options: TrackOptions) -> "JointLabeler":
+    """The model with the options of the command; those for other models are refused."""
+    labeler: JointLabeler = stored.item
+    if options.mode != "filter":
+        raise ConfigError(
+            f"--mode {options.mode} is for hidden Markov models; this model's method is "
+            f"{type(labeler.method_).__name__}, which labels whole drives"
+        )
+    if options.map_labels is not None:
+        raise ConfigError(
+            "--map-labels is for models of drives alone; this one labels the map together with "
+            "the drive: pass --map only"
+        )
+    if options.counts is not None:
+        raise ConfigError("this model uses the laser only; omit --counts")
+    changes = {"every_m": options.every_m, "beams__missing": options.beams}
+    chosen = {name: value for name, value in changes.items() if value is not None}
+    with named_as_flags({"missing": "--beams", "every_m": "--every"}):
+        return labeler.with_steps(**chosen) if chosen else labeler
+
+
+def _labelled(
+    labeler: "JointLabeler",
+    log: Path,
+    source: "MapFile | None",
+    options: TrackOptions,
+    progress: "Progress",
+) -> "tuple[Track, LabelledPlaces | None]":
+    """The labelled log, and the labelled map where there is one."""
+    from pgm_places.labelers.label_joint import label_map_and_drive
+    from pgm_places.labelers.tracking import Track
+
+    read, names = read_log(log, options, progress), labeler.label_names_
+    drive = with_truth(read.trajectory, options, names)
+    if source is None:
+        steps = labeler.label(drive=drive, progress=progress).steps
+        assert steps is not None  # there is a drive
+        return Track(drive, steps, names, tuple(read.warnings)), None
+    found = label_map_and_drive(labeler, source.grid, drive, progress=progress)
+    warnings = (*read.warnings, *found.map.warnings)
+    return Track(drive, found.steps, names, warnings), found.map

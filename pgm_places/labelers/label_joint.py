@@ -1,0 +1,83 @@
+"""Labelling a map together with a drive, whatever the resolution of the map."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pgm_places.graph.layout import GridLayout
+from pgm_places.inference.backends import METHODS
+from pgm_places.inference.labeling import Labeling
+from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.progress import Progress
+from pgm_places.trajectories.trajectory import Trajectory
+
+__all__ = ["LabelledDrive", "label_map_and_drive"]
+
+
+class LabelledDrive(NamedTuple):
+    """A labelled map and the labelling of a drive through it.
+
+    Parameters
+    ----------
+    map : LabelledPlaces
+        On the map's own raster.
+    steps : Labeling
+        Of the drive's steps.
+    """
+
+    map: LabelledPlaces
+    steps: Labeling
+
+
+def label_map_and_drive(
+    labeler: JointLabeler,
+    grid: OccupancyGrid,
+    drive: Trajectory,
+    *,
+    n_threads: int | None = None,
+    progress: Progress | None = None,
+) -> LabelledDrive:
+    """The map and the drive labelled as one graph, the map on its own raster.
+
+    A map of another resolution than the training maps' is brought to theirs first, as
+    :func:`~pgm_places.labelers.label_map.label_map` does, and a warning says so.
+
+    Parameters
+    ----------
+    labeler : JointLabeler
+        Fitted.
+    grid : OccupancyGrid
+        In the frame of the drive's poses.
+    drive : Trajectory
+        With scans, or without them if the model casts them in the map.
+    n_threads, progress
+        As for every labeler: see :mod:`pgm_places.labelers.labeler`.
+
+    Raises
+    ------
+    MapError
+        The map has no free cell, or none that is left at the model's resolution.
+    InputError
+        None of the drive's positions is on a free cell of the map.
+    NotFittedError
+        The labeler has not learned.
+    """
+    labeler.check_fitted()
+    used, warnings = at_model_resolution(labeler.places_, grid)
+    scores = labeler.scores(used, drive, n_threads=n_threads, progress=progress)
+    found = labeler.infer(scores)
+    cells = scores.graph.cells
+    assert cells is not None and isinstance(cells.layout, GridLayout)
+    assert found.cells is not None and found.steps is not None  # there are a map and a drive
+    places = LabelledPlaces(
+        grid,
+        np.empty(0, np.int16),
+        cells.layout,
+        found.cells,
+        labeler.label_names_,
+        METHODS.name_of(type(labeler.method_)),
+        tuple(warnings),
+    )
+    return LabelledDrive(on_own_raster(places, used), found.steps)
