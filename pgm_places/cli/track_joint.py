@@ -38,7 +38,8 @@ def run_joint(
 
     out, progress = folder_for(log, out), make_progress(quiet=quiet)
     labeler = _labeler(stored, options)
-    source, names = None, TRACK
+    source: MapFile | None = None
+    names: tuple[str, ...] = TRACK
     if options.map_yaml is not None:
         source, names = load_map(options.map_yaml), (*TRACK, *label_names(labeler.label_names_))
         for message in source.warnings:
