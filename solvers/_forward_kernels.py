@@ -1,8 +1,11 @@
 """Kernels of hidden Markov chains: the filter with scaled likelihoods, the smoother, Viterbi.
 
-``each`` has an entry per label. Where it is a tuple, its length is a constant to the compiler,
-which then unrolls all loops over labels; an array serves any number of labels with one compiled
-kernel.
+``each`` has a 0.0 per label. Where it is a tuple, its length is a constant to the compiler, and a
+chain's numbers are carried from step to step in registers; an array serves any number of labels
+with one compiled kernel.
+
+Beliefs are carried without dividing by their sum, which is kept beside them, so that no step waits
+for a division; they are scaled up again before they become too small.
 """
 
 from typing import Any, NamedTuple
@@ -10,9 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import fused, njit
+from pgm_places.kernels.registers import blank, replaced
 
 SMALLEST_TOTAL = 1e-280  # below, scaled products have lost digits: that step is done in logarithms
+SMALL_TOTAL = 1e-100  # below, what is carried is scaled up again
 LOW_SCORE = -1e3  # of the best path: below, scores are counted from it anew, so that digits remain
 
 
@@ -82,7 +87,7 @@ def filter_steps(
     steps: Steps,
     each: Any,
 ) -> None:
-    """Filter some steps on from ``belief`` (K,), which is left at the last (paper eq. 3).
+    """Filter some steps on from ``belief`` (K,), of any sum, left at the last (paper eq. 3).
 
     ``arrival[a, l, m]`` is the probability of coming to ``l`` from ``m`` under the action that led
     to the step; before anything has ``begun`` the belief is the first step's prediction. Impossible
@@ -90,34 +95,77 @@ def filter_steps(
     """
     action, log_likelihood, likelihood, scale, out, total = steps
     n_steps, n_labels = likelihood.shape[0], len(each)
-    predicted = np.empty(n_labels)
+    logs = np.empty(n_labels)
+    carried, following = blank(each), blank(each)
+    before = 0.0  # the sum of what is carried
+    for k in range(n_labels):
+        carried = replaced(carried, k, belief[k])
+        before += belief[k]
     for t in range(n_steps):
         if t > 0 or begun:
             a = action[t]
             for k in range(n_labels):
-                arriving = arrival[a, k, 0] * belief[0]
+                arriving = arrival[a, k, 0] * carried[0]
                 for m in range(1, n_labels):
-                    arriving += arrival[a, k, m] * belief[m]
-                predicted[k] = arriving
-        else:
-            for k in range(n_labels):
-                predicted[k] = belief[k]
+                    arriving += arrival[a, k, m] * carried[m]
+                following = replaced(following, k, arriving)
+            carried, following = following, carried
         mass = 0.0
         for k in range(n_labels):
-            belief[k] = predicted[k] * likelihood[t, k]
-            mass += belief[k]
-        if mass < SMALLEST_TOTAL:
-            mass, scale[t] = _weigh_in_logs(log_likelihood, t, predicted)
+            weighed = carried[k] * likelihood[t, k]
+            following = replaced(following, k, weighed)
+            mass += weighed
+        total[t] = mass / before
+        if mass < SMALL_TOTAL:
+            if mass < SMALLEST_TOTAL:
+                for k in range(n_labels):
+                    logs[k] = carried[k] / before
+                total[t], scale[t] = _weigh_in_logs(log_likelihood, t, logs)
+                mass = total[t]
+                if mass == 0.0:
+                    for k in range(n_labels):
+                        mass += logs[k]
+                for k in range(n_labels):
+                    following = replaced(following, k, logs[k])
             for k in range(n_labels):
-                belief[k] = predicted[k]
-        total[t] = mass
-        if mass == 0.0:
-            for k in range(n_labels):
-                mass += predicted[k]
+                following = replaced(following, k, following[k] / mass)
+            mass = 1.0
         factor = 1.0 / mass
         for k in range(n_labels):
-            belief[k] *= factor
-            out[t, k] = belief[k]
+            out[t, k] = following[k] * factor
+        carried, following = following, carried
+        before = mass
+    for k in range(n_labels):
+        belief[k] = carried[k]
+
+
+@fused
+def _one_back(
+    arrival: NDArray[np.float64],
+    a: int,
+    filtered: NDArray[np.float64],
+    t: int,
+    later: Any,
+    predicted: Any,
+    least: float,
+    earlier: Any,
+    ratio: Any,
+) -> tuple[float, Any]:
+    """The sum of a step's smoothed belief and, in the room ``earlier``, the belief, not divided.
+
+    Ratios of the ``later`` belief and its prediction are all multiplied by ``least``.
+    """
+    n_labels, mass = len(predicted), 0.0
+    for m in range(n_labels):
+        ratio = replaced(ratio, m, later[m] * (least / predicted[m]))
+    for k in range(n_labels):
+        back = arrival[a, 0, k] * ratio[0]
+        for m in range(1, n_labels):
+            back += arrival[a, m, k] * ratio[m]
+        weighed = filtered[t, k] * back
+        earlier = replaced(earlier, k, weighed)
+        mass += weighed
+    return mass, earlier
 
 
 @njit
@@ -133,51 +181,66 @@ def smooth_steps(
     led to step ``t``.
     """
     n_steps, n_labels = len(beliefs), len(each)
-    ratio = np.empty(n_labels)
+    later, earlier, predicted, ratio = blank(each), blank(each), blank(each), blank(each)
+    for k in range(n_labels):
+        later = replaced(later, k, beliefs[n_steps - 1, k] if n_steps else 0.0)
+    before = 1.0  # the sum of ``later``
     for t in range(n_steps - 2, -1, -1):
         a = action[t + 1]
         least = np.inf
         for m in range(n_labels):
-            ratio[m] = 0.0
-            for k in range(n_labels):
-                ratio[m] += arrival[a, m, k] * beliefs[t, k]
-            if beliefs[t + 1, m] > 0.0 and 0.0 < ratio[m] < least:
-                least = ratio[m]
-        for m in range(n_labels):  # all by the same factor, so that nothing overflows
-            ratio[m] = beliefs[t + 1, m] * (least / ratio[m]) if ratio[m] > 0.0 else 0.0
-        mass = 0.0
-        for k in range(n_labels):
-            back = 0.0
+            coming = arrival[a, m, 0] * beliefs[t, 0]
+            for k in range(1, n_labels):
+                coming += arrival[a, m, k] * beliefs[t, k]
+            coming = coming if coming > 0.0 else 1.0  # its label is ruled out: its ratio is 0
+            predicted = replaced(predicted, m, coming)
+            least = coming if coming < least else least
+        mass, earlier = _one_back(arrival, a, beliefs, t, later, predicted, least, earlier, ratio)
+        if (
+            mass < SMALL_TOTAL
+        ):  # again, with a scale that labels do not count for that are ruled out
+            least = np.inf
             for m in range(n_labels):
-                back += arrival[a, m, k] * ratio[m]
-            beliefs[t, k] *= back
-            mass += beliefs[t, k]
+                later = replaced(later, m, later[m] / before)
+                if later[m] > 0.0 and predicted[m] < least:
+                    least = predicted[m]
+            mass, earlier = _one_back(
+                arrival, a, beliefs, t, later, predicted, least, earlier, ratio
+            )
+            for k in range(n_labels):
+                earlier = replaced(earlier, k, earlier[k] / mass)
+            mass = 1.0
+        factor = 1.0 / mass
         for k in range(n_labels):
-            beliefs[t, k] /= mass
+            beliefs[t, k] = earlier[k] * factor
+        later, earlier = earlier, later
+        before = mass
 
 
 @njit
 def viterbi_steps(
-    log_initial: NDArray[np.float64],
+    best_score: NDArray[np.float64],
+    begun: bool,
     log_arrival: NDArray[np.float64],
     action: NDArray[np.int64],
     log_likelihood: NDArray[np.float64],
-    origin: NDArray[np.int16],
-    out: NDArray[np.int64],
+    origin: NDArray[np.signedinteger[Any]],
     impossible: NDArray[np.bool_],
     each: Any,
 ) -> float:
-    """Write the most probable labels (T,) and return the logarithm of their joint probability.
+    """Go on by some steps from the score (K,) of the best path to each label, left at the last.
 
-    ``origin`` (T, K) is scratch: the best label before each. An impossible observation is marked
-    and left out.
+    Before anything has ``begun`` the scores are those of the first labels. ``origin`` (n, K) is the
+    best label before each. An impossible observation is marked and left out. Returns what was taken
+    off all scores.
     """
     n_steps, n_labels = len(log_likelihood), len(each)
-    reach = np.empty(n_labels)
-    arrive = log_initial.copy()
+    reach, arrive = blank(each), blank(each)
+    for k in range(n_labels):
+        reach = replaced(reach, k, best_score[k])
     shift = 0.0
     for t in range(n_steps):
-        if t > 0:
+        if t > 0 or begun:
             a = action[t]
             for k in range(n_labels):
                 best, best_from = reach[0] + log_arrival[a, k, 0], 0
@@ -185,27 +248,32 @@ def viterbi_steps(
                     through = reach[m] + log_arrival[a, k, m]
                     if through > best:
                         best, best_from = through, m
-                arrive[k] = best
+                arrive = replaced(arrive, k, best)
                 origin[t, k] = best_from
+        else:
+            arrive, reach = reach, arrive
         most = -np.inf
         for k in range(n_labels):
-            reach[k] = arrive[k] + log_likelihood[t, k]
-            most = max(most, reach[k])
+            reached = arrive[k] + log_likelihood[t, k]
+            reach = replaced(reach, k, reached)
+            most = reached if reached > most else most
+        impossible[t] = most == -np.inf
         if most == -np.inf:
-            impossible[t] = True
             for k in range(n_labels):
-                reach[k] = arrive[k]
+                reach = replaced(reach, k, arrive[k])
                 most = max(most, reach[k])
         if most < LOW_SCORE:
             for k in range(n_labels):
-                reach[k] -= most
+                reach = replaced(reach, k, reach[k] - most)
             shift += most
-    last = 0
-    for k in range(1, n_labels):
-        if reach[k] > reach[last]:
-            last = k
-    shift += reach[last]
-    for t in range(n_steps - 1, -1, -1):
+    for k in range(n_labels):
+        best_score[k] = reach[k]
+    return shift
+
+
+@njit
+def trace_back(origin: NDArray[np.signedinteger[Any]], last: int, out: NDArray[np.int64]) -> None:
+    """Write the labels (T,) of the path that ends in ``last``."""
+    for t in range(len(out) - 1, -1, -1):
         out[t] = last
         last = origin[t, last]
-    return shift

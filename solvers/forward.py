@@ -4,6 +4,7 @@ Observations that the model says cannot happen are left out, as if nothing had b
 step, and their steps are reported; beliefs never become NaN.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ __all__ = [
     "viterbi",
 ]
 
-STEPS_AT_ONCE = 4096  # likelihoods of so many steps stay in cache between exponential and filter
+STEPS_AT_ONCE = 8192  # likelihoods of so many steps stay in cache between exponential and filter
 FEW_LABELS = 8  # kernels are compiled for each of these numbers of labels, and for any larger one
 SUM_TOLERANCE = 1e-6  # of probabilities that must sum to one
 
@@ -142,23 +143,33 @@ def viterbi(
     >>> viterbi([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
     [0, 0, 0]
     """
-    from pgm_places.solvers._forward_kernels import viterbi_steps
+    from pgm_places.solvers._forward_kernels import trace_back, viterbi_steps
 
     start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
         raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
-    labels = np.zeros(n_steps, np.int64)
-    impossible = np.zeros(n_steps, np.bool_)
     with np.errstate(divide="ignore"):
-        log_start, log_arrival = np.log(start), np.log(arrival)
-    total = 0.0
-    if n_steps:
-        origin, each = np.zeros(observed.shape, np.int16), _each(n_labels)
-        total = viterbi_steps(
-            log_start, log_arrival, led, observed, origin, labels, impossible, each
+        score, log_arrival = np.log(start), np.log(arrival)
+    narrow = np.int8 if n_labels <= FEW_LABELS else np.int16
+    origin, impossible = np.empty(observed.shape, narrow), np.empty(n_steps, np.bool_)
+    each, shift = _each(n_labels), 0.0
+    for part in _blocks(n_steps):
+        rows = _checked(observed, part)
+        shift += viterbi_steps(
+            score,
+            part.start > 0,
+            log_arrival,
+            led[part],
+            rows,
+            origin[part],
+            impossible[part],
+            each,
         )
-    return ChainPath(labels, float(total), np.flatnonzero(impossible))
+    labels, last = np.empty(n_steps, np.int64), int(score.argmax()) if n_labels else 0
+    trace_back(origin, last, labels)
+    total = shift + float(score[last]) if n_steps else 0.0
+    return ChainPath(labels, total, np.flatnonzero(impossible))
 
 
 def filter_step(
@@ -244,7 +255,7 @@ Chain = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDA
 def _check_chain(initial: ArrayLike, transition: ArrayLike, observed: Any, actions: Any) -> Chain:
     """Start (K,), arrival (A, K, K) by label and label before, log-likelihood, action led by."""
     rows = np.asarray(observed, np.float64)
-    if rows.ndim != 2 or not rows.max(initial=-np.inf) < np.inf:  # also true of NaN; a fast look
+    if rows.ndim != 2:
         finite_array("log_likelihood", rows, ("T", "K"), allow_minus_inf=True)
     n_steps, n_labels = rows.shape
     start, arrival = _check_tables(initial, transition, n_labels)
@@ -285,8 +296,22 @@ def require_distributions(name: str, values: NDArray[np.float64]) -> None:
 
 
 def _each(n_labels: int) -> Any:
-    """An entry per label: a tuple, whose length kernels are compiled for, if there are few."""
-    return (0,) * n_labels if 0 < n_labels <= FEW_LABELS else np.zeros(n_labels, np.int64)
+    """A 0.0 per label: a tuple, whose length kernels are compiled for, if there are few."""
+    return (0.0,) * n_labels if 0 < n_labels <= FEW_LABELS else np.zeros(n_labels)
+
+
+def _blocks(n_steps: int) -> Iterator[slice]:
+    """Slices of few enough steps that all their numbers stay in cache."""
+    for begin in range(0, n_steps, STEPS_AT_ONCE):
+        yield slice(begin, min(begin + STEPS_AT_ONCE, n_steps))
+
+
+def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
+    """Some rows of the log-likelihoods (T, K), looked at just before they are needed in cache."""
+    rows = observed[part]
+    if not rows.max(initial=-np.inf) < np.inf:  # also true of NaN
+        finite_array("log_likelihood", observed, ("T", "K"), allow_minus_inf=True)
+    return rows
 
 
 def _filter(
@@ -299,18 +324,18 @@ def _filter(
 
     n_steps, n_labels = observed.shape
     beliefs = np.empty((n_steps, n_labels))
-    likelihood = np.empty((min(n_steps, STEPS_AT_ONCE), n_labels))
-    total, scale = np.empty(n_steps), np.empty(n_steps)
+    size = min(n_steps, STEPS_AT_ONCE)
+    likelihood, sums, scales = np.empty((size, n_labels)), np.empty(size), np.empty(size)
     belief, each = start.copy(), _each(n_labels)
-    for begin in range(0, n_steps, STEPS_AT_ONCE):
-        part = slice(begin, min(begin + STEPS_AT_ONCE, n_steps))
-        rows, scaled = observed[part], likelihood[: part.stop - begin]
-        subtract_best(rows, scaled, scale[part], each)
+    evidence, impossible = 0.0, [np.empty(0, np.int64)]
+    for part in _blocks(n_steps):
+        rows, n = _checked(observed, part), part.stop - part.start
+        scaled, total, scale = likelihood[:n], sums[:n], scales[:n]
+        subtract_best(rows, scaled, scale, each)
         np.exp(scaled, out=scaled)
-        steps = Steps(led[part], rows, scaled, scale[part], beliefs[part], total[part])
-        filter_steps(belief, begin > 0, arrival, steps, each)
-    impossible = np.flatnonzero(total == 0.0)
-    evidence = -np.inf
-    if not len(impossible):
-        evidence = float(np.log(total).sum() + scale.sum())
-    return ChainBeliefs(beliefs, evidence, impossible)
+        steps = Steps(led[part], rows, scaled, scale, beliefs[part], total)
+        filter_steps(belief, part.start > 0, arrival, steps, each)
+        impossible.append(part.start + np.flatnonzero(total == 0.0))
+        with np.errstate(divide="ignore"):
+            evidence += float(np.log(total).sum() + scale.sum())
+    return ChainBeliefs(beliefs, evidence, np.concatenate(impossible))

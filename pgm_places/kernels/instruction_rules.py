@@ -13,6 +13,7 @@ from numba.extending import intrinsic
 from pgm_places.kernels.lane_access_rules import ACCESS_RULES
 from pgm_places.kernels.lane_type import Emit, LanesType, Rule, llvm_call, splat_value
 from pgm_places.kernels.lanes import LANES
+from pgm_places.kernels.register_rules import REGISTER_RULES
 
 __all__ = ["intrinsic_named"]
 
@@ -194,6 +195,7 @@ def _prefetch_rule(array: Any, index: Any) -> tuple[Any, Emit]:
 
 _RULES: dict[str, Rule] = {
     **ACCESS_RULES,
+    **REGISTER_RULES,
     "absolute": _same(1, "fabs"),
     "add_to": _add_rule,
     "any_lane": _any_rule,

@@ -208,7 +208,48 @@ def test_bad_input(change: dict[str, object], message: str) -> None:
             function(**{**arguments, **change})  # type: ignore[arg-type]
 
 
-def test_stepping_gives_the_bits_of_the_whole_chain() -> None:
+@pytest.mark.parametrize("k", [1, 3, 8])
+def test_registers_and_arrays_give_the_same_bits(k: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    initial, transition, likelihood, actions = a_chain(k, 400, k, 2, zeros=0.2 if k > 1 else 0.0)
+    observed = logs(likelihood) * np.random.default_rng(k).choice([1.0, 60.0, 400.0], (400, 1))
+    functions = (filtered_beliefs, smoothed_beliefs, viterbi)
+    few = [function(initial, transition, observed, actions=actions) for function in functions]
+    monkeypatch.setattr(forward, "FEW_LABELS", 0)
+    many = [function(initial, transition, observed, actions=actions) for function in functions]
+    for one, other in zip(few, many, strict=True):
+        for name, value in vars(one).items():
+            np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
+
+
+def smoothed_in_logs(initial: Array, transition: Array, observed: Array) -> Array:
+    """Forward and backward, every sum in logarithms: slow, and nothing underflows."""
+    steps = logs(transition)
+    forward_, back = [logs(initial) + observed[0]], [np.zeros(len(initial))]
+    for row in observed[1:]:
+        forward_.append(np.logaddexp.reduce(forward_[-1][:, None] + steps, axis=0) + row)
+    for row in observed[:0:-1]:
+        back.append(np.logaddexp.reduce(steps + row + back[-1], axis=1))
+    both = np.array(forward_) + np.array(back[::-1])
+    return np.asarray(np.exp(both - np.logaddexp.reduce(both, axis=1, keepdims=True)))
+
+
+def test_beliefs_of_what_was_all_but_ruled_out_keep_their_digits() -> None:
+    """Labels of probability 1e-250 that later observations turn out to be right about."""
+    rng = np.random.default_rng(3)
+    rare = 1e-120
+    transition = np.array(
+        [[1 - 2 * rare, rare, rare], [rare, 1 - 2 * rare, rare], [rare, 0.5, 0.5]]
+    )
+    initial = np.array([1 - 1e-250, 1e-250, 0.0])
+    observed = rng.choice([0.0, -1.0, -250.0, -600.0], (200, 3))
+    observed[50:60, 2] = -np.inf
+    found = smoothed_beliefs(initial, transition, observed)
+    expected = smoothed_in_logs(initial, transition, observed)
+    assert len(found.impossible) == 0
+    np.testing.assert_allclose(found.beliefs, expected, rtol=1e-9, atol=1e-15)
+
+
+def test_stepping_gives_the_beliefs_of_the_whole_chain() -> None:
     rng = np.random.default_rng(0)
     start, tables = rng.dirichlet(np.ones(4)), rng.dirichlet(np.ones(4), (2, 4))
     observed = 3.0 * rng.normal(size=(30, 4))
@@ -221,7 +262,7 @@ def test_stepping_gives_the_bits_of_the_whole_chain() -> None:
     for t in range(30):
         if t > 0:
             belief, possible = forward.step(observed[t], belief, int(actions[t - 1]))
-        np.testing.assert_array_equal(belief, whole.beliefs[t])
+        np.testing.assert_allclose(belief, whole.beliefs[t], rtol=1e-13, atol=0)
         assert possible == (t not in whole.impossible)
 
 
