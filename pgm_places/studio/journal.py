@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import IO, Any
 
-from pgm_places.errors import InputError, OutputError
+from pgm_places.errors import InputError, OutputError, shown
 from pgm_places.io.staging import as_output_errors
 
 try:
@@ -127,8 +127,8 @@ class Journal:
         for key, value in subject.items():
             if first.get(key) != value:
                 raise InputError(
-                    f"{self.path} belongs to another {key} ({first.get(key)!r}, not {value!r}); "
-                    "choose another folder with --out"
+                    f"{self.path} belongs to another {key} ({shown(first.get(key))}, not "
+                    f"{value!r}); choose another folder with --out"
                 )
         return entries[1:]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, printable
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.classes import Classes, PlaceClass
 from pgm_places.studio.journal import Journal
@@ -94,9 +94,10 @@ class Painting:
         for entry in journal.entries:
             try:
                 self._follow(entry)
-            except (KeyError, TypeError, ValueError, IndexError) as error:
+            except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
                 at = self.revision + 2  # the header is the first line
-                raise InputError(f"{journal.path}: line {at} is damaged ({error})") from None
+                reason = printable(str(error))[:300]
+                raise InputError(f"{journal.path}: line {at} is damaged ({reason})") from None
 
     @property
     def can_undo(self) -> bool:

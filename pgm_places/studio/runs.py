@@ -30,7 +30,7 @@ def cells_of_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np
     Raises
     ------
     InputError
-        A run lies outside the raster.
+        A run lies outside the raster, or together they have more cells than it.
 
     Examples
     --------
@@ -45,4 +45,6 @@ def cells_of_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np
     if not good.all():
         raise InputError(f"a run of cells lies outside the map: {runs[~good][0].tolist()}")
     ends = np.cumsum(length)
+    if len(ends) and ends[-1] > height * width:
+        raise InputError(f"runs of {ends[-1]} cells overlap: the map has {height * width}")
     return np.repeat(row * width + column - (ends - length), length) + np.arange(length.sum())

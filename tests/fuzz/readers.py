@@ -11,6 +11,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.manifest import MANIFEST_FILE, done_figures
+from pgm_places.batch.ready_model import ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.io.folder_swap import NEW, UNFINISHED
 from pgm_places.io.logs.detection_bags import read_detection_bag
@@ -24,8 +27,12 @@ from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.stored import read
+from pgm_places.studio.classes import Classes
+from pgm_places.studio.journal import Journal
+from pgm_places.studio.painting import Painting
+from pgm_places.teaching.paint import Paint
 from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated_text
-from tests.fuzz.seeds import MODELS, NAMES
+from tests.fuzz.seeds import JOURNAL_OF, MODELS, NAMES
 
 __all__ = ["READERS", "Reader"]
 
@@ -107,6 +114,34 @@ def finished(folder: Path) -> object:
     return claim(target)
 
 
+def painted(folder: Path) -> object:
+    """A studio's painting from its journal; a copy, because a torn line is cut off."""
+    copy = folder / "copy.jsonl"
+    shutil.copyfile(folder / "journal.jsonl", copy)
+    journal = Journal(copy, JOURNAL_OF)
+    try:
+        return Painting(grid_of(folder), Classes.named(NAMES), journal)
+    finally:
+        journal.close()
+
+
+@lru_cache(1)
+def model_for_batches() -> ReadyModel:
+    return ready_model(LabelOptions())
+
+
+def figures_of(folder: Path) -> object:
+    return done_figures(folder / "batch", folder / "map.yaml", model_for_batches(), LabelOptions())
+
+
+def of_lines(data: bytes, rng: random.Random) -> bytes:
+    """One line of JSON spoiled."""
+    lines = data.split(b"\n")
+    at = rng.randrange(len(lines) - 1)
+    lines[at] = of_json(lines[at], rng)
+    return b"\n".join(lines)
+
+
 def _of_folder(reader: Callable[..., object], *name: str, **options: Any) -> Any:
     return lambda folder: reader(folder.joinpath(*name), **options)
 
@@ -150,6 +185,22 @@ READERS: dict[str, Reader] = {
     "place_names.yaml": Reader(_of_folder(read_own_names), "place_names.yaml"),
     "record of outputs": Reader(_of_folder(claim, "outputs"), f"outputs/{RECORD_FILE}", JSON),
     "interrupted swap": Reader(finished, "removed.json", JSON),
+}
+READERS |= {
+    "journal of a studio": Reader(
+        painted, "journal.jsonl", (mutated_bytes, mutated_text, of_lines)
+    ),
+    "manifest of a batch": Reader(figures_of, f"batch/{MANIFEST_FILE}", JSON),
+    "corrections.png": Reader(
+        lambda folder: Paint.read(folder / "labels.png", grid_of(folder), NAMES),
+        "labels.png",
+        BYTES,
+    ),
+    "corrections.geojson": Reader(
+        lambda folder: Paint.read(folder / "truth.geojson", grid_of(folder), NAMES),
+        "truth.geojson",
+        JSON,
+    ),
 }
 for _model in MODELS:
     READERS[f"{_model}/manifest.json"] = Reader(

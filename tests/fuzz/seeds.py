@@ -9,16 +9,23 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from pgm_places.batch.manifest import MANIFEST_FILE, manifest_text
 from pgm_places.datasets import generate_building
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
+from pgm_places.inference.problem import LabelingProblem
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
+from pgm_places.studio.classes import Classes
+from pgm_places.studio.journal import Journal
+from pgm_places.studio.painting import Painting
 from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.fuzz.mutation import json_bytes
@@ -38,11 +45,14 @@ __all__ = ["MODELS", "NAMES", "seeds"]
 STORED = Path(__file__).parents[1] / "data" / "stored"
 MODELS = (
     *sorted(path.name for path in STORED.iterdir() if path.is_dir()),
+    "backend_crf",
+    "backend_semi_markov",
     "joint_labeler",
     "space_model",
 )
 """Folders of models."""
 NAMES = ("corridor", "room", "doorway")
+JOURNAL_OF = {"map": "0" * 64}
 
 CONFIG = """\
 title = "a config"
@@ -114,10 +124,43 @@ def seeds(folder: Path) -> None:
         json_bytes({"format": "pgm-places output", "schema": 1, "files": {"a.txt": record}})
     )
     (folder / "removed.json").write_bytes(json_bytes(["a.txt", "bag/one"]))
+    _write_journal(folder, grid)
+    inputs = {"map": "0" * 64, "image": "map.png", "image_sha256": "0" * 64, "names": None}
+    figures = {"seconds": 1.5, "places": {"room": 2}}
+    (folder / "batch").mkdir()
+    (folder / "batch" / MANIFEST_FILE).write_text(manifest_text(inputs, figures))
     _write_models(folder)
 
 
+def _write_journal(folder: Path, grid: OccupancyGrid) -> None:
+    """A studio's journal with an entry of every kind."""
+    journal = Journal(folder / "journal.jsonl", JOURNAL_OF)
+    painting = Painting(grid, Classes.named(NAMES), journal)
+    free = np.flatnonzero(grid.free)
+    painting.paint(free[:40], 1)
+    painting.paint(free[20:60], 2)
+    painting.set_class(3, "kitchen", "#336699")
+    painting.rename((1.0, 2.0), "lab", [])
+    painting.save_version("first")
+    painting.undo()
+    painting.redo()
+    painting.restore(painting.versions[0].revision)
+    journal.close()
+
+
+def _write_learned(folder: Path) -> None:
+    """A field and a semi-Markov model that have learned from a short chain."""
+    truth = np.repeat([0, 1, 2, 1], 6)
+    graph = LabelGraph.from_trajectory(np.arange(2.0 * len(truth)).reshape(-1, 2))
+    unary = np.log(0.1 + 0.7 * np.eye(3)[truth])
+    problem = LabelingProblem(graph, NAMES, unary=unary)
+    for method in ("crf", "semi_markov"):
+        backend = build(method).fit([problem], [truth])
+        save(backend, folder / f"backend_{method}", label_names=NAMES)
+
+
 def _write_models(folder: Path) -> None:
+    _write_learned(folder)
     for model in STORED.iterdir():
         if model.is_dir():
             shutil.copytree(model, folder / model.name)

@@ -110,6 +110,15 @@ def test_a_damaged_line_is_named(desk: Desk, open_desk: Reopen) -> None:
     path.write_text("\n".join([*lines, "what?", ""]))
     with pytest.raises(InputError, match=r"line 3 is damaged; restore"):
         open_desk()
+    huge = '{"op":"paint","label":0,"runs":[1,1,' + "9" * 30 + "]}"
+    path.write_text("\n".join([*lines, huge, ""]))
+    with pytest.raises(InputError, match=r"line 3 is damaged \(Python int too large"):
+        open_desk()
+    unknown = '{"op":"' + "\\u001b" * 3000 + '"}'
+    path.write_text("\n".join([*lines, unknown, ""]))
+    with pytest.raises(InputError, match=r"line 3 is damaged \(unknown edit") as caught:
+        open_desk()
+    assert len(str(caught.value)) < 2000 and str(caught.value).isprintable()
 
 
 def test_two_studios_do_not_share_a_folder(desk: Desk, open_desk: Reopen) -> None:

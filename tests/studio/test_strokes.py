@@ -90,3 +90,10 @@ def test_runs_hold_the_same_cells(cells: set[int]) -> None:
 def test_runs_outside_the_map_are_refused(run: list[int]) -> None:
     with pytest.raises(InputError, match="outside the map"):
         cells_of_runs(np.array([run]), (12, 17))
+
+
+def test_runs_of_more_cells_than_the_map_has_are_refused() -> None:
+    whole = np.array([[row, 0, 17] for row in range(12)])
+    assert len(cells_of_runs(whole, (12, 17))) == 12 * 17
+    with pytest.raises(InputError, match="runs of 205 cells overlap: the map has 204"):
+        cells_of_runs(np.concatenate([whole, [[3, 3, 1]]]), (12, 17))
