@@ -1,15 +1,14 @@
-"""The pictures of docs/training_data.md: ``python -m experiments.training_pictures``."""
+"""Pictures of training data: kinds of generated buildings, and robot-like maps of a plan."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
+from experiments.pictures.kept import keep
 from pgm_places.datasets import STYLES, generate_building, simulate_map
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.palette import GROUND_SWATCHES, label_swatches
 from pgm_places.report.canvas import label_canvas, view_of
 from pgm_places.report.sheet import Panel, sheet_png
 
-IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 NAMES = ("corridor", "room", "doorway", "hall")
 SEEDS = {
     "cells": 7,
@@ -34,15 +33,14 @@ def panel(item: LabelledMap, title: str) -> Panel:
     return Panel(label_canvas(item.grid, item.labels, NAMES, view), title)
 
 
-def write(path: Path, panels: Sequence[Panel], columns: int) -> None:
+def _sheet(name: str, panels: Sequence[Panel], columns: int) -> None:
     """A sheet of maps with one legend."""
     legend = (*label_swatches(NAMES), *GROUND_SWATCHES)
-    path.write_bytes(sheet_png(panels, columns=columns, legend=legend, long_side=1000 * columns))
-    print(f"wrote {path}")
+    keep(name, sheet_png(panels, columns=columns, legend=legend, long_side=1000 * columns))
 
 
-def main() -> None:
-    """Draw both sheets."""
+def kinds_of_buildings() -> None:
+    """A building of each kind."""
     kinds = []
     for style in STYLES:
         if style in SEEDS:
@@ -50,7 +48,11 @@ def main() -> None:
                 SEEDS[style], style=style, resolution_m=RESOLUTION_M, halls="hall"
             )
             kinds.append(panel(LabelledMap(made.grid, made.labels), style))
-    write(IMAGES / "kinds_of_buildings.png", kinds, columns=4)
+    _sheet("kinds_of_buildings", kinds, columns=4)
+
+
+def simulated_maps() -> None:
+    """A plan, and three maps that a robot would make of it."""
     drawn = generate_building(
         9,
         style="school",
@@ -62,8 +64,4 @@ def main() -> None:
     plan = LabelledMap(drawn.grid, drawn.labels, name="plan")
     robots = {seed: simulate_map(plan, NAMES, seed=seed) for seed in (0, 1, 4)}
     maps = [panel(made, f"simulated, seed {seed}") for seed, made in robots.items()]
-    write(IMAGES / "simulated_maps.png", [panel(plan, "plan"), *maps], columns=2)
-
-
-if __name__ == "__main__":
-    main()
+    _sheet("simulated_maps", [panel(plan, "plan"), *maps], columns=2)

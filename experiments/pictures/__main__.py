@@ -1,0 +1,51 @@
+"""Draw the pictures of the documentation: ``python -m experiments.pictures [NAME ...]``.
+
+Everything is drawn from generated maps, or from data that ships with the libraries.
+"""
+
+import argparse
+from collections.abc import Callable
+
+from experiments.pictures import chains, chart, landing, learning, maps, methods, training
+
+PICTURES: dict[str, Callable[[], None]] = {
+    "hero": landing.hero,
+    "which_method": chart.which_method,
+    "independent": methods.independent,
+    "potts": methods.potts,
+    "space_field": methods.space_field,
+    "relaxation": methods.relaxation,
+    "amn": methods.amn,
+    "inference": methods.decoders,
+    "hmm": chains.hmm,
+    "semi_markov": chains.semi_markov,
+    "own_map": maps.own_map,
+    "painted": maps.painted,
+    "topology": maps.topology,
+    "gates": maps.gates,
+    "spaces": maps.spaces,
+    "features": maps.features,
+    "concepts": maps.concepts,
+    "unknown_as_free": maps.unknown_as_free,
+    "growing_map": maps.growing_map,
+    "explain": maps.explain,
+    "overview": learning.overview,
+    "boosting": learning.boosting,
+    "vision": learning.vision,
+    "own_problem": learning.own_problem,
+    "kinds_of_buildings": training.kinds_of_buildings,
+    "simulated_maps": training.simulated_maps,
+    "cards": landing.cards,
+}
+
+
+def main() -> None:
+    """Draw the named pictures, or all of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", choices=[[], *PICTURES], help="which; all by default")
+    for name in parser.parse_args().names or PICTURES:
+        PICTURES[name]()
+
+
+if __name__ == "__main__":
+    main()

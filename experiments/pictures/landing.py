@@ -1,0 +1,58 @@
+"""The picture of the first page: a floor as the robot sees it turns into places."""
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from experiments.pictures.kept import COLOURS, IMAGES, found_on, keep, span
+from pgm_places.palette import rgb_of
+
+HERO = (66, "clinic")
+CARD = (640, 280)
+CROPS = {
+    # name of the card: the picture, and the left, upper and right ends of its part
+    "map": ("own_map", 60, 487, 960),
+    "drive": ("tracked_path", 260, 60, 1300),
+    "growing": ("growing_map", 395, 36, 745),
+    "studio": ("studio", 150, 270, 950),
+    "batch": ("many_maps", 20, 40, 1290),
+    "problem": ("own_problem", 120, 60, 1050),
+}
+THEMES = {
+    # walls, free space before it is labelled, the line between before and after
+    "light": ("#2d3540", "#e3e6ea", "#2d3540"),
+    "dark": ("#cfd5de", "#39424e", "#f4f6f8"),
+}
+
+
+def hero() -> None:
+    """One picture for light pages and one for dark ones, transparent where nothing is known."""
+    found = found_on(*HERO)
+    grid = found.grid
+    rows, columns = span(grid)
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    y, x = np.mgrid[:height, :width]
+    edge = 0.30 * width + 0.22 * y  # leans to the right as it goes up
+    labelled = x > edge
+    for theme, (wall, free, line) in THEMES.items():
+        picture = np.zeros((height, width, 4), np.uint8)
+        shades = np.array([rgb_of(colour) for colour in (*COLOURS, free, wall)])
+        index = np.where(labelled, found.labels[rows, columns], 3)
+        index[index < 0] = 3
+        index[grid.occupied[rows, columns]] = 4
+        picture[..., :3] = shades[index]
+        picture[..., 3] = 255 * ~grid.unknown[rows, columns]
+        image = Image.fromarray(picture[::-1])
+        image = image.resize((2 * width, 2 * height), Image.Resampling.NEAREST)
+        top, bottom = (2 * (0.30 * width + 0.22 * at) for at in (height, 0))
+        ImageDraw.Draw(image).line((top, 0, bottom, 2 * height), fill=line, width=5)
+        size = (1600, round(1600 * height / width))
+        keep(f"hero_{theme}", image.resize(size, Image.Resampling.LANCZOS))
+
+
+def cards() -> None:
+    """Parts of other pictures for the cards below it."""
+    for card, (name, left, upper, right) in CROPS.items():
+        image = Image.open(IMAGES / f"{name}.png").convert("RGB")
+        lower = upper + round((right - left) * CARD[1] / CARD[0])
+        part = image.crop((left, upper, right, lower))
+        keep(f"card_{card}", part.resize(CARD, Image.Resampling.LANCZOS))
