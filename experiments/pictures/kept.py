@@ -12,6 +12,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial.distance import cdist
 
 from pgm_places import PlaceLabeler, label_map, trained_labeler
 from pgm_places.datasets import generate_building
@@ -26,7 +27,7 @@ NAMES = ("corridor", "room", "doorway")
 COLOURS = label_colours(NAMES)
 DPI = 150
 
-_N_COLOURS = 250
+_FREQUENT, _RARE = 150, 100
 
 
 def keep(name: str, picture: bytes | Figure | Image.Image) -> None:
@@ -42,14 +43,22 @@ def keep(name: str, picture: bytes | Figure | Image.Image) -> None:
 
 
 def _reduced(image: Image.Image) -> Image.Image:
-    """The picture in its most frequent colours, which stay as they are; the others give way."""
+    """The picture in 250 colours: the most frequent ones as they are, the others in groups."""
     if image.mode == "RGBA":
-        return image.quantize(_N_COLOURS, method=Image.Quantize.FASTOCTREE)
+        return image.quantize(_FREQUENT + _RARE, method=Image.Quantize.FASTOCTREE)
     pixels = np.asarray(image.convert("RGB"))
-    colours, counts = np.unique(pixels.reshape(-1, 3), axis=0, return_counts=True)
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(colours[np.argsort(-counts)[:_N_COLOURS]].tobytes())
-    return Image.fromarray(pixels).quantize(palette=palette, dither=Image.Dither.NONE)
+    colours, index, counts = np.unique(
+        pixels.reshape(-1, 3), axis=0, return_inverse=True, return_counts=True
+    )
+    order = np.argsort(-counts)
+    palette, others = colours[order[:_FREQUENT]], colours[order[_FREQUENT:]]
+    if len(others):
+        rare = Image.fromarray(others[None]).quantize(_RARE, Image.Quantize.MEDIANCUT)
+        palette = np.concatenate([palette, np.reshape(rare.getpalette(), (-1, 3))[:_RARE]])
+    nearest = cdist(colours, palette).argmin(axis=1)
+    made = Image.fromarray(nearest[index].reshape(pixels.shape[:2]).astype(np.uint8), "P")
+    made.putpalette(palette.astype(np.uint8).tobytes())
+    return made
 
 
 def figure(width: float, height: float, **layout: Any) -> Figure:
