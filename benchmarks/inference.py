@@ -7,6 +7,9 @@ included. Without the data, the generated building is used.
 Seconds are processor time on one thread, with compiled kernels; ``gap`` is the share of the score
 by which the best known bound exceeds the method's score. The peers' expansions are NumPy code
 around their cut, with the time of the cut listed separately; ``ratio`` is relative to ours.
+The minimum cuts are those of a square of a million cells with eight neighbours each, noise alone
+and noise on smooth hills; each starts from the list of edges, and ``same`` is the share of the
+nodes that are on the same side as ours.
 """
 
 import statistics
@@ -19,6 +22,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from benchmarks.inference_peers import Model, build_pgmax, expand, expand_gco, installed_cuts
 from benchmarks.labelling import NAMES, map_files
@@ -34,6 +38,7 @@ from pgm_places.models.amn import AssociativeMarkovNetwork
 from pgm_places.models.decoding import DECODERS, decode
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
+from pgm_places.solvers.max_flow import minimum_cut
 from pgm_places.solvers.pairwise import pairwise_model
 from pgm_places.solvers.trws import trws
 
@@ -193,6 +198,44 @@ def propagation_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     ]
 
 
+def cut_rows(size: int, repeats: int) -> list[dict[str, Any]]:
+    """Minimum cuts of a square of ``size`` x ``size`` cells, ours and the peers'."""
+    rng = np.random.default_rng(0)
+    noise_alone = 2.0 * rng.normal(size=(size, size))
+    hills = gaussian_filter(rng.normal(size=(size, size)), size / 125)
+    graph = LabelGraph.from_grid(np.ones((size, size), np.bool_))
+    edges = graph.edges.astype(np.int64)
+    diagonal = np.asarray(graph.edge_kind) == EdgeKind.DIAGONAL
+    capacity = 0.6 * np.where(diagonal, np.sqrt(0.5), 1.0)
+    fields = {"noise": noise_alone, "hills": hills / hills.std() + 0.5 * noise_alone}
+    return [
+        row
+        for name, field in fields.items()
+        for row in _cuts(f"{name}, {size} x {size}", edges, capacity, field.ravel(), repeats)
+    ]
+
+
+def _cuts(name: str, edges: Any, capacity: Any, excess: Any, repeats: int) -> list[dict[str, Any]]:
+    def own() -> Any:
+        source, sink = np.maximum(excess, 0.0), np.maximum(-excess, 0.0)
+        return ~minimum_cut(source, sink, edges, capacity, capacity).source_side
+
+    seconds, side = timed(own, repeats)
+    found = [("pgm_places", seconds, side)]
+    for peer, cut in installed_cuts().items():
+        found.append((peer, *timed(lambda cut=cut: cut(edges, capacity, excess), repeats)))
+    return [
+        {
+            "instance": name,
+            "minimum cut by": method,
+            "processor s": taken,
+            "ratio": taken / seconds,
+            "same": float((answer == side).mean()),
+        }
+        for method, taken, answer in found
+    ]
+
+
 def _arrays(model: Model) -> tuple[Any, Any, Any]:
     return model.unary, model.edges, model.agreement
 
@@ -202,7 +245,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
     repeats = 3 if quick else 7
     models = [model for size in ((0.2,) if quick else (0.2, 0.05)) for model in instances(size)]
     tables = (decoder_rows, expansion_rows, bound_rows, propagation_rows)
-    return [row for table in tables for model in models for row in table(model, repeats)]
+    rows = [row for table in tables for model in models for row in table(model, repeats)]
+    return rows + cut_rows(200 if quick else 1000, repeats)
 
 
 if __name__ == "__main__":

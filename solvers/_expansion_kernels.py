@@ -174,7 +174,7 @@ def extract_cut(n_members: int, arcs: Arcs, move: Move, cut: Cut) -> int:
     start, head, arc = arcs.start, arcs.head, arcs.arc
     members, undecided, low, high, weight = move
     number, edge_number, excess, capacity = cut.number, cut.edge_number, cut.excess, cut.capacity
-    cut_start, cut_head, cut_arc, cut_ends = cut.arcs
+    cut_start, cut_head, cut_arc = cut.arcs.start, cut.arcs.head, cut.arcs.arc
     n_left = 0
     for m in range(n_members):
         i = members[m]
@@ -195,8 +195,6 @@ def extract_cut(n_members: int, arcs: Arcs, move: Move, cut: Cut) -> int:
             side = np.int64(arc[slot] & _ONE)
             if j > i:
                 edge_number[edge] = n_edges
-                cut_ends[2 * n_edges + side] = m
-                cut_ends[2 * n_edges + 1 - side] = number[j]
                 capacity[2 * n_edges] = 0.5 * weight[edge]
                 capacity[2 * n_edges + 1] = 0.5 * weight[edge]
                 n_edges += 1

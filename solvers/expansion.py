@@ -182,7 +182,7 @@ class _MoveSpace:
                 start=np.empty(n_nodes + 1, np.uint32),
                 head=np.empty(2 * n_edges, np.uint32),
                 arc=np.empty(2 * n_edges, np.uint32),
-                ends=np.empty(2 * n_edges, np.uint32),
+                ends=np.empty(0, np.uint32),  # the cut needs none
             ),
             excess=np.empty(n_nodes),
             capacity=np.empty(2 * n_edges),

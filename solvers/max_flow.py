@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._cut_kernels import SOURCE, CutSpace, minimum_cut_kernel
+from pgm_places.solvers._cut_kernels import PATH_COLUMNS, SOURCE, CutSpace, minimum_cut_kernel
 from pgm_places.solvers.adjacency import adjacency
 
 __all__ = ["MinimumCut", "cut_space", "minimum_cut"]
@@ -97,9 +97,7 @@ def cut_space(n_nodes: int) -> CutSpace:
     """Working arrays for cuts of a graph of that many nodes."""
     return CutSpace(
         side=np.empty(n_nodes, np.int8),
-        parent=np.empty(n_nodes, np.uint32),
-        stamp=np.empty(n_nodes, np.int32),
-        depth=np.empty(n_nodes, np.int32),
+        path=np.empty((n_nodes, PATH_COLUMNS), np.uint32),
         active=np.empty(n_nodes, np.uint32),
         waiting=np.empty(n_nodes, np.bool_),
         orphans=np.empty(n_nodes, np.uint32),
