@@ -14,17 +14,20 @@ from pgm_places.errors import InputError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Learner,
     LearnerOptions,
+    choose_completed,
     choose_penalty,
     labelled_parts,
     learn,
+    learn_hidden,
     node_losses,
     penalties_of,
 )
+from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoding import Decoder, decode_as
 from pgm_places.models.learning_record import LearningRecord
 from pgm_places.models.linear_features import (
@@ -96,6 +99,11 @@ class AssociativeMarkovNetwork(LinearModel):
     edge_scale : float
         Edge features are multiplied by this before learning: the larger, the less the size of
         edge weights counts against that of node weights.
+    unlabelled : {"auto", "hidden", "dropped"}
+        What becomes of nodes without a label: their labels are completed by what has been learned,
+        in turn with learning; or they are left out with their edges. ``auto`` completes them where
+        most links of the labelled nodes lead to them: links learned without those would be far too
+        strong. ``completion_objectives`` then holds the objective of each round.
     solver : {"clarabel", "piqp", "osqp"}
         Of the compact QP; the others follow where it fails.
     learning_tolerance : float
@@ -138,6 +146,7 @@ class AssociativeMarkovNetwork(LinearModel):
     node_features: str = "auto"
     edge_features: str | tuple[str, ...] = ("auto",)
     edge_scale: Positive = 2.0
+    unlabelled: Literal["auto", "hidden", "dropped"] = "auto"
     solver: QPSolver = "clarabel"
     learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
     max_cuts: Whole = 500
@@ -147,6 +156,7 @@ class AssociativeMarkovNetwork(LinearModel):
     certify_learning: bool = True
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
     edge_weights: NDArray[np.float64] | None = learned()
+    completion_objectives: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -164,7 +174,7 @@ class AssociativeMarkovNetwork(LinearModel):
         *,
         on_iteration: OnStep | None = None,
     ) -> Self:
-        """A new, fitted network; nodes labelled -1 are left out with their edges.
+        """A new, fitted network; ``unlabelled`` says what becomes of nodes labelled -1.
 
         Parameters
         ----------
@@ -183,6 +193,9 @@ class AssociativeMarkovNetwork(LinearModel):
         InputError
             Maps and labelings that do not belong together, or features that are missing.
         """
+        examples = labelled_problems(problems, labelings)
+        if completes(self.unlabelled, examples):
+            return self._fit_completed(examples, on_iteration)
         known = labelled_parts(problems, labelings)
         scaling, tasks = self._prepared(known)
         penalties = penalties_of(self.C, AUTO_PENALTIES)
@@ -198,12 +211,56 @@ class AssociativeMarkovNetwork(LinearModel):
         solution = learn(tasks, options, on_iteration=on_iteration)
         seconds = time.perf_counter() - start
         record = self._record(joined(tasks), solution, len(tasks), seconds)
-        node_weights, edge_weights = split_weights(tasks[0], solution.weights)
+        return self._with_weights(scaling, tasks[0], solution, record, search)
+
+    def _fit_completed(
+        self,
+        examples: Sequence[tuple[LabelingProblem, NDArray[np.int64]]],
+        on_iteration: OnStep | None,
+    ) -> Self:
+        """:meth:`fit` with the labels of nodes that have none completed."""
+        examples = [(problem, truth) for problem, truth in examples if (truth >= 0).any()]
+        if not examples:
+            raise InputError("no node of any training map has a label")
+        scaling, tasks = self._prepared(examples)
+        truth = np.concatenate([labels for _, labels in examples])
+        penalties = penalties_of(self.C, AUTO_PENALTIES)
+        penalty, search = penalties[0], None
+        options = self._learner_options()
+        class_weight = "none" if self.loss == "hamming" else self.class_weight
+        whole = joined(tasks)
+        if len(penalties) > 1:
+            parts = np.concatenate(
+                [hidden_parts(p.graph, labels, self.n_validation_blocks) for p, labels in examples]
+            )
+            penalty, search = choose_completed(
+                whole, truth, parts, penalties, class_weight, options
+            )
+        start = time.perf_counter()
+        completed = learn_hidden(
+            replace(whole, penalty=penalty), truth, class_weight, options, on_iteration=on_iteration
+        )
+        seconds = time.perf_counter() - start
+        solution = completed.solution
+        record = self._record(replace(whole, penalty=penalty), solution, len(tasks), seconds)
+        found = self._with_weights(scaling, whole, solution, record, search)
+        return replace(found, completion_objectives=completed.objectives)
+
+    def _with_weights(
+        self,
+        scaling: Standardization,
+        task: MaxMarginProblem,
+        solution: MaxMarginSolution,
+        record: LearningRecord,
+        search: NDArray[np.float64] | None,
+    ) -> Self:
+        node_weights, edge_weights = split_weights(task, solution.weights)
         return replace(
             self,
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
             **learned_arrays(scaling, record, solution.history, search),
+            completion_objectives=None,
         )
 
     def learning_problems(
@@ -218,19 +275,22 @@ class AssociativeMarkovNetwork(LinearModel):
     def _prepared(
         self, known: Sequence[tuple[LabelingProblem, NDArray[np.int64]]]
     ) -> tuple[Standardization, list[MaxMarginProblem]]:
+        """The scaling, and one max-margin problem a map; unknown labels are 0, with a loss of 0."""
         parts = parse_node_features(self.node_features)
         raw = [node_features(problem, parts) for problem, _ in known]
         scaling = Standardization.of_all(raw)
         names = known[0][0].label_names
         class_weight = "none" if self.loss == "hamming" else self.class_weight
-        losses = node_losses(np.concatenate([truth for _, truth in known]), names, class_weight)
+        labels = np.concatenate([truth for _, truth in known])
+        losses = np.zeros(len(labels))
+        losses[labels >= 0] = node_losses(labels[labels >= 0], names, class_weight)
         ends = np.cumsum([len(truth) for _, truth in known])[:-1]
         tasks = [
             MaxMarginProblem(
                 scaling.apply(features),
                 problem.graph.edges,
                 self._edge_features(problem),
-                truth,
+                np.maximum(truth, 0),
                 len(names),
                 loss,
                 penalties_of(self.C, AUTO_PENALTIES)[0],
@@ -266,7 +326,8 @@ class AssociativeMarkovNetwork(LinearModel):
     ) -> LearningRecord:
         start = time.perf_counter()
         certified = solution.certified if self.certify_learning else None
-        if self.certify_learning and certified is None:
+        is_local = solution.status == "local_optimum"  # of a bounded step, not of the whole
+        if self.certify_learning and certified is None and not is_local:
             certified = certify_weights(task, solution.weights).objective
         status = solution.status
         tolerance = max(self.learning_tolerance, self.certified_tolerance)

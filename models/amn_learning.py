@@ -12,6 +12,13 @@ from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.models.completion import (
+    Completed,
+    best_of_hidden,
+    learn_completed,
+    smooth_completion,
+)
+from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     Cut,
@@ -31,9 +38,11 @@ __all__ = [
     "Learner",
     "LearnerOptions",
     "best_penalty",
+    "choose_completed",
     "choose_penalty",
     "labelled_parts",
     "learn",
+    "learn_hidden",
     "node_losses",
     "penalties_of",
 ]
@@ -249,6 +258,54 @@ def best_penalty(
     ]
     best = max(range(len(penalties)), key=lambda p: (scores[p], -penalties[p]))
     return float(penalties[best]), np.column_stack([penalties, scores])
+
+
+def learn_hidden(
+    problem: MaxMarginProblem,
+    truth: NDArray[np.int64],
+    class_weight: ClassWeight,
+    options: LearnerOptions,
+    *,
+    on_iteration: OnStep | None = None,
+) -> Completed:
+    """The weights, with the labels that are -1 in the truth (N,) completed."""
+    names = [str(k) for k in range(problem.n_labels)]
+    quick = replace(options, learner="cutting-plane", certified_tolerance=None)
+    around = adjacency(problem.n_nodes, problem.edges)
+    return learn_completed(
+        problem,
+        truth,
+        [smooth_completion(problem.node_features, around, truth, problem.n_labels)],
+        lambda labels: node_losses(labels, names, class_weight),
+        lambda now, cuts: learn([now], quick, cuts=cuts, on_iteration=on_iteration),
+        graph_cut_oracle(problem.n_nodes, problem.edges),
+        lambda now: learn([now], options, on_iteration=on_iteration),
+    )
+
+
+def choose_completed(
+    problem: MaxMarginProblem,
+    truth: NDArray[np.int64],
+    parts: NDArray[np.int64],
+    penalties: Sequence[float],
+    class_weight: ClassWeight,
+    options: LearnerOptions,
+) -> tuple[float, NDArray[np.float64]]:
+    """The C that labels nodes best whose labels were hidden, and (P, 2) C and that accuracy."""
+    quick = replace(
+        options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
+    )
+    best = graph_cut_oracle(problem.n_nodes, problem.edges)
+
+    def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+        found = []
+        for penalty in penalties:
+            priced = replace(problem, penalty=penalty)
+            solution = learn_hidden(priced, labels, class_weight, quick).solution
+            found.append(best(*potentials_of(problem, solution.weights)))
+        return found
+
+    return best_of_hidden(truth, parts, penalties, labels_with)
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:

@@ -16,6 +16,7 @@ __all__ = [
     "count_chains",
     "count_table",
     "counted_tables",
+    "moved_steps",
     "normalised",
     "require_chain",
     "usual_step_m",
@@ -126,6 +127,24 @@ def usual_step_m(problems: Sequence[LabelingProblem]) -> NDArray[np.float64] | N
     steps = np.concatenate([*moved, np.zeros(0)])
     steps = steps[steps > 0]
     return np.array([np.median(steps)]) if len(steps) else None
+
+
+def moved_steps(graph: LabelGraph, stay_below_m: float) -> NDArray[np.bool_]:
+    """(T - 1,) whether the robot moved, so far or farther, between each step and the next.
+
+    Raises
+    ------
+    InputError
+        A distance is given, and the graph has no positions.
+    """
+    if stay_below_m <= 0:
+        return np.ones(max(graph.n_nodes - 1, 0), np.bool_)
+    if graph.positions_m is None:
+        raise InputError("stay_below_m needs positions, and this graph has none")
+    far: NDArray[np.bool_] = (
+        np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1) >= stay_below_m
+    )
+    return far
 
 
 def require_chain(graph: LabelGraph) -> None:

@@ -23,13 +23,17 @@ from pgm_places.models.amn_learning import (
     node_losses,
     penalties_of,
 )
+from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
     FieldLearner,
     LearningOptions,
     LearningTask,
+    choose_by_hiding,
+    choose_link_scale,
     choose_penalty,
     learn,
     resolved,
+    scaled,
 )
 from pgm_places.models.decoding import Decoder, decode_as
 from pgm_places.models.learning_record import LearningRecord
@@ -144,6 +148,7 @@ class ConditionalRandomField(LinearModel):
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
     tables: NDArray[np.float64] | None = learned()
     by_margin: NDArray[np.bool_] | None = learned()
+    link_scales: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -187,12 +192,16 @@ class ConditionalRandomField(LinearModel):
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         search = None
         if len(penalties) > 1:
-            parts = held_out_parts(examples, self.n_validation_blocks)
-            penalty, search = choose_penalty(task, parts, penalties, options)
+            penalty, search = self._choose_penalty(examples, task, penalties, options)
         else:
             penalty = penalties[0]
         start = time.perf_counter()
         solution = learn(task, penalty, options, on_iteration=on_iteration)
+        weights, link_scales = solution.weights, None
+        if (task.labels < 0).any() and options.learner in ("pseudo-likelihood", "piecewise"):
+            parts = self._hidden_parts(examples)
+            link_scale, link_scales = choose_link_scale(task, parts, penalty, options)
+            weights = scaled(task.field, weights, link_scale)
         record = LearningRecord(
             status=solution.status,
             penalty=penalty,
@@ -206,14 +215,31 @@ class ConditionalRandomField(LinearModel):
             n_edges=task.field.around.n_edges,
             n_maps=len(examples),
         )
-        node_weights, tables = task.field.split(solution.weights)
+        node_weights, tables = task.field.split(weights)
         return replace(
             self,
             node_weights=node_weights.copy(),
             tables=tables.copy(),
             by_margin=np.array([options.learner == "max-margin"]),
             **learned_arrays(scaling, record, solution.history, search),
+            link_scales=link_scales,
         )
+
+    def _choose_penalty(
+        self,
+        examples: Sequence[Example],
+        task: LearningTask,
+        penalties: Sequence[float],
+        options: LearningOptions,
+    ) -> tuple[float, NDArray[np.float64]]:
+        if len(examples) == 1 and (task.labels < 0).any():
+            return choose_by_hiding(task, self._hidden_parts(examples), penalties, options)
+        parts = held_out_parts(examples, self.n_validation_blocks)
+        return choose_penalty(task, parts, penalties, options)
+
+    def _hidden_parts(self, examples: Sequence[Example]) -> NDArray[np.int64]:
+        n = self.n_validation_blocks
+        return np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
 
     def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
         raw = [self._node_features(problem) for problem, _ in examples]
@@ -221,9 +247,13 @@ class ConditionalRandomField(LinearModel):
         truth = np.concatenate([labels for _, labels in examples])
         known = truth >= 0
         names = examples[0][0].label_names
+        class_weight: ClassWeight = "none" if self.loss == "hamming" else self.class_weight
+
+        def loss_of(labels: NDArray[np.int64]) -> NDArray[np.float64]:
+            return node_losses(labels, names, class_weight)
+
         loss = np.zeros(len(truth))
-        class_weight = "none" if self.loss == "hamming" else self.class_weight
-        loss[known] = node_losses(truth[known], names, class_weight)
+        loss[known] = loss_of(truth[known])
         chains = all(problem.graph.is_chain for problem, _ in examples)
         symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
         fields = [
@@ -236,7 +266,7 @@ class ConditionalRandomField(LinearModel):
             )
             for (problem, _), features in zip(examples, raw, strict=True)
         ]
-        return scaling, LearningTask(beside(fields), truth, loss)
+        return scaling, LearningTask(beside(fields), truth, loss, loss_of)
 
     def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         parts = parse_node_features(self.node_features)

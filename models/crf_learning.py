@@ -8,6 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.models.amn_learning import SEARCH_TOLERANCE, best_penalty
+from pgm_places.models.completion import (
+    LossOf,
+    alone_completion,
+    best_of_hidden,
+    learn_completed,
+    smooth_completion,
+)
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
@@ -20,7 +27,17 @@ from pgm_places.solvers.table_margin import (
     table_oracle,
 )
 
-__all__ = ["FieldLearner", "LearningOptions", "LearningTask", "choose_penalty", "learn", "resolved"]
+__all__ = [
+    "FieldLearner",
+    "LearningOptions",
+    "LearningTask",
+    "choose_by_hiding",
+    "choose_link_scale",
+    "choose_penalty",
+    "learn",
+    "resolved",
+    "scaled",
+]
 
 FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-margin"]
 
@@ -30,8 +47,8 @@ _KINDS: dict[str, Likelihood] = {
     "piecewise": "piecewise",
 }
 
-MAX_COMPLETIONS = 10
-"""How often max-margin learning completes the unknown labels anew."""
+LINK_SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
+"""What tables may be multiplied by after a surrogate of the likelihood; among equals the first."""
 
 DECODING_PASSES = 100
 """Passes of TRW-S for held-out nodes and for unknown labels."""
@@ -48,11 +65,14 @@ class LearningTask:
         True labels, -1 where unknown.
     loss : (N,) float
         What a wrong label costs, for max-margin learning; 0 where the label is unknown.
+    loss_of : callable
+        What it costs at nodes of given labels (n,), once the unknown ones are completed.
     """
 
     field: TableField
     labels: NDArray[np.int64]
     loss: NDArray[np.float64]
+    loss_of: LossOf
 
     def part(self, keep: NDArray[np.bool_]) -> "LearningTask":
         """The task on the nodes of a mask (N,) and the edges between them."""
@@ -66,7 +86,7 @@ class LearningTask:
             around=adjacency(int(keep.sum()), number[edges[inside]]),
             edge_features=field.edge_features[inside],
         )
-        return LearningTask(smaller, self.labels[keep], self.loss[keep])
+        return replace(self, field=smaller, labels=self.labels[keep], loss=self.loss[keep])
 
 
 @dataclass(frozen=True)
@@ -139,33 +159,85 @@ def _widest_margin(
 def _completed(
     task: LearningTask, penalty: float, options: LearningOptions, on_iteration: OnStep | None
 ) -> MaxMarginSolution:
-    """Max margin with unknown labels: learn, complete the labels by what was learned, learn again.
+    """Max margin with the unknown labels completed, from two starts.
 
-    The concave-convex procedure of C.-N. Yu and T. Joachims, "Learning structural SVMs with latent
-    variables" (ICML 2009); it begins with the weights of the known nodes alone.
+    Single nodes by themselves say nothing of the links, which suits tables of any kind; smoothed,
+    they are the better start where neighbours agree.
     """
-    known = task.labels >= 0
-    solution = _widest_margin(task.part(known), penalty, options, on_iteration=on_iteration)
-    labels = task.labels
-    for _ in range(MAX_COMPLETIONS):
-        completed = _complete(task, solution.weights)
-        if (completed == labels).all():
-            break
-        labels = completed
-        whole = replace(task, labels=labels)
-        solution = _widest_margin(whole, penalty, options, on_iteration=on_iteration)
-    # each step is solved to its bound; that no other completion is better is not known
-    reached = solution.status in ("optimal", "within_tolerance", "oracle_limit")
-    status = "local_optimum" if reached else solution.status
-    return replace(solution, status=status, lower_bound=0.0, certified=None)
+    field, truth, k = task.field, task.labels, task.field.n_labels
+    quick = replace(options, certified_tolerance=None)
+    starts = [
+        alone_completion(field.node_features, truth, k),
+        smooth_completion(field.node_features, field.around, truth, k),
+    ]
+
+    def solve(
+        problem: TableMarginProblem, cuts: Sequence[Cut], how: LearningOptions = quick
+    ) -> MaxMarginSolution:
+        now = replace(task, labels=problem.labels, loss=problem.loss)
+        return _widest_margin(now, problem.penalty, how, cuts=cuts, on_iteration=on_iteration)
+
+    return learn_completed(
+        TableMarginProblem(field, starts[0], np.ones(len(truth)), penalty),
+        truth,
+        starts,
+        task.loss_of,
+        solve,
+        table_oracle(field),
+        lambda problem: solve(problem, (), options),
+    ).solution
 
 
-def _complete(task: LearningTask, weights: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The best labelling that keeps the known labels."""
-    unary, tables = task.field.potentials(weights)
-    others = np.arange(task.field.n_labels) != task.labels[:, None]
-    unary = np.where((task.labels >= 0)[:, None] & others, -np.inf, unary)
-    return best_labels(task.field, unary, tables, DECODING_PASSES)
+def choose_by_hiding(
+    task: LearningTask,
+    parts: NDArray[np.int64],
+    penalties: Sequence[float],
+    options: LearningOptions,
+) -> tuple[float, NDArray[np.float64]]:
+    """The C that labels nodes best whose labels were hidden, and (P, 2) C and that accuracy.
+
+    ``parts`` (N,) says which labels are hidden together, -1 where there is none.
+    """
+    quick = replace(options, tolerance=SEARCH_TOLERANCE, certified_tolerance=None)
+
+    def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+        less = replace(task, labels=labels)
+        solutions = [learn(less, penalty, quick) for penalty in penalties]
+        return [_labels_at(task.field, solution.weights) for solution in solutions]
+
+    return best_of_hidden(task.labels, parts, penalties, labels_with)
+
+
+def choose_link_scale(
+    task: LearningTask, parts: NDArray[np.int64], penalty: float, options: LearningOptions
+) -> tuple[float, NDArray[np.float64]]:
+    """By what to multiply the tables, and (S, 2) each factor and its accuracy.
+
+    Surrogates of the likelihood learn links beside the expected labels of unlabelled neighbours.
+    These are close to even, so that links must be strong to tell anything from them; a decoder,
+    whose neighbours have one label each, then lets all nodes take one label. How much of the links
+    is right for decoding is seen on labels that were hidden.
+    """
+    quick = replace(options, tolerance=SEARCH_TOLERANCE)
+
+    def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+        weights = learn(replace(task, labels=labels), penalty, quick).weights
+        return [_labels_at(task.field, scaled(task.field, weights, s)) for s in LINK_SCALES]
+
+    return best_of_hidden(task.labels, parts, LINK_SCALES, labels_with)
+
+
+def scaled(
+    field: TableField, weights: NDArray[np.float64], link_scale: float
+) -> NDArray[np.float64]:
+    """Weights whose tables are multiplied."""
+    factors = np.ones(field.n_weights)
+    factors[field.n_node_weights :] = link_scale
+    return weights * factors
+
+
+def _labels_at(field: TableField, weights: NDArray[np.float64]) -> NDArray[np.int64]:
+    return best_labels(field, *field.potentials(weights), DECODING_PASSES)
 
 
 def choose_penalty(
@@ -190,7 +262,5 @@ def choose_penalty(
         truth.append(held_out.labels[known])
         for number, penalty in enumerate(penalties):
             weights = learn(rest, penalty, quick).weights
-            potentials = held_out.field.potentials(weights)
-            labels = best_labels(held_out.field, *potentials, DECODING_PASSES)
-            found[number].append(labels[known])
+            found[number].append(_labels_at(held_out.field, weights)[known])
     return best_penalty(penalties, truth, found)

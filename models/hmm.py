@@ -17,10 +17,12 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary
+from pgm_places.models.baum_welch import with_unlabelled
 from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import (
     count_chains,
     counted_tables,
+    moved_steps,
     normalised,
     require_chain,
     usual_step_m,
@@ -69,6 +71,9 @@ class HiddenMarkovModel:
         began in training.
     smoothing : float
         Added to every count.
+    unlabelled : {"dropped", "hidden"}
+        What steps without a label teach: nothing, or what is expected of them, in turn with
+        learning (:func:`pgm_places.models.baum_welch.baum_welch`).
     evidence_weight : float or "fitted"
         Exponent of the likelihood, from 0 (observations say nothing) to 1 (the paper's: each is
         independent of the others, given the labels). Scans a step apart see the same things, and
@@ -104,6 +109,7 @@ class HiddenMarkovModel:
     observation: Observation = "posterior"
     start: Literal["uniform", "learned"] = "uniform"
     smoothing: AtLeastZero = 1.0
+    unlabelled: Literal["dropped", "hidden"] = "dropped"
     stay_below_m: AtLeastZero = 0.0
     evidence_weight: Annotated[float, Gt(0), Le(1)] | Literal["fitted"] = 1.0
     balance: Annotated[float, Ge(0), Le(1)] | Literal["fitted"] = 0.0
@@ -123,6 +129,8 @@ class HiddenMarkovModel:
     """(3,) the exponent for filter, smooth and viterbi, where it is fitted."""
     fitted_balances: NDArray[np.float64] | None = learned()
     """(3,) the exponent of the labels' shares for each mode, where it is fitted."""
+    learning_curve: NDArray[np.float64] | None = learned()
+    """(R,) objective of Baum-Welch by rounds, where steps without a label were learned from."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -138,15 +146,9 @@ class HiddenMarkovModel:
         Raises
         ------
         InputError
-            A problem that is no chain, has no unary, or other labels than the first; no labelled
-            step at all.
+            No chain, no unary, other labels than in the first problem, or no labelled step at all.
         """
-        counts = count_chains(
-            problems,
-            labelings,
-            lambda graph: self._actions(graph) == MOVE,
-            smoothing=float(self.smoothing),
-        )
+        counts = count_chains(problems, labelings, self._moved, smoothing=float(self.smoothing))
         learned_now = replace(
             self,
             transition=normalised(counts.moves),
@@ -154,7 +156,11 @@ class HiddenMarkovModel:
             initial=normalised(counts.first),
             prior=normalised(counts.shares),
             counted_m=usual_step_m(problems),
+            learning_curve=None,
         )
+        if self.unlabelled == "hidden":
+            tables = with_unlabelled(learned_now, problems, labelings, self._moved)
+            learned_now = replace(learned_now, **tables)
         return learned_now.with_sequences(problems, labelings)
 
     def with_sequences(
@@ -268,8 +274,7 @@ class HiddenMarkovModel:
         problem : LabelingProblem
             A chain.
         further : (T, K) float, optional
-            Log-likelihoods of what else was observed at each step, such as where it is on a
-            labelled map.
+            Log-likelihoods of what else was observed, such as where a step is on a labelled map.
 
         Raises
         ------
@@ -411,9 +416,8 @@ class HiddenMarkovModel:
 
     def _start(self) -> NDArray[np.float64]:
         assert self.initial is not None  # the likelihood has checked
-        if self.start == "learned":
-            return self.initial
-        return np.full(len(self.initial), 1.0 / len(self.initial))
+        k = len(self.initial)
+        return self.initial if self.start == "learned" else np.full(k, 1.0 / k)
 
     @cached_property
     def _confusion(self) -> NDArray[np.float64]:
@@ -438,12 +442,9 @@ class HiddenMarkovModel:
         stay = np.eye(len(self.transition)) if self.stay is None else self.stay
         return np.stack([self.transition, stay])
 
+    def _moved(self, graph: LabelGraph) -> NDArray[np.bool_]:
+        return moved_steps(graph, self.stay_below_m)
+
     def _actions(self, graph: LabelGraph) -> NDArray[np.int64]:
         """(T - 1,) MOVE or STAY between each step and the next."""
-        actions = np.full(max(graph.n_nodes - 1, 0), MOVE)
-        if self.stay_below_m > 0:
-            if graph.positions_m is None:
-                raise InputError("stay_below_m needs positions, and this graph has none")
-            moved = np.linalg.norm(np.diff(graph.positions_m, axis=0), axis=1)
-            actions[moved < self.stay_below_m] = STAY
-        return actions
+        return np.where(self._moved(graph), MOVE, STAY)

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import InputError, NotFittedError
+from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.problem import LabelingProblem
@@ -58,6 +58,14 @@ class SemiMarkovModel(HiddenMarkovModel):
     """(K, B) rate per metre at which each label is left."""
     leaving: NDArray[np.float64] | None = learned()
     """(K, K) probability of each label (column) after each other one (row)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.unlabelled == "hidden":
+            raise ConfigError(
+                "'semi_markov' counts durations, which steps without a label do not show; take "
+                "unlabelled='dropped', or method 'hmm'"
+            )
 
     def with_sequences(
         self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]

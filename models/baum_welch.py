@@ -1,0 +1,210 @@
+"""Baum-Welch: transitions and confusions from chains of which only some steps are labelled.
+
+Expectation maximisation of ::
+
+    sum over chains log p(what was seen, known labels) + smoothing * (sum of the tables' logarithms)
+
+(L. Baum et al., "A maximization technique occurring in the statistical analysis of probabilistic
+functions of Markov chains", Annals of Mathematical Statistics 41 (1970)). A known label is certain,
+so that counts of labelled steps enter as they are, and unlabelled steps add what is expected of
+them. No round lowers the objective.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.potentials import keep_known
+from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
+from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
+from pgm_places.models.chain_statistics import normalised
+from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.relaxation import starting_beliefs
+
+__all__ = ["ChainTables", "ChainToLearn", "LearnedChains", "baum_welch", "with_unlabelled"]
+
+MAX_ROUNDS = 100
+
+AT_REST = 1e-4
+"""Learning ends when a round raises the objective by less than this a step."""
+
+
+class ChainTables(NamedTuple):
+    """The parameters of a hidden Markov model."""
+
+    initial: NDArray[np.float64]
+    """(K,)."""
+    transition: NDArray[np.float64]
+    """(K, K)."""
+    confusion: NDArray[np.float64]
+    """(K, K)."""
+
+
+class ChainToLearn(NamedTuple):
+    """What is known of one chain."""
+
+    unary: NDArray[np.float64]
+    """(T, K) log-probabilities of a classifier."""
+    labels: NDArray[np.int64]
+    """(T,) -1 where unknown."""
+    moved: NDArray[np.bool_]
+    """(T - 1,) whether the robot moved between each step and the next; else the label stays."""
+
+
+class _Expected(NamedTuple):
+    """Expected counts of all chains, and the log-probability of what was seen."""
+
+    first: NDArray[np.float64]
+    moves: NDArray[np.float64]
+    confusions: NDArray[np.float64]
+    log_evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedChains:
+    """The tables, and the objective before each round and at the end (R + 1,)."""
+
+    tables: ChainTables
+    objectives: NDArray[np.float64]
+
+
+def baum_welch(
+    chains: Sequence[ChainToLearn],
+    tables: ChainTables,
+    prior: NDArray[np.float64],
+    *,
+    observation: Observation,
+    learns_start: bool = True,
+    smoothing: float = 1.0,
+    max_rounds: int = MAX_ROUNDS,
+) -> LearnedChains:
+    """The tables at which expectation maximisation comes to rest.
+
+    Parameters
+    ----------
+    chains : sequence of ChainToLearn
+    tables : ChainTables
+        Where to begin: those that were counted on labelled steps.
+    prior : (K,) float
+        Share of each label, which ``observation="posterior"`` divides by.
+    observation : {"posterior", "hard", "soft"}
+        As of the hidden Markov model; the confusions stay as they are with ``posterior``.
+    learns_start : bool
+        Whether chains begin by ``tables.initial``, or with any label alike.
+    smoothing : float
+        Added to every expected count.
+    max_rounds : int
+
+    Examples
+    --------
+    >>> seen = np.log([[0.9, 0.1], [0.8, 0.2], [0.2, 0.8], [0.1, 0.9]] * 5)
+    >>> labels = np.full(20, -1)
+    >>> labels[0] = 0
+    >>> even = ChainTables(np.full(2, 0.5), np.full((2, 2), 0.5), np.eye(2))
+    >>> chain = ChainToLearn(seen, labels, np.ones(19, bool))
+    >>> found = baum_welch([chain], even, np.full(2, 0.5), observation="posterior", smoothing=0.1)
+    >>> found.tables.transition.round(1).tolist()
+    [[0.5, 0.5], [0.4, 0.6]]
+    """
+    n_steps = max(sum(len(chain.labels) for chain in chains), 1)
+    objectives: list[float] = []
+    for _ in range(max_rounds):
+        expected = _expected(chains, tables, prior, observation, learns_start)
+        prior_terms = _log_prior(tables, smoothing, observation, learns_start)
+        objectives.append(expected.log_evidence + prior_terms)
+        if len(objectives) > 1 and objectives[-1] - objectives[-2] <= AT_REST * n_steps:
+            break
+        tables = ChainTables(
+            normalised(expected.first + smoothing) if learns_start else tables.initial,
+            normalised(expected.moves + smoothing),
+            tables.confusion
+            if observation == "posterior"
+            else normalised(expected.confusions + smoothing),
+        )
+    return LearnedChains(tables, np.array(objectives))
+
+
+def with_unlabelled(
+    model: Any,
+    problems: Sequence[LabelingProblem],
+    labelings: Sequence[NDArray[np.int64]],
+    moved: Callable[[LabelGraph], NDArray[np.bool_]],
+) -> dict[str, Any]:
+    """What a hidden Markov model learns of unlabelled steps, by the names of its fields.
+
+    ``model`` has the tables that were counted on labelled steps; ``moved`` says of a chain whether
+    the robot moved between its steps.
+    """
+    chains = [
+        ChainToLearn(evident_unary(problem, "hmm"), labels, moved(problem.graph))
+        for problem, labels in labelled_problems(problems, labelings)
+        if len(labels)
+    ]
+    found = baum_welch(
+        chains,
+        ChainTables(model.initial, model.transition, model.confusion),
+        model.prior,
+        observation=model.observation,
+        learns_start=model.start == "learned",
+        smoothing=float(model.smoothing),
+    )
+    return {**found.tables._asdict(), "learning_curve": found.objectives}
+
+
+def _expected(
+    chains: Sequence[ChainToLearn],
+    tables: ChainTables,
+    prior: NDArray[np.float64],
+    observation: Observation,
+    learns_start: bool,
+) -> _Expected:
+    k = len(tables.initial)
+    first, moves, confusions, total = np.zeros(k), np.zeros((k, k)), np.zeros((k, k)), 0.0
+    start = tables.initial if learns_start else np.full(k, 1.0 / k)
+    log_start, log_move = np.log(possible(start)), np.log(possible(tables.transition))
+    log_stay = np.log(possible(np.eye(k)))
+    for unary, labels, moved in chains:
+        scores = log_likelihood(unary, observation, tables.confusion, prior, 1.0)
+        scores[0] += log_start
+        steps = np.arange(len(labels))
+        chain = adjacency(len(labels), np.stack([steps[:-1], steps[1:]], axis=1))
+        pairwise = log_move if moved.all() else np.where(moved[:, None, None], log_move, log_stay)
+        known = keep_known(scores, labels)
+        found = forest_marginals(known, chain, pairwise=pairwise, pairs=True)
+        assert found.pair_beliefs is not None
+        total += found.log_partition
+        first += found.beliefs[0]
+        moves += found.pair_beliefs[moved].sum(axis=0)
+        confusions += _confusions(unary, found.beliefs, tables.confusion, observation)
+    return _Expected(first, moves, confusions, total)
+
+
+def _confusions(
+    unary: NDArray[np.float64],
+    beliefs: NDArray[np.float64],
+    confusion: NDArray[np.float64],
+    observation: Observation,
+) -> NDArray[np.float64]:
+    """(K, K) how often the classifier is expected to say the column where the row is true."""
+    if observation == "hard":
+        return beliefs.T @ np.eye(unary.shape[1])[unary.argmax(axis=1)]
+    said = starting_beliefs(unary)
+    likelihood = said @ confusion.T
+    share = np.divide(beliefs, likelihood, out=np.zeros_like(beliefs), where=likelihood > 0)
+    return (share.T @ said) * confusion
+
+
+def _log_prior(
+    tables: ChainTables, smoothing: float, observation: Observation, learns_start: bool
+) -> float:
+    if smoothing == 0:
+        return 0.0
+    parts = [tables.transition]
+    parts += [tables.initial] if learns_start else []
+    parts += [] if observation == "posterior" else [tables.confusion]
+    return smoothing * sum(float(np.log(possible(part)).sum()) for part in parts)

@@ -1,0 +1,223 @@
+"""How models with unknown labels are learned: where completing begins, its rounds, the last step.
+
+Leaving unlabelled nodes out takes their edges away too. Where few nodes are labelled, links are
+then learned on a graph of far smaller degree than the one that is to be labelled, on which they add
+up until all nodes take one label. With the labels completed, links are learned on the graph itself.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
+from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.potentials import keep_known
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.solvers.adjacency import Adjacency, adjacency
+from pgm_places.solvers.expansion import alpha_expansion
+from pgm_places.solvers.hidden_labels import Solve, concave_convex
+from pgm_places.solvers.likelihood import maximize_likelihood
+from pgm_places.solvers.max_margin import REACHED, MaxMarginSolution, Oracle
+from pgm_places.solvers.table_field import TableField
+
+__all__ = [
+    "Completed",
+    "alone_completion",
+    "best_of_hidden",
+    "completes",
+    "hidden_parts",
+    "learn_completed",
+    "smooth_completion",
+]
+
+HIDDEN_LOSS = 0.3
+"""What a node with a completed label counts in the last step, beside 1 for one of known label.
+
+With 0 the margin is asked for at few nodes only, and a labelling of all nodes alike may still score
+best; with 1 the errors of the completion weigh as much as the truth."""
+
+NODE_PRICE = 100.0
+"""C of the classifier of single nodes with which completing begins."""
+
+NEIGHBOURHOOD = 2.0
+"""What all neighbours of a node together earn where completing begins, as in the Potts field."""
+
+LossOf = Callable[[NDArray[np.int64]], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """What was learned from a graph with unknown labels.
+
+    Parameters
+    ----------
+    solution : MaxMarginSolution
+        Of the last step.
+    labels : (N,) int
+        The completed labels.
+    objectives : (R,) float
+        The objective of the concave-convex procedure after each round; it never rises.
+    """
+
+    solution: MaxMarginSolution
+    labels: NDArray[np.int64]
+    objectives: NDArray[np.float64]
+
+
+def completes(
+    unlabelled: Literal["auto", "hidden", "dropped"],
+    examples: Sequence[tuple[LabelingProblem, NDArray[np.int64]]],
+) -> bool:
+    """Whether nodes without a label are completed rather than left out.
+
+    ``auto`` completes them where most links of the labelled nodes lead to nodes without a label: so
+    they do with labels strewn over a graph, but not on a map of which a whole part is labelled.
+    """
+    if unlabelled != "auto":
+        return unlabelled == "hidden" and any((truth < 0).any() for _, truth in examples)
+    inside, links = 0, 0
+    for problem, truth in examples:
+        if (truth >= 0).all():
+            inside += 2 * problem.graph.n_edges
+            links += 2 * problem.graph.n_edges
+        else:
+            ends = (truth >= 0)[problem.graph.edges]
+            inside += 2 * int(ends.all(axis=1).sum())
+            links += int(ends.sum())
+    return 2 * inside < links
+
+
+def learn_completed(
+    problem: Any,
+    truth: NDArray[np.int64],
+    starts: Sequence[NDArray[np.int64]],
+    loss_of: LossOf,
+    solve: Solve,
+    best: Oracle,
+    last: Callable[[Any], MaxMarginSolution],
+) -> Completed:
+    """The weights of largest margin where some labels are not known.
+
+    The concave-convex procedure completes the labels, from each start, and keeps the completion of
+    least objective. In a last step all nodes count: those of known label 1, the others
+    :data:`HIDDEN_LOSS`.
+
+    Parameters
+    ----------
+    problem : MaxMarginProblem or TableMarginProblem
+        Of any labels and loss; its penalty is the price of the mean loss of a labelled node.
+    truth : (N,) int
+        -1 where the label is not known.
+    starts : sequence of (N,) int
+        Completions to begin with.
+    loss_of : callable
+        Labels (n,) -> what a wrong label costs at each of these nodes (n,), with mean 1.
+    solve, last : callable
+        The learner in the rounds, and in the last step.
+    best : callable
+        A labelling of large score.
+    """
+    known = truth >= 0
+    loss = np.zeros(len(truth))
+    loss[known] = loss_of(truth[known])
+    price = problem.penalty * len(truth)
+    only_known = replace(problem, labels=starts[0], loss=loss, penalty=price / known.sum())
+
+    def complete(weights: NDArray[np.float64], _: NDArray[np.int64]) -> NDArray[np.int64]:
+        unary, pairs = only_known.augmented_potentials(weights)
+        return best(keep_known(unary, truth), pairs)
+
+    rounds = [
+        concave_convex(replace(only_known, labels=start), solve, complete) for start in starts
+    ]
+    found = min(rounds, key=lambda each: each.objectives[-1])
+    counts = np.where(known, 1.0, HIDDEN_LOSS)
+    every = replace(
+        problem,
+        labels=found.labels,
+        loss=counts * loss_of(found.labels),
+        penalty=price / counts.sum(),
+    )
+    solution = last(every)
+    # the last step is solved to its bound; that no other completion is better is not known
+    status = "local_optimum" if solution.status in REACHED else solution.status
+    solution = replace(solution, status=status, lower_bound=0.0, certified=None)
+    return Completed(solution, found.labels, np.array(found.objectives))
+
+
+def alone_completion(
+    features: NDArray[np.float64], truth: NDArray[np.int64], n_labels: int
+) -> NDArray[np.int64]:
+    """The labels (N,) that single nodes are given by a classifier of the known ones."""
+    return _likely(features, truth, n_labels).argmax(axis=1)
+
+
+def smooth_completion(
+    features: NDArray[np.float64],
+    around: Adjacency,
+    truth: NDArray[np.int64],
+    n_labels: int,
+) -> NDArray[np.int64]:
+    """The same labels smoothed by a Potts field that no graph collapses under."""
+    unary = _likely(features, truth, n_labels)
+    mean_degree = 2 * around.n_edges / max(around.n_nodes, 1)
+    weight = NEIGHBOURHOOD / max(mean_degree, 1.0)
+    return alpha_expansion(unary, around.edges, pairwise=weight * np.eye(n_labels)).labels
+
+
+def _likely(
+    features: NDArray[np.float64], truth: NDArray[np.int64], n_labels: int
+) -> NDArray[np.float64]:
+    """(N, K) log-probabilities of single nodes, -inf for what the truth excludes."""
+    known = truth >= 0
+    alone = adjacency(int(known.sum()), np.zeros((0, 2), np.int64))
+    field = TableField(features[known], alone, np.zeros((0, 0)), n_labels)
+    found = maximize_likelihood(field, truth[known], NODE_PRICE, kind="piecewise")
+    return keep_known(features @ field.split(found.weights)[0], truth)
+
+
+def hidden_parts(graph: LabelGraph, truth: NDArray[np.int64], n_parts: int) -> NDArray[np.int64]:
+    """(N,) with which part the label of each node is hidden for a choice; -1 where it has none."""
+    return np.where(truth >= 0, contiguous_parts(graph, n_parts, truth), -1)
+
+
+def best_of_hidden(
+    truth: NDArray[np.int64],
+    parts: NDArray[np.int64],
+    candidates: Sequence[float],
+    labels_with: Callable[[NDArray[np.int64]], Sequence[NDArray[np.int64]]],
+) -> tuple[float, NDArray[np.float64]]:
+    """The candidate that labels hidden nodes best, and (P, 2) each with its balanced accuracy.
+
+    Parameters
+    ----------
+    truth : (N,) int
+    parts : (N,) int
+        Which labels are hidden together; the nodes stay in the graph.
+    candidates : sequence of float
+    labels_with : callable
+        Labels (N,), fewer of them known -> for each candidate the labels (N,) it gives all nodes.
+
+    Among equals the first candidate wins.
+    """
+    everywhere: list[NDArray[np.int64]] = []
+    found: list[list[NDArray[np.int64]]] = [[] for _ in candidates]
+    for part in np.unique(parts[parts >= 0]):
+        asked = parts == part
+        rest = np.where(asked, -1, truth)
+        if len(np.unique(rest[rest >= 0])) < len(np.unique(truth[truth >= 0])):
+            continue
+        everywhere.append(truth[asked])
+        for number, labels in enumerate(labels_with(rest)):
+            found[number].append(labels[asked])
+    if not everywhere:
+        return float(candidates[0]), np.column_stack([candidates, np.full(len(candidates), np.nan)])
+    true = np.concatenate(everywhere)
+    scores = [
+        float(balanced_accuracy(confusion_matrix(true, np.concatenate(labels)))) for labels in found
+    ]
+    return float(candidates[int(np.argmax(scores))]), np.column_stack([candidates, scores])

@@ -1,0 +1,161 @@
+"""Max-margin learning where some nodes have no label: the concave-convex procedure.
+
+With known labels t and a loss l that counts known nodes only, learning minimises ::
+
+    f(w) = 1/2 |w|^2 + C/N ( max_y [ score(y) + loss(y) ] - max_h score(t, h) ),
+
+the last term being the best completion h of the labels that are not known. Given a completion the
+rest is convex; so the labels are completed by what has been learned, it is learned again, and so on
+(A. Yuille, A. Rangarajan, "The concave-convex procedure", Neural Computation 15 (2003); C.-N. Yu,
+T. Joachims, "Learning structural SVMs with latent variables", ICML 2009). No round can raise f.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.solvers.max_margin import REACHED, Cut, MaxMarginSolution
+
+__all__ = ["HiddenLabels", "concave_convex"]
+
+MAX_ROUNDS = 20
+"""Completions after which to stop; most problems are at rest after three to eight."""
+
+MAX_MISSED = 20
+"""How often a completion that the oracle missed is taken in at one round."""
+
+ROUNDING = 1e-9
+
+AT_REST = 1e-3
+"""A round that lowers the objective by a smaller share of it is the last one."""
+
+Solve = Callable[[Any, Sequence[Cut]], MaxMarginSolution]
+Complete = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.int64]]
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenLabels:
+    """What was learned, and the labels of all nodes that it was learned with.
+
+    Parameters
+    ----------
+    solution : MaxMarginSolution
+        Of the last completion; its status is ``local_optimum`` once the procedure is at rest, and
+        its lower bound 0: another completion may be better.
+    labels : (N,) int
+        The known labels, and the completion that goes with the weights.
+    objectives : tuple of float
+        f after each round; no entry is larger than the one before it.
+    """
+
+    solution: MaxMarginSolution
+    labels: NDArray[np.int64]
+    objectives: tuple[float, ...]
+
+
+def concave_convex(
+    problem: Any, solve: Solve, complete: Complete, *, max_rounds: int = MAX_ROUNDS
+) -> HiddenLabels:
+    """Weights and a completion of the labels at which neither can be improved by itself.
+
+    Parameters
+    ----------
+    problem : MaxMarginProblem or TableMarginProblem
+        With the completion to begin with; its loss is 0 at nodes of unknown label.
+    solve : callable
+        (problem, cuts) -> the solution for a completion; the cuts hold for it.
+    complete : callable
+        (weights, labels) -> the best completion it can find; ``labels`` are the present one.
+    max_rounds : int
+
+    Examples
+    --------
+    >>> from pgm_places.solvers.cutting_plane import cutting_plane
+    >>> from pgm_places.solvers.max_margin import MaxMarginProblem, potentials_of
+    >>> from pgm_places.solvers.max_oracle import graph_cut_oracle
+    >>> edges = np.array([[0, 1], [1, 2], [2, 3]], np.int32)
+    >>> looks = np.array([[1.0], [0.1], [-0.1], [-1.0]])
+    >>> begin, loss = np.array([0, 1, 0, 1]), np.array([1.0, 0.0, 0.0, 1.0])
+    >>> problem = MaxMarginProblem(looks, edges, np.ones((3, 1)), begin, 2, loss, 10.0)
+    >>> best = graph_cut_oracle(4, edges)
+    >>> def complete(weights, labels):
+    ...     unary, agreement = potentials_of(problem, weights)
+    ...     unary[[0, 3], [1, 0]] = -np.inf
+    ...     return best(unary, agreement)
+    >>> found = concave_convex(
+    ...     problem, lambda now, cuts: cutting_plane(now, best, cuts=cuts, exact=True), complete
+    ... )
+    >>> found.labels.tolist(), found.solution.status
+    ([0, 0, 1, 1], 'local_optimum')
+    """
+    objectives: list[float] = []
+    cuts: tuple[Cut, ...] = ()
+    best: MaxMarginSolution | None = None
+    ended = "iteration_limit"
+    for _ in range(max_rounds):
+        solution, completed = _solved(problem, solve, complete, cuts)
+        after = replace(problem, labels=completed)
+        value = solution.objective - problem.penalty * _gain(solution.weights, problem, after)
+        if best is not None and value > objectives[-1]:
+            ended = "local_optimum"  # the solver's tolerance is all that is left
+            break
+        cuts = _moved(solution.cuts, problem, after)
+        best, problem = solution, after
+        objectives.append(value)
+        if solution.status not in (*REACHED, "stalled"):
+            ended = solution.status
+            break
+        if _at_rest(objectives):
+            ended = "local_optimum"
+            break
+    assert best is not None  # max_rounds is at least 1
+    best = replace(best, status=ended, objective=objectives[-1], lower_bound=0.0, certified=None)
+    return HiddenLabels(best, problem.labels, tuple(objectives))
+
+
+def _solved(
+    problem: Any, solve: Solve, complete: Complete, cuts: Sequence[Cut]
+) -> tuple[MaxMarginSolution, NDArray[np.int64]]:
+    """The solution for one completion, and the best completion by its weights.
+
+    That completion is one of the labellings that the hinge is the maximum over. Where it rises
+    above the hinge that was found, the oracle has missed it: it is taken in, and solved again.
+    """
+    for _ in range(MAX_MISSED):
+        solution = solve(problem, cuts)
+        labels = complete(solution.weights, problem.labels)
+        missed = problem.cut_of(labels)
+        height = (solution.objective - 0.5 * float(solution.weights @ solution.weights)) / (
+            problem.penalty
+        )
+        if missed.value(solution.weights) <= height + ROUNDING * (1.0 + abs(height)):
+            break
+        cuts = (*solution.cuts, missed)
+    if _gain(solution.weights, problem, replace(problem, labels=labels)) <= 0:
+        labels = problem.labels  # it is as good as the search finds
+    return solution, labels
+
+
+def _gain(weights: NDArray[np.float64], before: Any, after: Any) -> float:
+    """By how much another completion scores more, a node."""
+    difference = after.truth_features - before.truth_features
+    return float(weights @ difference) / float(before.n_nodes)
+
+
+def _at_rest(objectives: Sequence[float]) -> bool:
+    """Whether the last round hardly lowered the objective."""
+    if len(objectives) < 2:
+        return False
+    return objectives[-2] - objectives[-1] <= AT_REST * abs(objectives[-2])
+
+
+def _moved(cuts: Sequence[Cut], before: Any, now: Any) -> tuple[Cut, ...]:
+    """The cuts for another completion: the same labellings against other labels.
+
+    Their losses are the same, since nodes of unknown label have none.
+    """
+    shift = (now.truth_features - before.truth_features) / now.n_nodes
+    return tuple(Cut(cut.gradient + shift, cut.offset) for cut in cuts)
