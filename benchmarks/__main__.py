@@ -27,6 +27,7 @@ TOPICS = (
     "inference",
     "amn_learning",
     "forward",
+    "problems",
     "tracking",
     "topology",
     "teaching",

@@ -296,13 +296,14 @@ def pass_forest(
 
 @njit
 def pass_back(
+    maximise: bool,
     terms: Terms,
     arcs: Arcs,
     order: NDArray[np.uint32],
     parent: NDArray[np.uint32],
     message: NDArray[np.float64],
 ) -> None:
-    """Sums from the roots back to the leaves, after those of :func:`pass_forest`."""
+    """Messages from the roots back to the leaves, after those of :func:`pass_forest`."""
     n_labels = terms.unary.shape[1]
     belief, sent = np.empty(n_labels), np.empty(n_labels)
     for step in range(order.shape[0]):
@@ -311,7 +312,7 @@ def pass_back(
         for slot in range(arcs.start[i], arcs.start[i + _ONE]):
             along = arcs.arc[slot]
             if along != parent[i]:
-                send(False, along, belief, terms.pairwise, message, sent, message[along])
+                send(maximise, along, belief, terms.pairwise, message, sent, message[along])
 
 
 @njit

@@ -169,13 +169,19 @@ def _is_safe(agreement: NDArray[np.float64]) -> bool:
     return bool(agreement.min(initial=0.0) >= 0 and agreement.max(initial=0.0) <= _SAFE_EXP)
 
 
+def heard_from_all(model: PairwiseModel, message: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, K) the unary of each node plus what all its neighbours say (2 E, K)."""
+    heard = model.unary.copy()
+    heads = model.around.edges[:, ::-1].reshape(-1)  # arc 2 e leads to the second node
+    np.add.at(heard, heads, message)
+    return heard
+
+
 def beliefs_from_messages(
     model: PairwiseModel, message: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(N, K) normalised beliefs from log-messages per arc (2 E, K)."""
-    log_beliefs = model.unary.copy()
-    heads = model.around.edges[:, ::-1].reshape(-1)  # arc 2 e leads to the second node
-    np.add.at(log_beliefs, heads, message)
+    log_beliefs = heard_from_all(model, message)
     impossible = np.flatnonzero(log_beliefs.max(axis=1, initial=-np.inf) == -np.inf)
     if len(impossible):
         raise InputError(

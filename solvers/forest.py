@@ -15,7 +15,7 @@ from pgm_places.solvers._belief_kernels import (
     sample_forest,
 )
 from pgm_places.solvers.adjacency import Adjacency
-from pgm_places.solvers.belief_propagation import beliefs_from_messages
+from pgm_places.solvers.belief_propagation import beliefs_from_messages, heard_from_all
 from pgm_places.solvers.mean_field import normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -26,6 +26,7 @@ __all__ = [
     "forest_maximum",
     "forest_samples",
     "is_forest",
+    "ordered_forest",
 ]
 
 
@@ -94,7 +95,7 @@ def forest_maximum(
     >>> forest_maximum([[1.0, 0.0], [0.0, 0.4]], [(0, 1)], [[0.5, 0.5]]).labels.tolist()
     [0, 0]
     """
-    model, order, parent = _ordered(unary, edges, agreement, pairwise)
+    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     pass_forest(True, model.terms, model.around.arcs, order, parent, message)
     labels = np.empty(model.n_nodes, np.int32)
@@ -124,9 +125,9 @@ def forest_marginals(
     >>> found.beliefs.tolist()
     [[0.5, 0.5], [0.5, 0.5]]
     """
-    model, order, parent = _ordered(unary, edges, agreement, pairwise)
+    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
     message, log_z = _sums_to_roots(model, order, parent)
-    pass_back(model.terms, model.around.arcs, order, parent, message)
+    pass_back(False, model.terms, model.around.arcs, order, parent, message)
     beliefs = frozen(beliefs_from_messages(model, message))
     joint = frozen(_pair_beliefs(model, message)) if pairs else None
     return ForestMarginals(beliefs, log_z + model.offset, joint)
@@ -151,7 +152,7 @@ def forest_samples(
     >>> bool((drawn[:, 0] == drawn[:, 1]).all())
     True
     """
-    model, order, parent = _ordered(unary, edges, agreement, pairwise)
+    model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
     message, _ = _sums_to_roots(model, order, parent)
     rng = np.random.default_rng(seed)
     labels = np.empty((n_samples, model.n_nodes), np.int32)
@@ -179,9 +180,8 @@ def _sums_to_roots(
 
 def _pair_beliefs(model: PairwiseModel, message: NDArray[np.float64]) -> NDArray[np.float64]:
     """(E, K, K) from log-messages per arc (2 E, K): what each end hears from all others, joined."""
-    heard = model.unary.copy()
+    heard = heard_from_all(model, message)
     edges = model.around.edges
-    np.add.at(heard, edges[:, ::-1].reshape(-1), message)  # arc 2 e leads to the second node
     both = heard[edges]
     impossible = both == -np.inf  # -inf - -inf is no number
     both -= np.where(impossible, 0.0, message.reshape(-1, 2, model.n_labels)[:, ::-1])
@@ -197,7 +197,7 @@ def _tables(model: PairwiseModel) -> NDArray[np.float64]:
     return model.agreement[:, :, None] * np.eye(model.n_labels)
 
 
-def _ordered(
+def ordered_forest(
     unary: ArrayLike,
     edges: ArrayLike | Adjacency,
     agreement: ArrayLike | None,

@@ -37,3 +37,30 @@ def test_common_slips_of_shape_come_with_what_to_write() -> None:
         LabelingProblem(graph, ["a", "b"], unary=np.zeros((3, 2)))
     with pytest.raises(InputError, match=r"of shape \(4, 2\) or node_features of shape \(4, D\)"):
         LabelingProblem(graph, ["a", "b"])
+
+
+def test_a_description_counts_and_warns() -> None:
+    rng = np.random.default_rng(0)
+    graph = LabelGraph.from_lattice((20, 20))
+    strewn = np.where(rng.random(400) < 0.15, rng.integers(0, 2, 400), -1)
+    unary = rng.normal(size=(400, 3))
+    problem = LabelingProblem(graph, ("a", "b", "c"), unary=unary)
+    found = problem.describe(strewn)
+    assert (found.n_nodes, found.n_edges, found.n_isolated) == (400, 760, 0)
+    assert found.mean_degree == 3.8
+    assert found.labelled == (strewn >= 0).mean()
+    assert found.balance["c"] == 0.0
+    assert found.median_margin is not None
+    assert found.collapse_weight == found.median_margin / 3.8
+    assert [warning.split(":")[0] for warning in found.warnings] == [
+        "no node is labelled 'c'",
+        "most links of labelled nodes lead to nodes without a label",
+    ]
+    assert problem.describe().balance == {}
+    assert problem.describe().warnings == ()
+    half = np.where(np.arange(400) < 200, np.arange(400) % 3, -1)
+    assert problem.describe(half).warnings == ()
+    sure = problem.with_unary(100 * unary).describe(half)
+    assert "neighbours will change little" in sure.warnings[0]
+    told = LabelingProblem(graph, ("a", "b"), known=half % 2).describe()
+    assert "does not tell labels apart" in str(told)

@@ -148,3 +148,21 @@ def test_negative_weights_are_for_other_decoders() -> None:
         PottsField(weight=-1.0).infer(problem)
     found = PottsField(weight=-1.0, inference="exact").infer(problem)
     assert found.labels[0] != found.labels[1] != found.labels[2]
+
+
+def test_the_weight_is_chosen_where_labels_are_known() -> None:
+    """Labels in blocks want neighbours, labels without order want none."""
+    rng = np.random.default_rng(0)
+    graph = LabelGraph.from_lattice((20, 20))
+    blocks = ((np.arange(400) // 20) // 10).astype(np.int64)
+    mixed = rng.integers(0, 2, 400)
+    for truth, smooths in ((blocks, True), (mixed, False)):
+        unary = np.eye(2)[truth] + rng.normal(scale=0.8, size=(400, 2))
+        problem = LabelingProblem(graph, ("a", "b"), unary)
+        known = np.where(rng.random(400) < 0.5, truth, -1)
+        field = PottsField().chosen_on([problem], [known])
+        weight = float(field.weight)
+        assert weight > 0.5 if smooths else weight < 0.1
+        right = (field.infer(problem).labels == truth)[known < 0].mean()
+        alone = (unary.argmax(axis=1) == truth)[known < 0].mean()
+        assert right > 0.95 if smooths else right > alone - 0.02

@@ -1,0 +1,90 @@
+"""Sets of nodes that want to have one label: superpixels, sentences, rooms."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen, integer_array
+from pgm_places.errors import InputError
+
+__all__ = ["Cliques"]
+
+
+@dataclass(frozen=True, eq=False)
+class Cliques:
+    """Sets of nodes, of any sizes; a node may be in several.
+
+    Parameters
+    ----------
+    members : (M,) int
+        The nodes of the first set, of the second, ...
+    start : (C + 1,) int
+        Where each set begins in ``members``, and where the last one ends.
+
+    Examples
+    --------
+    >>> cliques = Cliques.of([[0, 1, 2], [2, 3]], 4)
+    >>> cliques.sizes.tolist(), cliques.links.tolist()
+    ([3, 2], [[0, 0], [1, 0], [2, 0], [2, 1], [3, 1]])
+    """
+
+    members: NDArray[np.int64]
+    start: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, sets: Iterable[ArrayLike], n_nodes: int) -> Self:
+        """From lists of node numbers.
+
+        Raises
+        ------
+        InputError
+            A set is empty, or names a node twice or one that is not in the graph.
+        """
+        found: list[NDArray[np.int64]] = []
+        for number, nodes in enumerate(sets):
+            name = f"cliques[{number}]"
+            part = integer_array(name, nodes, ("M",), low=0, high=max(n_nodes, 1))
+            if not len(part) or len(np.unique(part)) != len(part):
+                raise InputError(
+                    f"{name} must be one or more nodes, each once, got {part.tolist()}"
+                )
+            found.append(part.astype(np.int64))
+        start = np.cumsum([0, *(len(part) for part in found)])
+        return cls(frozen(np.concatenate([*found, np.zeros(0, np.int64)])), frozen(start))
+
+    @classmethod
+    def of_segments(cls, segments: Sequence[int] | NDArray[np.int64]) -> Self:
+        """From the number of its segment for each node (N,); -1 for none.
+
+        Examples
+        --------
+        >>> Cliques.of_segments([0, 0, -1, 5, 5]).members.tolist()
+        [0, 1, 3, 4]
+        """
+        of_node = integer_array("segments", segments, ("N",), low=-1, high=2**62)
+        order = np.argsort(of_node, kind="stable")
+        order = order[of_node[order] >= 0]
+        _, sizes = np.unique(of_node[order], return_counts=True)
+        return cls(frozen(order.astype(np.int64)), frozen(np.cumsum([0, *sizes])))
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """(C,) the number of nodes in each set."""
+        return np.diff(self.start)
+
+    @property
+    def links(self) -> NDArray[np.int64]:
+        """(M, 2) each node with the number of a set that it is in."""
+        return np.stack([self.members, np.repeat(np.arange(len(self.sizes)), self.sizes)], axis=1)
+
+    def among(self, keep: NDArray[np.bool_]) -> "Cliques":
+        """The sets without the nodes that a mask (N,) leaves out; empty ones are dropped."""
+        number = np.cumsum(keep) - 1
+        nodes, of_set = self.links.T
+        inside = keep[nodes]
+        sizes = np.bincount(of_set[inside], minlength=len(self.sizes))
+        members = number[nodes[inside]]
+        return Cliques(frozen(members), frozen(np.cumsum([0, *sizes[sizes > 0]])))

@@ -1,0 +1,192 @@
+"""A problem in numbers, and what about it is likely to go wrong."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import integer_array
+from pgm_places.graph.label_graph import LabelGraph
+
+__all__ = ["ProblemDescription", "describe"]
+
+FEW_INSIDE = 0.5
+"""Below this share of the labelled nodes' links, those between labelled nodes say too little."""
+
+RARE = 0.02
+"""A label of fewer nodes than this share is easily given up."""
+
+SURE = np.log(100.0)
+"""A node whose best label is a hundred times as probable as the second hardly needs others."""
+
+
+class Problem(Protocol):
+    """What is looked at: a :class:`~pgm_places.inference.problem.LabelingProblem`."""
+
+    @property
+    def graph(self) -> LabelGraph:
+        """N nodes."""
+        ...
+
+    @property
+    def label_names(self) -> Sequence[str]:
+        """K names."""
+        ...
+
+    @property
+    def n_labels(self) -> int:
+        """K."""
+        ...
+
+    @property
+    def unary(self) -> NDArray[np.float64] | None:
+        """(N, K), where there is one."""
+        ...
+
+    @property
+    def known(self) -> NDArray[np.int64] | None:
+        """(N,) known labels, -1 for none, where there are any."""
+        ...
+
+
+@dataclass(frozen=True)
+class ProblemDescription:
+    """What a problem looks like; ``print`` shows it line by line.
+
+    Parameters
+    ----------
+    n_nodes, n_edges, n_labels : int
+    mean_degree : float
+        Mean number of neighbours.
+    n_isolated : int
+        Nodes without any.
+    labelled : float
+        Share of the nodes that have a label.
+    balance : dict of str to float
+        Share of each label among them; empty where none has one.
+    median_margin : float or None
+        By how much the unary of the best label exceeds that of the second, the median over nodes.
+    collapse_weight : float or None
+        A Potts weight at which the neighbours of a node of mean degree together outweigh that
+        median: from about there on labels are spread rather than smoothed.
+    warnings : tuple of str
+        What is likely to go wrong, and what to do.
+    """
+
+    n_nodes: int
+    n_edges: int
+    n_labels: int
+    mean_degree: float
+    n_isolated: int
+    labelled: float
+    balance: dict[str, float]
+    median_margin: float | None
+    collapse_weight: float | None
+    warnings: tuple[str, ...]
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.n_nodes} nodes, {self.n_edges} edges, {self.n_labels} labels",
+            f"{self.mean_degree:.1f} neighbours in the mean, {self.n_isolated} nodes with none",
+            f"{100 * self.labelled:.0f} % of the nodes have a label",
+        ]
+        if self.balance:
+            shares = ", ".join(
+                f"{name} {100 * share:.1f} %" for name, share in self.balance.items()
+            )
+            lines.append(f"of these: {shares}")
+        if self.median_margin is not None:
+            lines.append(f"unary: best label over second {self.median_margin:.2f} (median)")
+        if self.collapse_weight is not None:
+            lines.append(f"Potts weights from about {self.collapse_weight:.2f} spread labels")
+        return "\n".join([*lines, *(f"! {warning}" for warning in self.warnings)])
+
+
+def describe(problem: Problem, labels: ArrayLike | None = None) -> ProblemDescription:
+    """The problem in numbers; see :meth:`LabelingProblem.describe`."""
+    graph, n = problem.graph, problem.graph.n_nodes
+    truth = np.full(n, -1) if problem.known is None else problem.known
+    if labels is not None:
+        truth = integer_array("labels", labels, (n,), low=-1, high=problem.n_labels)
+    given = truth >= 0
+    counts = np.bincount(truth[given], minlength=problem.n_labels)
+    balance = dict(zip(problem.label_names, (counts / max(given.sum(), 1)).tolist(), strict=True))
+    mean_degree = 2 * graph.n_edges / max(n, 1)
+    margin = _median_margin(problem)
+    collapse = None if margin is None or not mean_degree else margin / mean_degree
+    warnings = [
+        *_about_labels(problem, truth, balance if given.any() else {}),
+        *_about_unary(problem, margin),
+    ]
+    return ProblemDescription(
+        n_nodes=n,
+        n_edges=graph.n_edges,
+        n_labels=problem.n_labels,
+        mean_degree=mean_degree,
+        n_isolated=int((graph.degree == 0).sum()),
+        labelled=float(given.mean()) if n else 0.0,
+        balance=balance if given.any() else {},
+        median_margin=margin,
+        collapse_weight=collapse,
+        warnings=tuple(warnings),
+    )
+
+
+def _margins(problem: Problem) -> NDArray[np.float64] | None:
+    """(M,) best less second unary, where more than one label is allowed."""
+    if problem.unary is None or problem.n_labels < 2:
+        return None
+    best = np.sort(problem.unary, axis=1)[:, -2:]
+    asked = best[:, 0] > -np.inf
+    return best[asked, 1] - best[asked, 0] if asked.any() else None
+
+
+def _median_margin(problem: Problem) -> float | None:
+    margins = _margins(problem)
+    return None if margins is None else float(np.median(margins))
+
+
+def _about_labels(
+    problem: Problem, truth: NDArray[np.int64], balance: dict[str, float]
+) -> list[str]:
+    found = []
+    missing = [name for name, share in balance.items() if share == 0]
+    rare = [name for name, share in balance.items() if 0 < share < RARE]
+    if missing:
+        found.append(f"no node is labelled {_listed(missing)}: nothing can be learned of it")
+    if rare:
+        found.append(
+            f"{_listed(rare)}: under {100 * RARE:.0f} % of the labels; judge by balanced accuracy, "
+            "and let class_weight count rare labels more"
+        )
+    ends = (truth >= 0)[problem.graph.edges]
+    if 0 < 2 * int(ends.all(axis=1).sum()) < FEW_INSIDE * int(ends.sum()) or (
+        ends.any() and not ends.all(axis=1).any()
+    ):
+        found.append(
+            "most links of labelled nodes lead to nodes without a label: learned without these "
+            "(unlabelled='dropped'), links would give all nodes one label; complete them "
+            "('hidden'), or take relaxation"
+        )
+    return found
+
+
+def _about_unary(problem: Problem, median: float | None) -> list[str]:
+    margins = _margins(problem)
+    if margins is None or median is None:
+        return []
+    if median == 0:
+        return ["unary does not tell labels apart at most nodes: neighbours decide alone"]
+    if median > SURE:
+        return [
+            f"unary is very sure of itself (a factor of {np.exp(min(median, 700.0)):.0f} between "
+            "the best labels of the median node): neighbours will change little; calibrate the "
+            "classifier, or score nodes that it has not seen"
+        ]
+    return []
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))

@@ -1,0 +1,160 @@
+"""Bounds of the partition function on any graph: from below by mean field, from above by trees.
+
+The logarithm of Z is convex in the potentials. Split the edges among F forests, multiply those of
+each by F, and share the unaries out so that their mean is the model's: the mean of the forests'
+log Z, each exact by dynamic programming, is then no smaller than the graph's (M. Wainwright,
+T. Jaakkola, A. Willsky, "A new class of upper bounds on the log partition function", IEEE Trans.
+Information Theory 51 (2005)). The shares are chosen to make it as small as possible, which makes
+the forests' marginals agree; every step of the search is a bound.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+from pgm_places._checks import frozen
+from pgm_places.solvers.adjacency import Adjacency, adjacency
+from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.mean_field import mean_field
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model
+
+__all__ = ["PartitionBounds", "bound_log_partition", "edge_forests"]
+
+
+@dataclass(frozen=True, eq=False)
+class PartitionBounds:
+    """What is proved of log Z.
+
+    Parameters
+    ----------
+    lower, upper : float
+        log Z lies between them; they are equal, up to rounding, on a graph without cycles.
+    beliefs : (N, K) float
+        The mean of the forests' marginals, an approximation of the graph's; exact without cycles.
+    """
+
+    lower: float
+    upper: float
+    beliefs: NDArray[np.float64]
+
+
+def bound_log_partition(
+    unary: ArrayLike,
+    edges: ArrayLike | Adjacency,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+    *,
+    max_iterations: int = 50,
+) -> PartitionBounds:
+    """Bounds of ``log sum_y exp(score(y))``, and approximate marginals.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-potentials of the nodes; -inf forbids a label.
+    edges : (E, 2) int or Adjacency
+        Node pairs.
+    agreement : (E, K) float, optional
+        Log-potential of an edge whose ends agree on each label.
+    pairwise : (K, K) or (E, K, K) float, optional
+        Log-potential of each pair of labels instead. The lower bound may be -inf where some are.
+    max_iterations : int
+        Steps of the search for the smallest upper bound, each two passes over every forest.
+
+    Examples
+    --------
+    >>> square = [(0, 1), (1, 2), (2, 3), (0, 3)]
+    >>> found = bound_log_partition(np.zeros((4, 2)), square, np.ones((4, 2)))
+    >>> truth = np.log(2 * np.e**4 + 12 * np.e**2 + 2)
+    >>> bool(found.lower <= truth <= found.upper), float(round(found.upper - truth, 2))
+    (True, 0.34)
+    """
+    model = pairwise_model(unary, edges, agreement, pairwise)
+    parts = edge_forests(model.around)
+    if len(parts) <= 1:
+        whole = forest_marginals(*_arrays(model, np.arange(model.around.n_edges), 1.0))
+        total = whole.log_partition + model.offset
+        return PartitionBounds(total, total, whole.beliefs)
+    upper, beliefs = _smallest(model, parts, max_iterations)
+    return PartitionBounds(_below(model), upper + model.offset, frozen(beliefs))
+
+
+def edge_forests(around: Adjacency) -> list[NDArray[np.int64]]:
+    """The edges' numbers, split among forests: what is left after a spanning forest, and again."""
+    left = np.arange(around.n_edges)
+    parts = []
+    while len(left):
+        first, second = around.edges[left].T
+        weights = np.arange(1, len(left) + 1, dtype=np.float64)  # each edge by its own weight
+        matrix = sparse.csr_array((weights, (first, second)), (around.n_nodes, around.n_nodes))
+        taken = minimum_spanning_tree(matrix).data.astype(np.int64) - 1
+        parts.append(np.sort(left[taken]))
+        left = np.delete(left, taken)
+    return parts
+
+
+def _smallest(
+    model: PairwiseModel, parts: list[NDArray[np.int64]], max_iterations: int
+) -> tuple[float, NDArray[np.float64]]:
+    """The smallest bound that was found, without the offset, and the forests' mean marginals."""
+    from scipy.optimize import minimize
+
+    n_forests, shape = len(parts), model.unary.shape
+    arrays = [_arrays(model, part, float(n_forests)) for part in parts]
+
+    def bound(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        shares = flat.reshape(n_forests, *shape)
+        shares = shares - shares.mean(axis=0)  # the unaries' mean stays the model's
+        found = [
+            forest_marginals(model.unary + share, *others[1:])
+            for share, others in zip(shares, arrays, strict=True)
+        ]
+        beliefs = np.stack([each.beliefs for each in found])
+        gradient = (beliefs - beliefs.mean(axis=0)) / n_forests
+        value = float(np.mean([each.log_partition for each in found]))
+        return value, gradient.ravel()
+
+    lbfgs: Any = minimize
+    start = np.zeros(n_forests * model.unary.size)
+    best = lbfgs(bound, start, jac=True, method="L-BFGS-B", options={"maxiter": max_iterations})
+    shares = best.x.reshape(n_forests, *shape)
+    shares = shares - shares.mean(axis=0)
+    beliefs = [
+        forest_marginals(model.unary + share, *others[1:]).beliefs
+        for share, others in zip(shares, arrays, strict=True)
+    ]
+    return float(best.fun), np.mean(beliefs, axis=0)
+
+
+def _below(model: PairwiseModel) -> float:
+    """Expected score plus entropy of mean field's independent beliefs: no more than log Z."""
+    arrays = _arrays(model, np.arange(model.around.n_edges), 1.0)
+    beliefs = mean_field(*arrays).beliefs
+    with np.errstate(divide="ignore", invalid="ignore"):
+        entropy = -float(np.where(beliefs > 0, beliefs * np.log(beliefs), 0.0).sum())
+    expected = _expected(beliefs, model.unary)
+    first, second = model.around.edges.T
+    if model.agreement is not None:
+        expected += float((beliefs[first] * beliefs[second] * model.agreement).sum())
+    else:
+        joint = beliefs[first][:, :, None] * beliefs[second][:, None, :]
+        expected += _expected(joint, np.broadcast_to(model.tables, joint.shape))
+    return expected + entropy + model.offset
+
+
+def _expected(weights: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """The weighted sum, in which 0 times -inf is 0."""
+    return float(np.sum(np.where(weights > 0, weights * np.where(weights > 0, values, 0.0), 0.0)))
+
+
+def _arrays(model: PairwiseModel, part: NDArray[np.int64], scale: float) -> tuple[Any, ...]:
+    """Unary, some of the edges, and their potentials multiplied, as solvers take them."""
+    around = adjacency(model.n_nodes, model.around.edges[part])
+    if model.agreement is not None:
+        return model.unary, around, scale * model.agreement[part], None
+    tables = np.broadcast_to(model.tables, (model.around.n_edges, *model.tables.shape[1:]))
+    return model.unary, around, None, scale * tables[part]
