@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
-from pgm_places.solvers._max_margin_kernels import add_feature_difference
+from pgm_places.kernels.lane_access import FOUR
+from pgm_places.solvers._max_margin_kernels import add_feature_difference, multiply_rows
 
 __all__ = [
     "REACHED",
@@ -368,7 +369,21 @@ def potentials_of(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Unary (N, K) and agreement (E, K) of the score."""
     node_weights, edge_weights = split_weights(problem, weights)
-    return problem.node_features @ node_weights, problem.edge_features @ edge_weights
+    return (
+        _products(problem.node_features, node_weights),
+        _products(problem.edge_features, edge_weights),
+    )
+
+
+def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``rows @ weights`` for many rows and a few columns, for which BLAS is slow."""
+    (n_rows, n_features), n_columns = rows.shape, weights.shape[1]
+    width = -(-n_columns // FOUR) * FOUR
+    padded = np.zeros((n_features, width))
+    padded[:, :n_columns] = weights
+    out = np.zeros((1, n_rows * n_columns + width))
+    multiply_rows(np.ascontiguousarray(rows), padded, out)
+    return out[0, : n_rows * n_columns].reshape(n_rows, n_columns)
 
 
 def hinge(problem: MarginProblem, weights: NDArray[np.float64], augmented_maximum: float) -> float:
