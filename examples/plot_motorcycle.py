@@ -77,7 +77,8 @@ print(f"status {labeling.status}, at most {share:.1e} of its score below the bes
 
 # %%
 palette = np.array(["#f4c150", "#2b4bb8", "#a1de96"])
-figure, panels = plt.subplots(1, 4, figsize=(13, 5), layout="constrained")
+figure, panels = plt.subplots(2, 2, figsize=(9, 10), layout="constrained")
+panels = panels.ravel()
 for panel, (name, labels) in zip(panels, {"truth": truth[right], **found}.items(), strict=True):
     panel.scatter(columns[right], -rows[right], c=palette[labels], s=7, marker="s")
     panel.set(title=name, aspect="equal")

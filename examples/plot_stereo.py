@@ -64,14 +64,15 @@ for name, labels in found.items():
     print(f"{name:10} {100 * np.mean(error > 1):4.1f} % of the pixels are off by more than a pixel")
 
 # %%
-figure, axes = plt.subplots(1, 5, figsize=(14, 2.9), layout="constrained")
+figure, axes = plt.subplots(2, 3, figsize=(11, 5.2), layout="constrained")
+axes = axes.ravel()
 axes[0].imshow(left)
 axes[0].set_title("left picture")
 truth = np.where(measured, truth, np.nan)
 shown = {"measured": truth} | {n: shifts[found[n]].reshape(truth.shape) for n in found}
-for axis, (name, picture) in zip(axes[1:], shown.items(), strict=True):
+for axis, (name, picture) in zip(axes[1:], shown.items(), strict=False):
     drawn = axis.imshow(picture, cmap="cividis", vmin=0, vmax=12)
     axis.set_title(name)
 for axis in axes:
     axis.set_axis_off()
-figure.colorbar(drawn, ax=axes, fraction=0.012, label="shift, pixels")
+figure.colorbar(drawn, ax=axes, fraction=0.03, label="shift, pixels")

@@ -76,7 +76,8 @@ for name, backend in found.items():
 
 # %%
 palette = np.array([[109, 148, 70], [154, 163, 173], [178, 84, 60]]) / 255
-figure, axes = plt.subplots(1, 4, figsize=(13, 3.7), layout="constrained")
+figure, axes = plt.subplots(2, 2, figsize=(8, 8.4), layout="constrained")
+axes = axes.ravel()
 axes[0].imshow(test_picture, cmap="gray", vmin=-3, vmax=3)
 axes[0].imshow(np.where(segmentation.find_boundaries(pieces)[..., None], [1, 0.85, 0, 1], 0.0))
 axes[0].set_title(f"{len(wanted)} superpixels")
