@@ -89,7 +89,7 @@ for n, (name, row) in enumerate(read.items()):
         colour = "#2d2d2d" if label == wanted[4][k] else "#d1002c"
         axes[0].text(12 * k + 6, 26 + 13 * n, letters[label], ha="center", color=colour)
     axes[0].text(-4, 26 + 13 * n, name, ha="right", fontsize=9)
-axes[0].set(ylim=(70, 0), xlim=(0, 360))
+axes[0].set(ylim=(70, 0), xlim=(-75, 360))
 axes[0].set_axis_off()
 share = np.bincount(np.hstack(truths), minlength=27) / len(np.hstack(truths))
 table = np.log2(model.backend_.transition / share).clip(-4, 4)

@@ -1,12 +1,13 @@
 """Draw the pictures of the documentation: ``python -m experiments.pictures [NAME ...]``.
 
-Everything is drawn from generated maps, or from data that ships with the libraries.
+Everything is drawn from generated maps, or from data that ships with the libraries. ``cards`` are
+parts of the other pictures, so they come last.
 """
 
 import argparse
 from collections.abc import Callable
 
-from experiments.pictures import chains, chart, landing, learning, maps, methods, training
+from experiments.pictures import batch, chains, chart, landing, learning, maps, methods, training
 
 PICTURES: dict[str, Callable[[], None]] = {
     "hero": landing.hero,
@@ -35,6 +36,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "own_problem": learning.own_problem,
     "kinds_of_buildings": training.kinds_of_buildings,
     "simulated_maps": training.simulated_maps,
+    "many_maps": batch.many_maps,
     "cards": landing.cards,
 }
 
