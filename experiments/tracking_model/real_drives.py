@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from experiments.tracking_model.drives import Laser, Observed, observed
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.reproduce.building79 import load_building79
+from pgm_places.reproduce.building_maps import CELLS_M
 from pgm_places.reproduce.cold import PLACES, STEP_M, load_cold_folder, place_classes
 from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.sensing.simulated_robot import scans_along
@@ -51,7 +52,7 @@ def cold_drives(data: Path, kept: KeptArrays) -> Iterator[Observed]:
     """
     for folder in sorted(data.glob("cold_*")):
         town = folder.name.split("_")[1]
-        known, runs = load_cold_folder(folder, place_classes(), PLACES)
+        known, runs = load_cold_folder(folder, place_classes(), PLACES, CELLS_M)
         for number, run in enumerate(runs):
             stem = fingerprint(number, FRONT, run.poses, known.grid.cells)
             drive = partial(_with_scans, known.grid, run, number)

@@ -67,10 +67,13 @@ def load_cold(
 
 
 def load_cold_folder(
-    folder: Path, classes: Mapping[str, str], names: tuple[str, ...]
+    folder: Path,
+    classes: Mapping[str, str],
+    names: tuple[str, ...],
+    resolution_m: float = RESOLUTION_M,
 ) -> tuple[LabelledMap, list[Trajectory]]:
-    """A labelled map, and the runs that were recorded in it."""
-    grid = coarsen(load_map(folder / "map.yaml").grid, RESOLUTION_M)
+    """A labelled map with cells of that size, and the runs that were recorded in it."""
+    grid = coarsen(load_map(folder / "map.yaml").grid, resolution_m)
     regions = folder / "regions.geojson"
     every = {code: classes.get(code, "") for code in _codes(regions)}
     known = LabelledMap(grid, load_regions(regions, names, grid, classes=every), name=folder.name)

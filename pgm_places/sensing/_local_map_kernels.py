@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["Pose", "Steps", "Window", "cast_rays", "write_disc", "write_scan"]
+__all__ = ["Pose", "Steps", "Window", "cast_rays", "coarse_cells", "write_disc", "write_scan"]
 
 TINY = 1e-12  # components below it are rounding left over from a right angle
 DEPTH = 0.1  # cells behind the surface that a beam met: the matter lies there, not in front
@@ -188,3 +188,36 @@ def cast_rays(
                 next_y += per_y
                 row += step_y
         out[beam] = reading
+
+
+@njit
+def coarse_cells(
+    window: Window,
+    low: tuple[int, int],
+    high: tuple[int, int],
+    factor: int,
+    out: NDArray[np.int8],
+) -> None:
+    """Write a part of the window with ``factor`` x ``factor`` cells in one.
+
+    1 where any of them is occupied, else -1 where any is free, else 0. The part goes from row and
+    column ``low`` to ``high``; cells beyond count as unknown.
+    """
+    n = len(window.evidence)
+    for r in range(out.shape[0]):
+        for c in range(out.shape[1]):
+            out[r, c] = 0
+        first_row = low[0] + r * factor
+        for row in range(first_row, min(first_row + factor, high[0])):
+            kept_row, kept_column = _kept_at(window, row, low[1])
+            c, left = 0, factor  # the cell, and how many columns still belong to it
+            for _ in range(low[1], high[1]):
+                evidence = window.evidence[kept_row, kept_column]
+                if evidence > 0:
+                    out[r, c] = 1
+                elif evidence < 0 and out[r, c] == 0:
+                    out[r, c] = -1
+                left -= 1
+                if left == 0:
+                    c, left = c + 1, factor
+                kept_column = kept_column + 1 if kept_column + 1 < n else 0

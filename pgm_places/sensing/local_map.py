@@ -198,6 +198,40 @@ class LocalMap:
         x, y = corner * self.resolution_m
         return OccupancyGrid(cells, self.resolution_m, (float(x), float(y)))
 
+    def square(self, centre_m: ArrayLike, n_cells: int, factor: int) -> OccupancyGrid | None:
+        """A square of the window as a map whose cells each stand for several; None outside it.
+
+        A cell is occupied where any of its cells is, else free where any is, else unknown. It is
+        the result of :meth:`to_grid` cut out and coarsened, without a copy of the window.
+
+        Parameters
+        ----------
+        centre_m : (2,) float
+            x and y of the middle, in the frame of the poses.
+        n_cells : int
+            Half the side of the square, in cells of the window; beyond it the square ends.
+        factor : int
+            Cells of the window along the side of a cell of the map.
+        """
+        from pgm_places.sensing._local_map_kernels import coarse_cells
+
+        corner = np.zeros(2, np.int64) if self._corner is None else self._corner
+        origin_xy = corner * self.resolution_m
+        offset = finite_array("centre_m", centre_m, (2,)) - origin_xy
+        middle = np.floor(offset / self.resolution_m).astype(np.int64)
+        low = np.maximum(middle - n_cells, 0)
+        high = np.minimum(middle + n_cells, self.n_cells)
+        if not (low < high).all():
+            return None
+        (first_column, first_row), (last_column, last_row) = low.tolist(), high.tolist()
+        shape = -(-(last_row - first_row) // factor), -(-(last_column - first_column) // factor)
+        found = np.empty(shape, np.int8)
+        window = self._place(origin_xy)[2]
+        coarse_cells(window, (first_row, first_column), (last_row, last_column), factor, found)
+        cells = np.array([UNKNOWN, OCCUPIED, FREE], np.int8)[found]  # -1 is the last
+        x, y = low * self.resolution_m + origin_xy
+        return OccupancyGrid(cells, factor * self.resolution_m, (float(x), float(y)))
+
     def _next_scan(self) -> int:
         self._scan += 1
         if self._scan > SCAN_NUMBERS:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["add_paths_from", "largest_rests"]
+__all__ = ["add_paths_from", "largest_rests", "number_components"]
 
 
 @njit
@@ -113,3 +113,31 @@ def largest_rests(
             i = found[t]
             whole[i] = below[root]
             rest[i] = max(largest[i], below[root] - weight[i] - cut[i])
+
+
+@njit
+def number_components(
+    start: NDArray[np.int32], neighbour: NDArray[np.int32], component: NDArray[np.int32]
+) -> None:
+    """Write the number of each node's component (N,), in the order of their first nodes."""
+    n = len(component)
+    waiting = np.empty(n, np.int32)
+    for i in range(n):
+        component[i] = -1
+    count = 0
+    for first in range(n):
+        if component[first] >= 0:
+            continue
+        component[first] = count
+        waiting[0] = first
+        end = 1
+        while end > 0:
+            end -= 1
+            i = waiting[end]
+            for e in range(start[i], start[i + 1]):
+                j = neighbour[e]
+                if component[j] < 0:
+                    component[j] = count
+                    waiting[end] = j
+                    end += 1
+        count += 1

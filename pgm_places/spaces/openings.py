@@ -128,30 +128,19 @@ def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m:
 
 def _pieces(both: NDArray[np.int32], halves_rc: NDArray[np.int32]) -> NDArray[np.int64]:
     """(M,) number of the connected piece of border that each site belongs to, sorted by pair."""
-    from scipy import sparse
+    from pgm_places.spaces._border_kernels import join_sites
 
     if not len(both):
         return np.zeros(0, np.int64)
     span = halves_rc.max(axis=0).astype(np.int64) + 2 * _REACH + 1
-    _, pair = np.unique(both, axis=0, return_inverse=True)
+    pair = np.unique(both[:, 0].astype(np.int64) << 32 | both[:, 1], return_inverse=True)[1]
     site = halves_rc + _REACH
-    key = (pair.reshape(-1) * span[0] + site[:, 0]) * span[1] + site[:, 1]
+    key = (pair * span[0] + site[:, 0]) * span[1] + site[:, 1]
     known, index = np.unique(key, return_inverse=True)
-    joined: list[NDArray[np.int64]] = []
-    for dr in range(_REACH + 1):
-        for dc in range(-_REACH if dr else 1, _REACH + 1):
-            wanted = known + dr * span[1] + dc
-            at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
-            found = np.flatnonzero(known[at] == wanted)
-            joined.append(np.stack([found, at[found]]))
-    i, j = np.concatenate(joined, axis=1)
-    matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(len(known), len(known)))
-    _, piece = sparse.csgraph.connected_components(matrix, directed=False)
     # numbered in the order of the pairs, then of the first site
-    _, start = np.unique(piece, return_index=True)
-    order = np.empty(len(start), np.int64)
-    order[np.argsort(start)] = np.arange(len(start))
-    return np.asarray(order[piece][index.reshape(-1)])
+    piece = np.empty(len(known), np.int64)
+    join_sites(known, int(span[1]), _REACH, piece)
+    return np.asarray(piece[index])
 
 
 def _means(group: NDArray[np.int64], sites: NDArray[np.float64], count: int) -> NDArray[np.float64]:

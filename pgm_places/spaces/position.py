@@ -22,10 +22,12 @@ def betweenness(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.f
     >>> betweenness(LabelGraph.from_edges(3, [(0, 1), (1, 2)]), np.ones(3)).tolist()
     [0.0, 1.0, 0.0]
     """
-    from pgm_places.spaces._graph_kernels import add_paths_from
+    from pgm_places.spaces._graph_kernels import add_paths_from, number_components
 
     n = graph.n_nodes
-    start, neighbour, component = _adjacency(graph)
+    start, neighbour = _adjacency(graph)
+    component = np.empty(n, np.int32)
+    number_components(start, neighbour, component)
     share, reached, sources = np.zeros(n), np.ones(n), np.zeros(n)
     order, distance = np.empty(n, np.int32), np.full(n, -1, np.int32)
     paths, passed = np.empty(n), np.empty(n)
@@ -56,7 +58,7 @@ def area_cut_off(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.
     """
     from pgm_places.spaces._graph_kernels import largest_rests
 
-    start, neighbour, _ = _adjacency(graph)
+    start, neighbour = _adjacency(graph)
     rest, whole = np.zeros(graph.n_nodes), np.zeros(graph.n_nodes)
     largest_rests(start, neighbour, area_m2, rest, whole)
     others = whole - area_m2
@@ -64,15 +66,10 @@ def area_cut_off(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.
     return np.asarray(np.clip(1.0 - kept, 0.0, 1.0))
 
 
-def _adjacency(
-    graph: LabelGraph,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """The start of each node's neighbours, the neighbours, and the component of each node."""
-    from scipy import sparse
-
-    i, j = graph.edges.T
-    ends = (np.concatenate([i, j]), np.concatenate([j, i]))
-    shape = (graph.n_nodes, graph.n_nodes)
-    matrix = sparse.csr_array((np.ones(len(ends[0]), np.int8), ends), shape=shape)
-    component = sparse.csgraph.connected_components(matrix, directed=False)[1]
-    return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), component
+def _adjacency(graph: LabelGraph) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The start of each node's neighbours, and the neighbours, ascending."""
+    i, j = graph.edges.T.astype(np.int64)
+    n = max(graph.n_nodes, 1)
+    ends = np.sort(np.concatenate([i * n + j, j * n + i]))
+    start = np.searchsorted(ends, np.arange(graph.n_nodes + 1) * n)
+    return start.astype(np.int32), (ends % n).astype(np.int32)

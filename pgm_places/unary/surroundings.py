@@ -22,6 +22,9 @@ _CELL_M = 0.1
 _ANY = 0.01
 """Share of a coarse cell that must be occupied, else free: no wall vanishes, no glimpse is lost."""
 
+_WHOLE = 1e-6
+"""A number of cells that is so near to a whole one is one."""
+
 _EVERY_M = 0.25
 """The surroundings are divided anew after so much way."""
 
@@ -64,9 +67,7 @@ class Surroundings:
         """
         where = finite_array("position_m", position_m, (2,))
         if self._gate.opens(float(where[0]), float(where[1])) is not None:
-            source = self._source
-            whole = source.to_grid() if isinstance(source, LocalMap) else source
-            self._grid = _square(whole, where, self._reach_m)
+            self._grid = _square(self._source, where, self._reach_m)
             self._features = None
             if self._grid is not None:
                 self._features = CellFeatures.of(Segmentation.of(self._grid))
@@ -79,19 +80,25 @@ class Surroundings:
 
 
 def _square(
-    whole: OccupancyGrid, centre_m: NDArray[np.float64], reach_m: float
+    source: LocalMap | OccupancyGrid, centre_m: NDArray[np.float64], reach_m: float
 ) -> OccupancyGrid | None:
     """The square of a map around a position, with cells of at least 0.1 m; None off the map."""
-    row, column = whole.cells_at_m(centre_m[None])[0].tolist()
-    n = max(int(reach_m / whole.resolution_m) // 2 * 2, 2)
+    resolution_m = source.resolution_m
+    n = max(int(reach_m / resolution_m) // 2 * 2, 2)
+    if isinstance(source, LocalMap):
+        ratio = max(_CELL_M / resolution_m, 1.0)
+        if abs(ratio - round(ratio)) < _WHOLE and ratio**2 * _ANY <= 1:
+            return source.square(centre_m, n, round(ratio))
+        source = source.to_grid()
+    row, column = source.cells_at_m(centre_m[None])[0].tolist()
     first_row, first_column = max(row - n, 0), max(column - n, 0)
-    cells = whole.cells[first_row : max(row + n, 0), first_column : max(column + n, 0)]
+    cells = source.cells[first_row : max(row + n, 0), first_column : max(column + n, 0)]
     if not cells.size:
         return None
     # The corner of a cell lies half a cell before its centre.
-    corner = whole.cell_centres_m([[first_row - 0.5, first_column - 0.5]])[0]
+    corner = source.cell_centres_m([[first_row - 0.5, first_column - 0.5]])[0]
     origin = (float(corner[0]), float(corner[1]))
-    part = OccupancyGrid(cells, whole.resolution_m, origin, whole.yaw_rad)
-    if whole.resolution_m >= _CELL_M:
+    part = OccupancyGrid(cells, resolution_m, origin, source.yaw_rad)
+    if resolution_m >= _CELL_M:
         return part
     return coarsen(part, _CELL_M, occupied_share=_ANY, free_share=_ANY)

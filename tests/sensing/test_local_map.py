@@ -187,3 +187,37 @@ def test_the_disc_of_the_robot_is_the_cells_whose_centres_it_covers(wrap: tuple[
         covered = np.hypot(rows + 0.5 - y, columns + 0.5 - x) <= radius
         wanted = np.where(covered, np.minimum(before, -2), before)
         np.testing.assert_array_equal(window.evidence, np.roll(wanted, wrap, (0, 1)))
+
+
+@pytest.mark.parametrize("factor", [1, 2, 5])
+@pytest.mark.parametrize(("middle", "n"), [((0.3, -0.2), 20), ((3.6, 1.0), 37), ((-3.9, 3.9), 60)])
+def test_a_square_of_the_window_is_cut_out_of_its_map_and_coarsened(
+    factor: int, middle: tuple[float, float], n: int
+) -> None:
+    rng = np.random.default_rng(n)
+    angles = np.linspace(-pi, pi, 90)
+    local = LocalMap(size_m=8.0, resolution_m=0.1)
+    for x in np.linspace(-2.0, 1.03, 7):  # the window has moved over its border
+        local.update([x, x / 3, x], rng.uniform(0.5, 5.0, 90), angles, max_range_m=4.5)
+    position = np.array([1.03, 0.34]) + middle
+    whole, found = local.to_grid(), local.square(position, n, factor)
+    assert found is not None
+    row, column = whole.cells_at_m(position)[0].tolist()
+    rows, columns = (slice(max(at - n, 0), at + n) for at in (row, column))
+    part = whole.cells[rows, columns]
+    for r, c in np.ndindex(*found.shape):
+        block = part[r * factor : (r + 1) * factor, c * factor : (c + 1) * factor]
+        wanted = OCCUPIED if (block == OCCUPIED).any() else UNKNOWN
+        wanted = FREE if wanted == UNKNOWN and (block == FREE).any() else wanted
+        assert found.cells[r, c] == wanted
+    assert found.shape == tuple(-(-side // factor) for side in part.shape)
+    corner = whole.cell_centres_m([[rows.start, columns.start]])[0] - 0.05
+    np.testing.assert_allclose(found.origin_xy_m, corner, rtol=0, atol=1e-9)
+    assert (found.cells == FREE).any() and (found.cells == OCCUPIED).any()
+
+
+def test_a_square_outside_the_window_is_none() -> None:
+    local = LocalMap(size_m=8.0, resolution_m=0.1)
+    local.update([0.0, 0.0, 0.0], [1.0], [0.0], max_range_m=4.5)
+    assert local.square([40.0, 0.0], 20, 2) is None
+    assert local.square([0.0, -40.0], 20, 2) is None
