@@ -122,36 +122,36 @@ def floors_table(found: Sequence[Answer]) -> str:
 REACHES = ((4.0, 8.0), (8.0, 20.0), (20.0, 80.0))
 VIEWS = ((90.0, 90.0), (120.0, 180.0), (240.0, 270.0), (360.0, 360.0))
 SPACINGS = ((0.2, 0.5), (0.5, 1.2), (1.2, 3.1))
+KINDS = {"all real and drawn": "", "offices": "office", "schools": "school"}
+"""Rows of the table of lasers, and how the groups of their drives begin."""
 
 
 def lasers_table(found: Sequence[Answer], way: str = "smoother") -> str:
-    """Accuracy and balanced accuracy by view and reach, then by view and density of the beams."""
-
-    def cell(chosen: Sequence[Answer]) -> str:
-        return f"{figures(merged(chosen, way))} ({len(chosen)})" if chosen else "-"
-
-    def view(item: Answer) -> float:
-        return item.drive.laser.view_degrees
-
-    def spacing(item: Answer) -> float:
-        return view(item) / item.drive.laser.n_beams
-
+    """By kind of building and view: accuracy and balanced accuracy by reach, and by density."""
     head = [f"{low:g} to {high:g} m" for low, high in REACHES]
     head += [f"{low:g} to {high:g}°" for low, high in SPACINGS]
-    lines = [f"| view | {' | '.join(head)} |", "|---" * (1 + len(head)) + "|"]
-    for low, high in VIEWS:
-        some = [item for item in found if low <= view(item) <= high]
-        row = [
-            cell([item for item in some if near <= item.drive.laser.reach_m < far])
-            for near, far in REACHES
-        ]
-        row += [
-            cell([item for item in some if fine <= spacing(item) < coarse])
-            for fine, coarse in SPACINGS
-        ]
-        name = f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
-        lines.append(f"| {name} | {' | '.join(row)} |")
+    lines = [f"| drives in | view | {' | '.join(head)} |", "|---" * (2 + len(head)) + "|"]
+    for kind, start in KINDS.items():
+        for low, high in VIEWS:
+            some = [
+                item
+                for item in found
+                if item.drive.group.startswith(start)
+                and low <= item.drive.laser.view_degrees <= high
+            ]
+            name = f"{low:g}°" if low == high else f"{low:g}° to {high:g}°"
+            lines.append(f"| {kind} | {name} | {' | '.join(_by_laser(some, way))} |")
     return "\n".join(lines)
+
+
+def _by_laser(some: Sequence[Answer], way: str) -> Iterator[str]:
+    """The figures by reach, then by the angle between two beams; the number of drives of each."""
+    reach = [item.drive.laser.reach_m for item in some]
+    angle = [item.drive.laser.view_degrees / item.drive.laser.n_beams for item in some]
+    for values, ranges in ((reach, REACHES), (angle, SPACINGS)):
+        for low, high in ranges:
+            chosen = [item for item, value in zip(some, values, strict=True) if low <= value < high]
+            yield f"{figures(merged(chosen, way))} ({len(chosen)})" if chosen else "-"
 
 
 def real_table(

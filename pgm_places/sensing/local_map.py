@@ -216,7 +216,7 @@ class LocalMap:
         from pgm_places.sensing._local_map_kernels import coarse_cells
 
         corner = np.zeros(2, np.int64) if self._corner is None else self._corner
-        origin_xy = corner * self.resolution_m
+        origin_xy: NDArray[np.float64] = np.asarray(corner * self.resolution_m, np.float64)
         offset = finite_array("centre_m", centre_m, (2,)) - origin_xy
         middle = np.floor(offset / self.resolution_m).astype(np.int64)
         low = np.maximum(middle - n_cells, 0)
