@@ -124,6 +124,7 @@ def page() -> str:
     files = [
         FOLDER / "unseen_kinds.md",
         FOLDER / "space_field.md",
+        FOLDER / "teaching.md",
         FOLDER / "ablations.md",
         *(_section_file(name) for name in MAPS),
         FOLDER / "room_kinds.md",
