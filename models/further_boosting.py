@@ -15,6 +15,7 @@ from pgm_places.models.boosting_rounds import boost
 from pgm_places.models.gentle_boosting import boost_trees
 from pgm_places.models.sorted_features import SortedFeatures, prepare
 from pgm_places.models.strong_classifier import StrongClassifier
+from pgm_places.options import Seed
 
 __all__ = ["Examples", "FurtherRounds", "boosted_further", "own_opinion", "with_first_class"]
 
@@ -72,13 +73,16 @@ class FurtherRounds:
     shrinkage : float
         Every further vote is multiplied by this.
     feature_share : float
-        Share of the columns that each tree searches, drawn from one seed.
+        Share of the columns that each tree searches, drawn by chance.
+    seed : int
+        Of what is drawn by chance.
     """
 
     n_rounds: Annotated[int, Ge(0), Le(10_000)] = 30
     max_depth: Annotated[int, Ge(2), Le(4)] = 3
     shrinkage: Annotated[float, Gt(0), Le(1)] = 0.3
     feature_share: Annotated[float, Gt(0), Le(1)] = 0.5
+    seed: Seed = 0
 
 
 ROUNDS = FurtherRounds()
@@ -215,7 +219,7 @@ def _rounds(
     }
     if isinstance(like, StrongClassifier):
         return boost(prepared, positive, negative, **more)
-    more |= {"feature_share": rounds.feature_share}
+    more |= {"feature_share": rounds.feature_share, "seed": rounds.seed}
     more |= {"max_depth": min(rounds.max_depth, like.depth)}
     return boost_trees(prepared, positive, negative, **more)
 

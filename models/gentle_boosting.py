@@ -29,6 +29,7 @@ def boost_trees(
     tolerance: float = 1e-6,
     sample_weight: NDArray[np.float64] | None = None,
     margin: NDArray[np.float64] | None = None,
+    seed: int = 0,
     n_threads: int | None = None,
     on_round: Callable[[int, float], None] | None = None,
 ) -> BoostedTrees:
@@ -51,8 +52,8 @@ def boost_trees(
     shrinkage : float
         Every tree's vote is multiplied by this.
     feature_share : float
-        The probability of each feature to take part in a tree, drawn anew for every tree from one
-        seed (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
+        The probability of each feature to take part in a tree, drawn anew for every tree from
+        ``seed`` (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
     least_weight : float
         No split leaves a side with less than this part of all weight.
     sample_weight : (rows of X,) float64, optional
@@ -77,7 +78,7 @@ def boost_trees(
     least = max(1, int(least_weight * _WHOLE_MASS))
     trees: list[GrownTree] = []
     votes: list[NDArray[np.float32]] = []
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     while len(trees) < n_rounds:
         gentle_masses(weights, segments, _WHOLE_MASS, masses)
         drawn = None

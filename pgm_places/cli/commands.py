@@ -129,7 +129,8 @@ def run_train(
         from pgm_places.persistence.place_labeler import check_savable
         from pgm_places.persistence.stored import save
 
-        check_savable(make_labeler(experiment.config))  # not after hours of training
+        if experiment.config.base_model is None:
+            check_savable(make_labeler(experiment.config))  # not after hours of training
         experiment, labeler = train(experiment)
         save(labeler, out, record=_training_record(experiment, labeler.methods_))
     methods = ", ".join(labeler.methods_)

@@ -4,6 +4,7 @@ The options of the sensor, the lists, the methods and the topological maps are d
 modules; this module declares those that concern files, and combines them.
 """
 
+import dataclasses
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -26,6 +27,7 @@ from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import (
     ClassifierOptions,
@@ -35,6 +37,7 @@ from pgm_places.unary.options import (
 )
 
 __all__ = [
+    "NO_MODEL",
     "ExperimentConfig",
     "FeatureConfig",
     "LabelsConfig",
@@ -43,6 +46,24 @@ __all__ = [
     "load_config",
     "parse_config",
 ]
+
+NO_MODEL = "none"
+"""The base model of those who learn from nothing but their maps, as the studio does without one."""
+
+_OF_TRAINING = (
+    "nodes",
+    "resolution_m",
+    "connectivity",
+    "sensor",
+    "classifier",
+    "context",
+    "space",
+    "steps",
+    "features",
+    "select",
+    "methods",
+)
+"""What a model that was trained before has already."""
 
 Nodes = Literal["cells", "steps", "both"]
 Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
@@ -121,6 +142,8 @@ class ExperimentConfig:
     """A whole experiment: labels, sensor, classifier, maps and drives, and methods.
 
     ``nodes`` says what is labelled: the cells of maps, the steps of drives, or both as one graph.
+    With ``base_model``, a model that was trained before goes on learning from the training maps as
+    ``teaching`` says, and brings its methods and the options that it was trained with.
     """
 
     title: str | None = None
@@ -138,16 +161,48 @@ class ExperimentConfig:
     test: tuple[SourceConfig, ...] = ()
     features: tuple[FeatureConfig, ...] = ()
     select: SelectConfig | None = None
-    methods: Annotated[tuple[MethodConfig, ...], MinLen(1)]
+    methods: tuple[MethodConfig, ...] = ()
+    base_model: str | None = None
+    teaching: TeachingOptions = field(default_factory=TeachingOptions)
 
     def __post_init__(self) -> None:
         check_options(self)
+        _check_teaching(self)
         _check_label_names(self)
         _check_methods(self)
         _check_nodes(self)
         build_features(self)
         for method in self.methods:
             build_method(method)
+
+
+def _check_teaching(config: ExperimentConfig) -> None:
+    """Refuse what a model that goes on learning has already, and what only such a model takes."""
+    given = [
+        item.name
+        for item in dataclasses.fields(config)
+        if item.name in _OF_TRAINING and getattr(config, item.name) != _default(item)
+    ]
+    if config.base_model is None:
+        if not config.methods:
+            raise ConfigError("methods: give at least one, as a table [[methods]]")
+        if config.teaching != TeachingOptions():
+            raise ConfigError("[teaching] says how a base_model goes on learning; give base_model")
+    elif given or config.labels.halls != LabelsConfig.halls:
+        name = given[0] if given else "labels.halls"
+        raise ConfigError(f"{name} is for training anew; base_model brings its own, so remove it")
+    elif config.base_model == NO_MODEL:
+        alone = {name: getattr(config.teaching, name) for name in OF_PAINT_ALONE}
+        if config.teaching != TeachingOptions(**alone):
+            raise ConfigError(
+                f"[teaching] takes {' and '.join(OF_PAINT_ALONE)} where base_model = "
+                f"{NO_MODEL!r}: there is no model to keep or to go on from"
+            )
+
+
+def _default(item: "dataclasses.Field[Any]") -> Any:
+    made = item.default_factory
+    return item.default if made is dataclasses.MISSING else made()
 
 
 def _check_methods(config: ExperimentConfig) -> None:

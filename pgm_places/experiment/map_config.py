@@ -29,7 +29,8 @@ class MapConfig:
     the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres with a property
     ``class``; ``classes`` translates the names of either, and what it leaves out has no label.
     ``corrections``, a label image or GeoJSON of polygons and lines with the configuration's labels,
-    takes the place of these labels where it says something.
+    takes the place of these labels where it says something; without labels, what it says is all
+    that is known of the map.
     ``columns`` and ``rows`` are half-open ranges of image columns and rows counted from the left
     and the top; ``x_m`` and ``y_m`` are ranges in map metres; ``half`` is the part of a generated
     building left or right of the border between its wings, ``style``, ``halls``, ``furniture`` and
@@ -78,8 +79,12 @@ class MapConfig:
             raise ConfigError("half is for generated buildings; give columns or x_m of a map")
         elif self.drawn:
             raise ConfigError(f"{', '.join(self.drawn)}: for generated buildings only")
-        elif (self.labels is None) == (self.regions is None):
-            raise ConfigError("give either labels (an image) or regions (a GeoJSON file)")
+        elif None not in (self.labels, self.regions) or (
+            self.labels is self.regions is self.corrections is None
+        ):
+            raise ConfigError(
+                "give either labels (an image) or regions (a GeoJSON file), or corrections alone"
+            )
         if self.classes is not None and self.generated is not None:
             raise ConfigError("classes translates the names of labels or regions; there are none")
         if self.simulation is not None and self.simulated is None:

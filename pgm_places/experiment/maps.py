@@ -114,15 +114,15 @@ def _read_map(
         experiment.warn(message)
     for path in (loaded.yaml_path, loaded.image_path):
         experiment.record_input(path)
+    labels = np.full(loaded.grid.shape, -1, np.int16)
     if source.labels is not None:
-        label_path = experiment.resolve(source.labels)
-        labels = load_labels(label_path, names, grid=loaded.grid, classes=source.classes)
-    elif source.regions is None:
-        return loaded.grid, np.full(loaded.grid.shape, -1, np.int16), yaml_path
-    else:
-        label_path = experiment.resolve(str(source.regions))
-        labels = load_regions(label_path, names, loaded.grid, classes=source.classes)
-    experiment.record_input(label_path)
+        path = experiment.resolve(source.labels)
+        labels = load_labels(path, names, grid=loaded.grid, classes=source.classes)
+        experiment.record_input(path)
+    elif source.regions is not None:
+        path = experiment.resolve(source.regions)
+        labels = load_regions(path, names, loaded.grid, classes=source.classes)
+        experiment.record_input(path)
     if source.corrections is not None:
         path = experiment.resolve(source.corrections)
         known = Paint.read(path, loaded.grid, names).labels

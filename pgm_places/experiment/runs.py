@@ -31,6 +31,7 @@ from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.selection import Sources, select
 from pgm_places.experiment.setup import make_labeler, resolved_config, step_methods
 from pgm_places.experiment.step_runs import StepLabeler, label_drives, learn_steps
+from pgm_places.experiment.taught import taught_labeler
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
@@ -67,12 +68,14 @@ class TrainedSteps(NamedTuple):
 
 
 def train(experiment: Experiment) -> Trained:
-    """The labeler of the configuration, fitted on its training maps.
+    """The labeler of the configuration, fitted on its training maps, or taught on them further.
 
     If the configuration has a table ``[select]``, options are first chosen on the training maps
     alone: the returned experiment has the chosen configuration, and its ``selection`` records the
     candidates.
     """
+    if experiment.config.base_model is not None:
+        return Trained(experiment, taught_labeler(experiment))
     make_labeler(experiment.config)  # refuses bad options before the maps are read
     maps = load_maps(experiment, "train")
     experiment = _with_chosen_options(experiment, Sources(maps))
@@ -120,7 +123,8 @@ def compare(experiment: Experiment) -> Comparison:
         raise ConfigError("a comparison needs at least one [[test]] map or drive; there is none")
     if experiment.config.nodes != "cells":
         return _compare_drives(experiment)
-    make_labeler(experiment.config)  # refuses bad options before the maps are read
+    if experiment.config.base_model is None:
+        make_labeler(experiment.config)  # refuses bad options before the maps are read
     # Test maps are read before anything is learned, so that errors in them show at once.
     tests = load_maps(experiment, "test")
     return compare_fitted(*train(experiment), tests)

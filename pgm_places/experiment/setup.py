@@ -11,6 +11,7 @@ from pgm_places.experiment.config import (
     build_features,
     build_method,
 )
+from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.labelers.method import check_labels_maps
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
@@ -111,11 +112,11 @@ def resolved_config(config: ExperimentConfig, methods: Mapping[str, PlaceMethod]
         ]
     content["methods"] = [
         {
-            "id": method.id,
-            "name": method.name,
-            "unary": methods[method.id].unary,
-            **option_values(methods[method.id].backend),
+            "id": name,
+            "name": METHODS.name_of(type(method.backend)),
+            "unary": method.unary,
+            **option_values(method.backend),
         }
-        for method in config.methods
+        for name, method in methods.items()
     ]
     return content

@@ -13,7 +13,7 @@ from pgm_places.io.csv_table import open_table
 __all__ = ["without_patterns"]
 
 _WILDCARD = re.compile(r"\*\*/?|\*|\?|\[[^\]]+\]")
-_BESIDE = ("labels", "regions")
+_BESIDE = ("labels", "regions", "corrections")
 _MAX_BYTES = 16 << 20
 
 
@@ -21,9 +21,9 @@ def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> di
     """A configuration's content with a table per map where a table's ``map`` is a pattern.
 
     ``map = "floors/*/map.yaml"`` stands for all files that match, in the order of their names.
-    ``labels`` or ``regions`` is a pattern with as many wildcards, and names for each map the file
-    where its wildcards stand for the same. ``buildings`` is a table (CSV) with columns ``map``, a
-    name or a path relative to the table, and ``building``.
+    ``labels``, ``regions`` or ``corrections`` is a pattern with as many wildcards, and names for
+    each map the file where its wildcards stand for the same. ``buildings`` is a table (CSV) with
+    columns ``map``, a name or a path relative to the table, and ``building``.
 
     Parameters
     ----------
@@ -78,6 +78,8 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
     rest = pattern[len(_before_wildcards(pattern)) :]
     matcher = re.compile(_regex(rest))
     beside = {key: table[key] for key in _BESIDE if isinstance(table.get(key), str)}
+    if not glob.has_magic(beside.get("corrections", "*")):
+        del beside["corrections"]  # one file in the frame of all maps
     n_wildcards = len(_WILDCARD.findall(rest))
     for key, other in beside.items():
         if len(_WILDCARD.findall(other)) != n_wildcards:

@@ -17,7 +17,10 @@ from pgm_places.models.further_boosting import (
 )
 from pgm_places.options import AtLeastZero, check_options
 
-__all__ = ["Lesson", "TeachingOptions", "chosen_cells", "learned_further"]
+__all__ = ["OF_PAINT_ALONE", "Lesson", "TeachingOptions", "chosen_cells", "learned_further"]
+
+OF_PAINT_ALONE = ("max_cells_per_class", "seed")
+"""The options that also count where there is no labeler to go on from."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ def chosen_cells(painted: NDArray[np.int64], options: TeachingOptions) -> Lesson
         Class of each node, -1 where nothing is painted.
     options : TeachingOptions
     """
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(options.seed)
     taken = []
     for label in range(int(painted.max(initial=-1)) + 1):
         members = np.flatnonzero(painted == label)

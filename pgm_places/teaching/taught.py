@@ -1,6 +1,7 @@
 """What teaching gives back: labels before and after the graph, places, and the labeler itself."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -36,6 +37,9 @@ class Taught:
         What labelled the map: the given labeler, or the one that has learned the paint.
     seconds : float
         From the call to the result.
+    by_method : mapping of str to callable, optional
+        What the labeler's other methods make of the same scores and the same paint, each labelled
+        when it is first asked for.
     """
 
     found: LabelledPlaces
@@ -44,6 +48,7 @@ class Taught:
     paint: Paint
     labeler: PlaceLabeler
     seconds: float
+    by_method: Mapping[str, Callable[[], LabelledPlaces]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"Taught({self.paint}; {self.topology}; {self.seconds:.1f} s)"

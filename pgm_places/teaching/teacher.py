@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -131,7 +131,7 @@ class Teacher:
         with self._turns.turn(progress or Silent()) as watched:
             start = time.perf_counter()
             self._check_known(paint)
-            labeler = self.labeler or self._learned(paint, watched)
+            labeler = self.labeler or self.learned(paint, watched)
             return self._labelled(labeler, paint, watched, start)
 
     def teach(self, paint: Paint, *, progress: Progress | None = None) -> Taught:
@@ -144,7 +144,23 @@ class Teacher:
         """
         with self._turns.turn(progress or Silent()) as watched:
             start = time.perf_counter()
-            return self._labelled(self._learned(paint, watched), paint, watched, start)
+            return self._labelled(self.learned(paint, watched), paint, watched, start)
+
+    def learned(self, paint: Paint, progress: Progress | None = None) -> PlaceLabeler:
+        """The labeler that has learned the paint, on top of the given one or of nothing.
+
+        Raises
+        ------
+        LabelError
+            As :meth:`label`.
+        """
+        progress, table = progress or Silent(), self._table
+        known = KnownCells.of(paint.labels, self.grid, table.grid, paint.classes, paint.classes)
+        cells = CellPaint(known.on_cells, paint.classes)
+        if self.labeler is None:
+            return learned_alone(cells, table, self.options, progress)
+        method = self.method or self.labeler.default_method
+        return Learning(table, self.options, progress).taught(self.labeler, cells, method)
 
     def cancel(self) -> None:
         """End a call that is running in another thread at its next stage."""
@@ -158,16 +174,6 @@ class Teacher:
                 f"{new[0]!r} is painted, which the labeler does not know ({', '.join(known)}); "
                 "teach it"
             )
-
-    def _learned(self, paint: Paint, progress: Progress) -> PlaceLabeler:
-        """A labeler that has learned the paint, on top of the given one or of nothing."""
-        table = self._table
-        known = KnownCells.of(paint.labels, self.grid, table.grid, paint.classes, paint.classes)
-        cells = CellPaint(known.on_cells, paint.classes)
-        if self.labeler is None:
-            return learned_alone(cells, table, self.options, progress)
-        method = self.method or self.labeler.default_method
-        return Learning(table, self.options, progress).taught(self.labeler, cells, method)
 
     @cached_property
     def _table(self) -> CellTable:
@@ -234,4 +240,18 @@ class Teacher:
                 doorways=doorways if self.rules.doorways == "gates" else None,
             )
         self.known_places = topology.known_places
-        return Taught(found, unary, topology, paint, labeler, time.perf_counter() - start)
+
+        def labelled_by(name: str) -> LabelledPlaces:
+            other = labeler.method(name)
+            problem = labeler.problem_of(graph, scores, other, known=pinned)
+            return placed(infer(other.backend, problem), name)
+
+        others = {
+            name: cache(partial(labelled_by, name))
+            for name, item in labeler.methods_.items()
+            if name != method
+            and item.unary == chosen.unary  # others would need scores of their own
+            and not isinstance(item.backend, Independent)
+        }
+        seconds = time.perf_counter() - start
+        return Taught(found, unary, topology, paint, labeler, seconds, others)

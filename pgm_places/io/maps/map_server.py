@@ -59,6 +59,8 @@ class MapFile:
         trinary mode the grid's cells themselves.
     rules : PixelRules
         Mode, thresholds and negation of the YAML file.
+    unknown_value : int, optional
+        The grey that was read as unknown in any case.
     """
 
     grid: OccupancyGrid
@@ -69,6 +71,7 @@ class MapFile:
     warnings: tuple[str, ...]
     occupancy: NDArray[np.int8]
     rules: PixelRules
+    unknown_value: int | None = None
 
 
 def load_map(
@@ -124,7 +127,15 @@ def load_map(
     for message in warnings:
         _log.info("%s: %s", yaml_path, message)
     return MapFile(
-        grid, yaml_path, image_path, shape, pixels.fractions, tuple(warnings), occupancy, rules
+        grid,
+        yaml_path,
+        image_path,
+        shape,
+        pixels.fractions,
+        tuple(warnings),
+        occupancy,
+        rules,
+        unknown_value,
     )
 
 

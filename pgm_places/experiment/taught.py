@@ -1,0 +1,60 @@
+"""Training on top of a model: it is taught each training map in turn, as the studio teaches one."""
+
+import numpy as np
+
+from pgm_places.experiment.config import NO_MODEL
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.maps import load_maps
+from pgm_places.io.checks import sha256_of
+from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.persistence.model_folder import MANIFEST
+from pgm_places.persistence.stored import read
+from pgm_places.teaching.paint import Paint
+from pgm_places.teaching.teacher import Teacher
+from pgm_places.trained import NAMES, model_folder
+
+__all__ = ["taught_labeler"]
+
+
+def taught_labeler(experiment: Experiment) -> PlaceLabeler:
+    """The base model of the configuration, taught the labels of its training maps in their order.
+
+    Without a base model (``"none"``), the first map is learned from alone.
+
+    Raises
+    ------
+    ModelFileError
+        There is no such model.
+    LabelError
+        A label of the model is not among the configuration's; without a model, the first map has
+        fewer than two labels.
+    """
+    config = experiment.config
+    labeler = _base_model(experiment)
+    maps = load_maps(experiment, "train")
+    with experiment.timed("learn"):
+        for item in maps:
+            teacher = Teacher(
+                item.grid,
+                labeler,
+                classes=config.labels.names,
+                options=config.teaching,
+                n_threads=experiment.n_threads,
+            )
+            labels = item.labels
+            if item.window is not None:
+                labels = np.where(item.window, labels, np.int16(-1))
+            paint = Paint(labels, config.labels.names)
+            labeler = teacher.learned(paint, experiment.progress)
+    assert labeler is not None  # there is at least one training map
+    return labeler
+
+
+def _base_model(experiment: Experiment) -> PlaceLabeler | None:
+    name = str(experiment.config.base_model)
+    if name == NO_MODEL:
+        return None
+    folder = model_folder(name if name in NAMES else experiment.resolve(name))
+    found: PlaceLabeler = read(folder, "place-labeler").item
+    experiment.inputs[f"{name}/{MANIFEST}"] = sha256_of(folder / MANIFEST)
+    return found
