@@ -187,7 +187,10 @@ def label(
 def studio(
     map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
     labels: Annotated[
-        Path | None, typer.Option(help="Label image to compare with, such as the truth.")
+        list[Path] | None,
+        typer.Option(
+            help="Label image to compare with, such as the truth; may be given several times."
+        ),
     ] = None,
     model: Annotated[
         str,
@@ -224,7 +227,7 @@ def studio(
     run_studio(
         map_yaml,
         out,
-        labels=labels,
+        labels=labels or (),
         model=model,
         drive=drive,
         port=port,

@@ -1,5 +1,6 @@
 """The command studio: reads the files it is given, then serves the map to a browser."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,14 +14,12 @@ if TYPE_CHECKING:
 
 __all__ = ["run_studio"]
 
-NO_MODEL = "none"
-
 
 def run_studio(
     map_yaml: Path,
     out: Path | None,
     *,
-    labels: Path | None,
+    labels: Sequence[Path],
     model: str,
     drive: Path | None,
     port: int,
@@ -32,11 +31,13 @@ def run_studio(
     """``pgm-places studio``."""
     for module in ("starlette", "uvicorn"):
         needed(module, extra="studio", purpose="the studio")
+    from pgm_places.experiment.config import NO_MODEL
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.persistence.stored import read
     from pgm_places.studio.desk import Desk
+    from pgm_places.studio.given_labels import GivenLabels
     from pgm_places.studio.server import serve
     from pgm_places.trained import model_folder
 
@@ -46,17 +47,17 @@ def run_studio(
         loaded = load_map(map_yaml, unknown_value=unknown_value)
     for message in loaded.warnings:
         progress.warn(message)
-    names, truth = None, None
-    if labels is not None:
-        names = tuple(listed_names(labels))
-        truth = load_labels(labels, names, grid=loaded.grid)
+    given: list[GivenLabels] = []
+    for path in labels:
+        names = tuple(listed_names(path))
+        title = path.name if all(path.name != item.title for item in given) else str(path)
+        given.append(GivenLabels(title, load_labels(path, names, grid=loaded.grid), names))
     desk = Desk(
         loaded,
         out or Path(f"{map_yaml.stem}-studio"),
         None if stored is None else stored.item,
         model=model,
-        truth=truth,
-        classes=names,
+        given=given,
         rules=None if stored is None else stored.rules,
         drive_xy_m=None if drive is None else _path(drive),
         n_threads=n_threads,

@@ -1,7 +1,7 @@
 """The desk: the one map that a studio works on, with its painting, its layers and its learner."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.options import from_mapping
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.edits import fill_cells, merge_cells
+from pgm_places.studio.given_labels import GivenLabels
 from pgm_places.studio.layers import Layers
 from pgm_places.studio.learner import Learner
 from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
@@ -41,10 +42,9 @@ class Desk:
         Where the journal and the exports are kept.
     labeler : PlaceLabeler or None
         What to build on; None to learn from nothing but the paint.
-    truth : (H, W) int16, optional
-        Labels to compare with, as indices of ``classes``.
-    classes : sequence of str, optional
-        By default the labeler's.
+    given : sequence of GivenLabels, optional
+        Labels to compare with; errors are told against the first of them. Their names are offered
+        as classes beside the labeler's.
     drive_xy_m : (n, 2), optional
         The path of a drive, in metres.
 
@@ -63,17 +63,16 @@ class Desk:
         labeler: PlaceLabeler | None,
         *,
         model: str = "default",
-        truth: NDArray[np.int16] | None = None,
-        classes: tuple[str, ...] | None = None,
+        given: Sequence[GivenLabels] = (),
         rules: TopologyOptions | None = None,
         drive_xy_m: NDArray[np.float64] | None = None,
         n_threads: int | None = None,
     ) -> None:
         own = () if labeler is None else tuple(labeler.label_names_)
-        listed = tuple(classes or ()) or own or CLASSES
-        names = (*own, *(name for name in listed if name not in own))
+        listed = [name for item in given for name in item.names] or list(own or CLASSES)
+        names = tuple(dict.fromkeys([*own, *listed]))
         self.source, self.folder, self.labeler, self.model = source, folder, labeler, model
-        self.truth_names = listed
+        self.rules = rules or TopologyOptions()
         self.drive_xy_m, self.grid = drive_xy_m, source.grid
         self.files = [SourceFile(source.yaml_path), SourceFile(source.image_path)]
         self.tick, self.n_lessons, self.learns = 0, 0, True
@@ -86,11 +85,10 @@ class Desk:
         except BaseException:
             journal.close()
             raise
-        if truth is not None and listed != names:  # labels of the file as classes of the painting
-            table = np.array([*(names.index(name) for name in listed), -1], np.int16)
-            truth = table[truth]
-        self.layers = Layers(self.grid, self.painting.labels, truth)
-        tutor = Tutor(self.grid, labeler, rules=rules, n_threads=n_threads)
+        self.layers = Layers(
+            self.grid, self.painting.labels, {item.title: item.on(names) for item in given}
+        )
+        tutor = Tutor(self.grid, labeler, rules=self.rules, n_threads=n_threads)
         self.learner: Learner[Question, Lesson] = Learner(tutor.answer, self._learned, self.moved)
 
     def start(self) -> None:

@@ -1,22 +1,30 @@
 """Exports of the studio: files in its folder that the command line and other tools read."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pgm_places.errors import InputError
+from pgm_places.experiment.config import NO_MODEL
 from pgm_places.io.atomic import write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.exports import export
 from pgm_places.io.places.topology_files import NAMES_FILE, save_topology
+from pgm_places.options import option_values, plain_values
 from pgm_places.persistence.stored import save
 from pgm_places.studio.desk import Desk
+from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
+from pgm_places.topology.rules import TopologyOptions
+from pgm_places.trained import NAMES
 
 __all__ = ["EXPORTS", "Export", "write_export"]
+
+CORRECTIONS = "corrections.png"
 
 
 @dataclass(frozen=True)
@@ -57,7 +65,7 @@ def _labels(desk: Desk) -> list[Path]:
 
 def _corrections(desk: Desk) -> list[Path]:
     paint = _paint(desk)
-    image = paint.save(desk.folder / "corrections.png", desk.grid)
+    image = paint.save(desk.folder / CORRECTIONS, desk.grid)
     shapes = paint.save(desk.folder / "corrections.geojson", desk.grid)
     return [image, image.with_suffix(".yaml"), shapes]
 
@@ -85,34 +93,63 @@ def _nav2(desk: Desk) -> list[Path]:
 
 
 def _training(desk: Desk) -> list[Path]:
-    """The paint as training data: ``pgm-places train`` learns from it alone."""
-    paint = _paint(desk)
+    """A configuration by which ``pgm-places train`` learns what the studio has learned."""
+    paint, alone = _paint(desk), desk.labeler is None
     used = [name for name, n in paint.counts.items() if n]
-    if len(used) < 2:
+    if alone and len(used) < 2:
         raise InputError("paint at least two classes; there is nothing to tell apart yet")
-    image = paint.with_classes(used).save(desk.folder / "training.png", desk.grid)
-    quote = json.dumps  # a JSON string is a TOML string
-    lines = [
-        f"title = {quote(f'{desk.source.yaml_path.stem}, painted in the studio')}",
-        "",
-        "[labels]",
-        f"names = [{', '.join(map(quote, used))}]",
-        "",
-        "[[train]]",
-        f"map = {quote(str(desk.source.yaml_path.resolve()))}",
-        f"labels = {quote(image.name)}",
-        "",
-        "[[methods]]",
-        'name = "potts"',
-    ]
-    config = write_text(desk.folder / "train.toml", "\n".join(lines) + "\n")
-    return [config, image, image.with_suffix(".yaml")]
+    options = option_values(TeachingOptions())
+    if alone:
+        options = {name: options[name] for name in OF_PAINT_ALONE}
+    rules = option_values(desk.rules)
+    if desk.rules == TopologyOptions():
+        rules = {}
+    source: dict[str, Any] = {
+        "map": str(desk.source.yaml_path.resolve()),
+        "corrections": CORRECTIONS,
+    }
+    if desk.source.unknown_value is not None:
+        source["unknown_value"] = desk.source.unknown_value
+    text = "\n".join(
+        [
+            *_keys(
+                {
+                    "title": f"{desk.source.yaml_path.stem}, painted in the studio",
+                    "base_model": _base_model(desk),
+                }
+            ),
+            *_table("[labels]", {"names": list(desk.painting.classes.names)}),
+            *_table("[teaching]", options),
+            *(_table("[topology]", rules) if rules else ()),
+            *_table("[[train]]", source),
+            "",
+        ]
+    )
+    return [write_text(desk.folder / "train.toml", text), *_corrections(desk)]
+
+
+def _base_model(desk: Desk) -> str:
+    if desk.labeler is None:
+        return NO_MODEL
+    return desk.model if desk.model in NAMES else str(Path(desk.model).resolve())
+
+
+def _table(header: str, values: Mapping[str, Any]) -> list[str]:
+    return ["", header, *_keys(values)]
+
+
+def _keys(values: Mapping[str, Any]) -> list[str]:
+    """Lines of TOML; JSON writes strings, numbers, booleans and lists of them just so."""
+    return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in values.items()]
 
 
 def _model(desk: Desk) -> list[Path]:
     """What has been learned so far, paint included, for other maps."""
     folder = desk.folder / "model"
-    record = {"taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model}}
+    record = {
+        "taught": {"map": desk.source.yaml_path.name, "on_top_of": desk.model},
+        "config": {"topology": plain_values(desk.rules)},
+    }
     return [save(_taught(desk).labeler, folder, record=record)]
 
 

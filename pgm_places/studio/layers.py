@@ -1,6 +1,7 @@
 """The layers that the studio shows, each a pyramid of a raster with its colours."""
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,11 +27,15 @@ from pgm_places.studio.tiles import (
     value_colours,
 )
 
-__all__ = ["LABEL_SOURCES", "Layers"]
+__all__ = ["Layers"]
 
-LABEL_SOURCES = ("taught", "before", "unary", "truth")
-"""Labels that can be looked at: the newest ones, the first ones, those before the graph, and those
-of the file to compare with."""
+LESSON_SOURCES = {
+    "taught": "Labels now",
+    "before": "Labels at the start",
+    "unary": "Each cell alone",
+}
+METHOD, FILE, TRUTH = "method:", "file:", "file:0"
+"""Labels of another method, and those of a file; the first file is the one to tell errors by."""
 
 
 class Layers:
@@ -41,21 +46,28 @@ class Layers:
     grid : OccupancyGrid
     paint : (H, W) int16
         Written to by others, who say so to :meth:`painted`.
-    truth : (H, W) int16 or None
+    given : mapping of str to (H, W) int16
+        Labels to compare with, by their titles.
     """
 
     def __init__(
-        self, grid: OccupancyGrid, paint: NDArray[np.int16], truth: NDArray[np.int16] | None
+        self,
+        grid: OccupancyGrid,
+        paint: NDArray[np.int16],
+        given: Mapping[str, NDArray[np.int16]],
     ) -> None:
-        self.grid, self.truth = grid, truth
+        self.grid = grid
+        self.truth = next(iter(given.values()), None)
         self.n_levels = n_levels(grid.shape)
         self._map = Pyramid(grid.cells, encode_map)
         self._paint = Pyramid(paint, encode_labels)
         self._labels: dict[str, Pyramid] = {}
         self._values: dict[str, Pyramid] = {}
         self._lesson: Lesson | None = None
-        if truth is not None:
-            self._labels["truth"] = Pyramid(truth, encode_labels)
+        self._given = {f"{FILE}{k}": title for k, title in enumerate(given)}
+        for name, labels in zip(self._given, given.values(), strict=True):
+            self._labels[name] = Pyramid(labels, encode_labels)
+        self._lock, self._making = threading.Lock(), threading.Lock()
 
     def painted(self, part: PaintedPart) -> None:
         """Cells of the paint have changed."""
@@ -63,16 +75,38 @@ class Layers:
 
     def learned(self, lesson: Lesson) -> None:
         """Labels have changed."""
-        self._labels["taught"] = Pyramid(lesson.labels, encode_labels)
-        self._labels["unary"] = Pyramid(lesson.unary_labels, encode_labels)
-        self._labels.setdefault("before", self._labels["taught"])
-        self._lesson = lesson
-        self._values = {}
+        with self._lock:
+            for name in [name for name in self._labels if name.startswith(METHOD)]:
+                del self._labels[name]
+            self._labels["taught"] = Pyramid(lesson.labels, encode_labels)
+            self._labels["unary"] = Pyramid(lesson.unary_labels, encode_labels)
+            self._labels.setdefault("before", self._labels["taught"])
+            self._lesson = lesson
+            self._values = {}
 
     @property
-    def sources(self) -> list[str]:
-        """Which of ``LABEL_SOURCES`` there are now."""
-        return [name for name in LABEL_SOURCES if name in self._labels]
+    def sources(self) -> dict[str, str]:
+        """The labels that can be looked at now, with what they are called."""
+        found = {name: words for name, words in LESSON_SOURCES.items() if name in self._labels}
+        methods = () if self._lesson is None else self._lesson.methods
+        return found | {f"{METHOD}{name}": f"Method {name}" for name in methods} | self._given
+
+    def _labels_of(self, source: str) -> Pyramid:
+        """The labels of a source; those of a method are made when they are first looked at."""
+        found = self._labels.get(source)
+        if found is not None:
+            return found
+        with self._making:  # once, however many tiles are waiting; edits do not wait for it
+            lesson, method = self._lesson, source.removeprefix(METHOD)
+            if lesson is None or source not in self.sources:
+                raise InputError(f"there are no labels {source[:40]!r}")
+            found = self._labels.get(source)
+            if found is None:
+                found = Pyramid(lesson.labels_by(method), encode_labels)
+                with self._lock:
+                    if lesson is self._lesson:
+                        self._labels[source] = found
+            return found
 
     def tile(
         self, layer: str, level: int, row: int, column: int, *, classes: Classes, theme: Theme
@@ -97,10 +131,10 @@ class Layers:
             tile = self._on_free(self._paint.tile(*where), ground)
             lines = [_line_colour(colour) for colour in colours]
             return png(hatched(tile, len(colours)), [*label_palette(colours), *lines])
-        if kind == "labels" and name in self._labels:
-            tile = self._on_free(self._labels[name].tile(*where), ground)
+        if kind == "labels":
+            tile = self._on_free(self._labels_of(name).tile(*where), ground)
             return png(tile, label_palette(colours))
-        if kind == "errors" and name in self._labels and self.truth is not None:
+        if kind == "errors" and self.truth is not None:
             return png(self._errors(name, where, ground), ERRORS)
         if layer == "entropy" or kind == "probability":
             tile = self._on_free(self._value(layer, name).tile(*where), ground)
@@ -115,7 +149,7 @@ class Layers:
         self, name: str, where: tuple[int, int, int], ground: NDArray[np.uint8]
     ) -> NDArray[np.uint8]:
         """0 for cells without a truth, 1 for right and 2 for wrong ones."""
-        truth, labels = self._labels["truth"].tile(*where), self._labels[name].tile(*where)
+        truth, labels = self._labels[TRUTH].tile(*where), self._labels_of(name).tile(*where)
         known = (truth > 0) & (labels > 0) & (ground == FREE_VALUE)
         return known.astype(np.uint8) + (known & (truth != labels))
 

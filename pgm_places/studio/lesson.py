@@ -61,6 +61,21 @@ class Lesson:
     unary_labels: NDArray[np.int16]
     class_of: NDArray[np.int16]
 
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The labeler's other methods."""
+        return tuple(self.taught.by_method)
+
+    def labels_by(self, method: str) -> NDArray[np.int16]:
+        """(H, W) labels of another method of the labeler, by the painting's classes."""
+        return _in_classes(self.taught.by_method[method]().labels, self.class_of)
+
+
+def _in_classes(labels: NDArray[np.int16], class_of: NDArray[np.int16]) -> NDArray[np.int16]:
+    if (class_of == np.arange(len(class_of))).all():
+        return labels
+    return np.append(class_of, np.int16(-1))[labels]  # the last entry serves -1
+
 
 class Tutor:
     """Answers questions with a teacher, and makes a new teacher when there is a new class.
@@ -95,12 +110,10 @@ class Tutor:
         call = teacher.teach if learns else teacher.label
         taught = call(paint, progress=progress)
         class_of = np.array([paint.classes.index(name) for name in taught.label_names], np.int16)
-        same = (class_of == np.arange(len(class_of))).all()
-        found = [taught.labels, taught.unary_labels]
-        if not same:
-            table = np.append(class_of, np.int16(-1))  # the last entry serves -1
-            found = [table[labels] for labels in found]
-        return Lesson(taught, question.revision, found[0], found[1], class_of)
+        labels, unary = (
+            _in_classes(item, class_of) for item in (taught.labels, taught.unary_labels)
+        )
+        return Lesson(taught, question.revision, labels, unary, class_of)
 
     def _teacher_for(self, classes: Sequence[str]) -> Teacher:
         if self._teacher is None or tuple(self._teacher.classes) != tuple(classes):

@@ -131,6 +131,12 @@ def pictures(browser: Any, address: str) -> None:
         region = page.evaluate("studio.places.regions.find((r) => r.class === 'room')")
         page.mouse.click(*at(page, *page.evaluate(CELLS, region["anchor_m"])))
 
+    def compare(page: Any) -> None:
+        page.click("#tab-layers")
+        page.keyboard.press("Shift+S")
+        page.get_by_label("Second labelling").select_option("unary")
+
+    visit("light", WIDE, "studio_compare.png", compare)
     visit("light", WIDE, "studio.png", lambda page: page.keyboard.press("b"))
     visit("dark", WIDE, "studio_layers.png", layers)
     visit("light", WIDE, "studio_review.png", review)

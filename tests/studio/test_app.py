@@ -12,6 +12,7 @@ from pgm_places.experiment.config import load_config
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.persistence.stored import load
 from pgm_places.studio.desk import Desk
+from pgm_places.studio.given_labels import GivenLabels
 from tests.studio.conftest import Client
 
 
@@ -38,7 +39,7 @@ def test_a_taught_desk_tells_shows_and_exports_what_it_has_learned(
     taught: Client, desk: Desk, map_yaml: Path
 ) -> None:
     state = taught.get("state").json()
-    assert state["sources"] == ["taught", "before", "unary"]
+    assert list(state["sources"]) == ["taught", "before", "unary"]
     assert state["lesson"]["revision"] == 3
     cell = taught.get("cell", params={"x": 10.5, "y": 10.5}).json()
     assert (cell["ground"], cell["paint"], cell["label"]) == ("free", "corridor", "corridor")
@@ -121,9 +122,10 @@ def test_the_classes_of_a_file_to_compare_with_are_offered(
 
     loaded = load_map(map_yaml)
     truth = np.where(loaded.grid.free, 1, -1).astype(np.int16)
-    desk = Desk(loaded, map_yaml.parent / "k", None, truth=truth, classes=("hall", "lab"))
+    given = [GivenLabels("truth.png", truth, ("hall", "lab"))]
+    desk = Desk(loaded, map_yaml.parent / "k", None, given=given)
     try:
         assert desk.painting.classes.names == ("hall", "lab")
-        assert desk.layers.sources == ["truth"]
+        assert desk.layers.sources == {"file:0": "truth.png"}
     finally:
         desk.close()

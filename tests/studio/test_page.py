@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import load_map, save_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.desk import Desk
@@ -178,6 +179,81 @@ def test_a_doorway_is_two_clicks_from_wall_to_wall(
     wait_revision(page, 1)
     running.stop()
     assert (painted(map_yaml).labels[13:17, 25] == 2).all()
+
+
+PIXEL = """([x, y, pane]) => {
+    const { view, stage } = studio;
+    const at = view.toScreen(x, studio.state.map.rows - y);
+    const corner = view.corners[pane];
+    const [right, down] = [(at.x + corner.x) * view.ratio, (at.y + corner.y) * view.ratio];
+    return [...stage.context.getImageData(right, down, 1, 1).data].slice(0, 3);
+}"""
+
+
+def colours_of_panes(page: Any, x: float, y: float) -> list[tuple[int, ...]]:
+    """What each pane shows of a cell, without outlines and names, once all tiles are there."""
+    page.evaluate("for (const name of ['regions', 'names']) studio.layers.set(name, 0)")
+    until(page, "[...studio.stage.tiles.values()].every((layer) => layer.settled)")
+    page.wait_for_timeout(200)
+    panes = page.evaluate("studio.view.panes")
+    return [tuple(page.evaluate(PIXEL, [x, y, k])) for k in range(panes)]
+
+
+def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
+    opened: Open, map_yaml: Path
+) -> None:
+    grid = load_map(map_yaml).grid
+    for label, name in enumerate(("one", "other")):
+        labels = np.where(grid.free, label, -1)
+        labels[:, 26:] = np.where(grid.free[:, 26:], 1, -1)
+        save_labels(map_yaml.parent / f"{name}.png", labels, ["corridor", "room"])
+    files = [str(map_yaml.parent / f"{name}.png") for name in ("one", "other")]
+    options = ("--model", "none", "--out", map_yaml.parent / "kept")
+    with studio(map_yaml, "--labels", files[0], "--labels", files[1], *options) as process:
+        page = opened(process)
+        page.keyboard.press("Shift+S")
+        assert page.get_attribute("#act-side", "aria-pressed") == "true"
+        page.click("#tab-layers")
+        page.get_by_label("First labelling").select_option("one.png")
+        page.get_by_label("Second labelling").select_option("other.png")
+        assert page.inner_text("#left-title") == "one.png"
+        assert page.inner_text("#right-title") == "other.png"
+        left, right = colours_of_panes(page, 10, 10)
+        assert left != right
+        left, right = colours_of_panes(page, 40, 10)
+        assert left == right
+
+        page.keyboard.press("r")
+        x, y = at(page, 30, 8)
+        pane = page.evaluate("studio.view.width")
+        page.mouse.move(x + pane, y)
+        page.mouse.down()
+        x, y = at(page, 40, 14)
+        page.mouse.move(x + pane, y, steps=4)
+        page.mouse.up()
+        wait_revision(page, 1)
+        left, right = colours_of_panes(page, 35, 11)
+        assert left == right != colours_of_panes(page, 44, 20)[0]
+        page.keyboard.press("s")
+        assert page.evaluate("[studio.swipe.way, studio.view.panes]") == ["divider", 1]
+        assert page.inner_text("#right-side") == "other.png"
+        page.keyboard.press("s")
+        assert page.evaluate("studio.swipe.way") == "one"
+    labels = painted(map_yaml).labels
+    assert (labels[9:13, 31:39] == 0).all() and (labels[:, :26] == -1).all()
+
+
+def test_two_methods_of_a_model_are_compared(opened: Open, map_yaml: Path) -> None:
+    options = ("--model", "generated", "--out", map_yaml.parent / "kept")
+    with studio(map_yaml, *options) as process:
+        page = opened(process)
+        until(page, "studio.state.lesson && !studio.state.learner.working")
+        page.click("#tab-layers")
+        page.get_by_label("Compare", exact=True).select_option("Side by side")
+        page.get_by_label("Second labelling").select_option("Method relaxation")
+        colours_of_panes(page, 10, 10)
+        kept = page.evaluate("[...studio.stage.layer('labels-method:relaxation').kept.values()]")
+        assert kept and all(entry["image"] is not None for entry in kept)
 
 
 def test_nothing_is_lost_by_a_reload_or_a_kill(

@@ -9,7 +9,7 @@ const LISTED = [
   ["Smaller or larger brush", "[  ]"], ["Close the polygon", "Enter"], ["Cancel", "Esc"],
   ["Undo", "Ctrl Z"], ["Redo", "Ctrl Shift Z"],
   ["Next, previous place to check", "N, Shift N"], ["Confirm the place", "C"],
-  ["Give the place a class", "Shift 1 – 9"], ["Divider", "S"], ["Show errors", "X"],
+  ["Give the place a class", "Shift 1 – 9"], ["Divider", "S"], ["Side by side", "Shift S"], ["Show errors", "X"],
   ["Move the map", "Arrows, Space"], ["Zoom", "+  −"], ["Show all", "Home"], ["This list", "?"],
 ];
 
@@ -51,7 +51,7 @@ export class Keys {
     const commands = {
       n: () => studio.review.next(event.shiftKey ? -1 : 1),
       c: () => studio.confirm(),
-      s: () => studio.swipe.set(!studio.swipe.on),
+      s: () => studio.swipe.toggle(event.shiftKey ? "side" : "divider"),
       x: () => studio.layers.flip("errors"),
       "[": () => studio.resize(1 / 1.25),
       "]": () => studio.resize(1.25),

@@ -1,13 +1,9 @@
 // The panel of layers: what is shown, how strongly, and which labels are on either side.
 
 import { h } from "./dom.js";
+import { WAYS } from "./swipe.js";
 
-export const SOURCES = {
-  taught: "Labels now",
-  before: "Labels at the start",
-  unary: "Each cell alone",
-  truth: "Labels to compare with",
-};
+export const TRUTH = "file:0";
 
 export class Layers {
   constructor(studio) {
@@ -36,10 +32,10 @@ export class Layers {
   }
 
   render(state) {
-    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.on, this.studio.theme.name, this.sources, this.value, !!state.lesson]);
+    const key = JSON.stringify([state.classes, state.sources, state.drive, this.studio.swipe.way, this.studio.theme.name, this.sources, this.value, !!state.lesson]);
     if (key === this.key) return;
     this.key = key;
-    const truth = state.sources.includes("truth");
+    const truth = TRUTH in state.sources;
     this.element.replaceChildren(
       h("section", {}, h("h2", {}, "Pictures"),
         h("div", { className: "layers" },
@@ -90,19 +86,17 @@ export class Layers {
   }
 
   #compare(state) {
-    const listed = state.sources.map((source) => [source, SOURCES[source]]);
+    const listed = Object.entries(state.sources);
     const { swipe } = this.studio;
-    const box = h("input", { type: "checkbox", checked: swipe.on, role: "switch" });
-    box.addEventListener("change", () => swipe.set(box.checked));
     const pick = (side, words) =>
       this.#choice(words, listed, this.sources[side], (value) => {
         this.sources[side] = value;
-        this.studio.swipe.move(this.studio.swipe.share);
+        this.studio.changed();
       });
     return [
-      pick("left", swipe.on ? "Labels on the left" : "Labels shown"),
-      h("label", { className: "switch" }, box, "Divider between two labellings"),
-      swipe.on ? pick("right", "Labels on the right") : null,
+      this.#choice("Compare", Object.entries(WAYS), swipe.way, (way) => swipe.set(way)),
+      pick("left", swipe.on ? "First labelling" : "Labelling shown"),
+      swipe.on ? pick("right", "Second labelling") : null,
     ];
   }
 

@@ -93,7 +93,7 @@ class Studio {
     const colours = classes.map((item) => item.colour.slice(1)).join("");
     if (name === "map") return "0";
     if (name === "paint") return `${revision}.${colours}`;
-    if (name.endsWith("-truth")) return `0.${colours}`;
+    if (name.startsWith("labels-file:")) return `0.${colours}`;
     const learned = lesson?.number ?? 0;
     return name.startsWith("labels") ? `${learned}.${colours}` : `${learned}`;
   }
@@ -279,7 +279,8 @@ class Studio {
     byId("actions").append(
       action("undo", "Undo (Ctrl Z)", () => this.edit({ kind: "undo" })),
       action("redo", "Redo (Ctrl Shift Z)", () => this.edit({ kind: "redo" })),
-      action("swipe", "Divider between two labellings (S)", () => this.swipe.set(!this.swipe.on), true),
+      action("swipe", "Divider between two labellings (S)", () => this.swipe.toggle("divider"), true),
+      action("side", "Two labellings side by side (Shift S)", () => this.swipe.toggle("side"), true),
       action("sun", "Light or dark", () => this.theme.toggle()),
       action("help", "Keys (?)", help, true),
     );
@@ -352,7 +353,9 @@ class Studio {
   #bar() {
     byId("act-undo").disabled = !this.state.can_undo;
     byId("act-redo").disabled = !this.state.can_redo;
-    byId("act-swipe").setAttribute("aria-pressed", String(this.swipe.on));
+    byId("act-swipe").setAttribute("aria-pressed", String(this.swipe.way === "divider"));
+    byId("act-side").setAttribute("aria-pressed", String(this.swipe.way === "side"));
+    this.swipe.name();
     for (const button of byId("tools").querySelectorAll("button")) {
       button.setAttribute("aria-pressed", String(button.dataset.tool === this.tools.name));
     }

@@ -20,9 +20,18 @@ export class Pointer {
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
+  /** Where an event is in its pane; a pointer that is down stays in the one where it was pressed. */
   #at(event) {
     const box = this.canvas.getBoundingClientRect();
-    return { x: event.clientX - box.left, y: event.clientY - box.top };
+    const screen = { x: event.clientX - box.left, y: event.clientY - box.top };
+    const held = this.down.get(event.pointerId);
+    const shift = held?.shift ?? this.#shift(screen);
+    return { x: screen.x - shift.x, y: screen.y - shift.y, shift };
+  }
+
+  #shift(screen) {
+    const inside = this.view.inPane(screen);
+    return { x: screen.x - inside.x, y: screen.y - inside.y };
   }
 
   #press(event) {

@@ -3,6 +3,7 @@
 import { TileLayer } from "./tiles.js";
 import { roundLength } from "./geometry.js";
 import { byId } from "./dom.js";
+import { TRUTH } from "./layers.js";
 
 export class Stage {
   constructor(canvas, view, studio) {
@@ -34,23 +35,42 @@ export class Stage {
   #resize() {
     const { canvas, view } = this;
     const before = { width: this.width, height: this.height };
-    [this.width, this.height] = [canvas.clientWidth, canvas.clientHeight];
+    [this.width, this.height] = [view.width, view.height];
     view.ratio = window.devicePixelRatio || 1;
     canvas.width = Math.round(canvas.clientWidth * view.ratio);
     canvas.height = Math.round(canvas.clientHeight * view.ratio);
     if (before.width) view.move((this.width - before.width) / 2, (this.height - before.height) / 2);
-    this.redraw();
+    this.studio.changed();
   }
 
   #draw() {
-    const { context, view, studio } = this;
+    const { canvas, context, view, studio } = this;
     const { state, colours } = studio;
     const style = getComputedStyle(document.documentElement);
     context.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
     context.fillStyle = style.getPropertyValue("--stage");
-    context.fillRect(0, 0, view.width, view.height);
+    context.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
     if (!state) return;
     this.frames += 1;
+    const { left, right } = studio.layers.sources;
+    for (const [k, corner] of view.corners.entries()) {
+      context.save();
+      context.translate(corner.x, corner.y);
+      context.beginPath();
+      context.rect(0, 0, view.width, view.height);
+      context.clip();
+      this.#pane(k ? right : left, colours);
+      context.restore();
+    }
+    this.#scale(state.map);
+    const paint = this.layer("paint");
+    studio.tools.settle(Number(paint.version.split(".")[0]), paint.settled);
+  }
+
+  /** A pane with the labels of a source. */
+  #pane(source, colours) {
+    const { context, view, studio } = this;
+    const { state } = studio;
     const { shown } = studio.layers;
     context.save();
     context.translate(view.x, view.y);
@@ -59,7 +79,7 @@ export class Stage {
     context.rect(0, 0, state.map.columns, state.map.rows);
     context.clip();
     if (shown.map) this.#tiled("map", shown.map);
-    for (const name of ["labels", "errors"]) if (shown[name]) this.#labelled(name, shown[name]);
+    for (const name of ["labels", "errors"]) if (shown[name]) this.#labelled(name, shown[name], source);
     if (shown.values) this.#tiled(studio.layers.value, shown.values);
     if (shown.paint) this.#tiled("paint", shown.paint);
     context.restore();
@@ -74,9 +94,6 @@ export class Stage {
     context.restore();
     if (shown.names) studio.places.drawNames(context, view, colours);
     if (studio.asked) this.#cross(studio.asked, colours);
-    this.#scale(state.map);
-    const paint = this.layer("paint");
-    studio.tools.settle(Number(paint.version.split(".")[0]), paint.settled);
   }
 
   #tiled(name, opacity, clip = null) {
@@ -96,13 +113,13 @@ export class Stage {
   }
 
   /** Labels, or their errors: of one source, or of two on either side of the divider. */
-  #labelled(kind, opacity) {
+  #labelled(kind, opacity, source) {
     const { left, right } = this.studio.layers.sources;
     const { sources, map } = this.studio.state;
-    const named = (source) => (sources.includes(source) ? `${kind}-${source}` : null);
-    if (kind === "errors" && !sources.includes("truth")) return;
-    if (!this.studio.swipe.on) {
-      if (named(left)) this.#tiled(named(left), opacity);
+    const named = (name) => (name in sources ? `${kind}-${name}` : null);
+    if (kind === "errors" && !(TRUTH in sources)) return;
+    if (this.studio.swipe.way !== "divider") {
+      if (named(source)) this.#tiled(named(source), opacity);
       return;
     }
     const at = this.view.toMap(this.studio.swipe.share * this.view.width, 0).x;

@@ -64,7 +64,7 @@ export class TileLayer {
     const version = `${this.version}.${this.theme}`;
     if (entry.wanted !== version) {
       entry.wanted = version;
-      this.#fetch(entry, version, `tile/${this.name}/${level}/${row}/${column}.png`);
+      this.#fetch(entry, version, `tile/${encodeURIComponent(this.name)}/${level}/${row}/${column}.png`);
     }
     return entry;
   }

@@ -11,15 +11,41 @@ export class View {
     this.y = 0;
     this.size = { columns: 1, rows: 1 };
     this.ratio = 1;
+    this.panes = 1;
     this.changed = () => {};
   }
 
+  /** Whether two panes are above each other, on a tall screen, rather than side by side. */
+  get stacked() {
+    return this.canvas.clientHeight > this.canvas.clientWidth;
+  }
+
+  /** The width of a pane; all panes show the same part of the map. */
   get width() {
-    return this.canvas.clientWidth;
+    return this.canvas.clientWidth / (this.stacked ? 1 : this.panes);
   }
 
   get height() {
-    return this.canvas.clientHeight;
+    return this.canvas.clientHeight / (this.stacked ? this.panes : 1);
+  }
+
+  /** Where each pane begins on the screen. */
+  get corners() {
+    return Array.from({ length: this.panes }, (_, k) => (this.stacked ? { x: 0, y: k * this.height } : { x: k * this.width, y: 0 }));
+  }
+
+  /** A point of the screen as one of the first pane, which shows the same there. */
+  inPane({ x, y }) {
+    return this.stacked ? { x, y: y < this.height ? y : y - this.height } : { x: x < this.width ? x : x - this.width, y };
+  }
+
+  /** Show one pane or two, with the same part of the map in them. */
+  setPanes(panes) {
+    const [width, height, change] = [this.width, this.height, panes - this.panes];
+    this.panes = panes;
+    const ratios = [this.width / width, this.height / height];
+    this.move((this.width - width) / 2, (this.height - height) / 2);
+    if (change) this.zoom(change > 0 ? Math.min(...ratios) : Math.max(...ratios));
   }
 
   get smallest() {
