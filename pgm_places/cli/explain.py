@@ -2,10 +2,14 @@
 
 from math import isfinite
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
+
+if TYPE_CHECKING:
+    from pgm_places.labelers.place_labeler import PlaceLabeler
 
 __all__ = ["run_explain"]
 
@@ -26,22 +30,24 @@ def run_explain(
     """``pgm-places explain``."""
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.maps.map_server import load_map
+    from pgm_places.persistence.stored import read
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
     from pgm_places.teaching.paint import Paint
     from pgm_places.teaching.teacher import Teacher
-    from pgm_places.trained import trained_labeler
+    from pgm_places.trained import model_folder
 
     if not (isfinite(x_m) and isfinite(y_m)):
         raise InputError(f"X and Y must be finite metres, got {x_m:g} and {y_m:g}")
     progress = make_progress(quiet=quiet)
-    labeler = trained_labeler(model)
+    stored = read(model_folder(model), "place-labeler")
+    labeler: PlaceLabeler = stored.item
     if method is not None:
         labeler.method(method)  # an unknown method shows before the work
     loaded = load_map(map_yaml, unknown_value=unknown_value)
     for message in loaded.warnings:
         progress.warn(message)
-    teacher = Teacher(loaded.grid, labeler, method=method, n_threads=n_threads)
+    teacher = Teacher(loaded.grid, labeler, method=method, rules=stored.rules, n_threads=n_threads)
     paint = teacher.blank()
     if corrections is not None:
         paint = Paint.read(corrections, loaded.grid, teacher.classes)
