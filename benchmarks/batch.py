@@ -1,27 +1,32 @@
 """Many maps: two processes against one, a cluster, and fifty kills.
 
-Generated floors, and floors tiled side by side, labelled with the model that ships with the package
-by `pgm-places label`. A single map is labelled in this process, one after the other with the model
-and the kernels loaded: the sum of those is what a batch on one process is compared with, which also
-starts a process and loads both. Each worker has one thread. The cluster is Dask's `LocalCluster` of
-two processes, then a scheduler and two workers started by themselves that speak TCP on 127.0.0.1.
-For the kills, a batch on two processes is begun again and again; each time, after a while drawn by
-chance, the batch or one of its workers is killed (`kill -9`). A map is lost if it is not done in
-the end, and done twice if it is written again after it was complete.
-`python -m benchmarks.batch --maps 30` takes fewer maps than a thousand.
+Parts of generated floors, and such parts tiled side by side, labelled with the model that ships
+with the package by `pgm-places label`. A single map is labelled in this process, one after the
+other with the model and the kernels loaded: the sum of those is what a batch on one process is
+compared with, which also starts a process and loads both. Each worker has one thread. The cluster
+is Dask's `LocalCluster` of two processes, then a scheduler and two workers started by themselves
+that speak TCP on 127.0.0.1.
+For the kills, a batch of a tenth of the maps on two processes is begun again and again; each time,
+after a while drawn by chance, the batch or one of its workers is killed (`kill -9`). A map is lost
+if it is not done in the end, and done twice if it is written again after it was complete.
+The stages can be run one at a time, such as `--stages single,1`; what a stage found is kept until
+all are done. `--maps 30` takes fewer maps than a thousand.
 """
 
 import argparse
+import json
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import psutil
 
 from pgm_places.batch.dask_workers import DaskWorkers
@@ -33,26 +38,31 @@ from pgm_places.batch.map_task import MapTask, label_one
 from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.batch.ready_model import ready_model
 from pgm_places.batch.workers import Workers
-from pgm_places.datasets import building_tiled, generate_building
+from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
 
 N_MAPS, N_MAPS_QUICK = 1000, 12
 N_KILLS, N_KILLS_QUICK = 50, 4
-DIFFERENT, TILED_EVERY, TILED_CELLS = 20, 10, 400
+KILLED_SHARE, LONGEST_S = 0.1, 8.0
+DIFFERENT, TILED_EVERY, PART_M = 20, 10, 3.0
 OPTIONS = LabelOptions()
 
 
 def write_maps(folder: Path, n_maps: int) -> None:
-    """Maps as files: every tenth is tiled, the others are one small floor each."""
+    """Maps as files, each the left end of a small floor; every tenth twice that, side by side."""
+    floors = [
+        generate_building(seed, size="small", resolution_m=0.05).grid for seed in range(DIFFERENT)
+    ]
     for number in range(n_maps):
-        seed = number % DIFFERENT
+        grid = floors[number % DIFFERENT]
+        cells = grid.cells[:, : round(PART_M / grid.resolution_m)]
         if number % TILED_EVERY == TILED_EVERY - 1:
-            made = building_tiled(TILED_CELLS, seed, resolution_m=0.1, floors=2)
-        else:
-            made = generate_building(seed, size="small", resolution_m=0.05)
+            cells = np.hstack([cells, cells])
         (folder / f"floor{number:04d}").mkdir(parents=True)
-        save_map(made.grid, folder / f"floor{number:04d}" / "map")
+        made = OccupancyGrid(cells, grid.resolution_m)
+        save_map(made, folder / f"floor{number:04d}" / "map")
 
 
 def single_seconds(maps: Path, out: Path) -> float:
@@ -140,50 +150,106 @@ def kills(maps: Path, out: Path, n_kills: int, seconds: float) -> dict[str, Any]
     return {"kills": n_killed, "lost": lost, "done twice": done_twice, "left behind": left}
 
 
-def run(quick: bool, n_maps: int | None = None, n_kills: int | None = None) -> list[dict[str, Any]]:
-    """The rows of the tables."""
-    n_maps = n_maps or (N_MAPS_QUICK if quick else N_MAPS)
-    n_kills = (N_KILLS_QUICK if quick else N_KILLS) if n_kills is None else n_kills
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+def stages(folder: Path, n_kills: int) -> dict[str, Callable[[], Any]]:
+    """What is measured, each by itself."""
+    maps, out = folder / "maps", folder / "out"
+
+    def on(workers: Workers) -> float:
+        return batch_seconds(maps, out, workers)
+
+    def on_cluster(cluster: Callable[[], Any]) -> float:
+        with cluster() as address:
+            return on(DaskWorkers(address))
+
+    def killed() -> dict[str, Any]:
+        some = sorted(maps.iterdir())
+        for path in some[: max(4, round(KILLED_SHARE * len(some)))]:
+            shutil.copytree(path, folder / "some" / path.name, dirs_exist_ok=True)
+        return kills(folder / "some", out, n_kills, LONGEST_S)
+
+    return {
+        "single": lambda: single_seconds(maps, out),
+        "1": lambda: on(LocalWorkers(1)),
+        "2": lambda: on(LocalWorkers(2)),
+        "dask": lambda: on_cluster(local_cluster),
+        "tcp": lambda: on_cluster(tcp_cluster),
+        "kills": killed,
+    }
+
+
+TITLES = {
+    "single": "single maps, one after the other",
+    "1": "1 process",
+    "2": "2 processes",
+    "dask": "Dask, LocalCluster of 2",
+    "tcp": "Dask, 2 workers over TCP",
+}
+
+
+def measured(
+    n_maps: int, n_kills: int, chosen: Sequence[str] = (), folder: Path | None = None
+) -> dict[str, Any]:
+    """What the chosen stages found, all by default, and those that were run before."""
+    folder = folder or Path(tempfile.gettempdir()) / f"pgm_places_batch_{n_maps}_{n_kills}"
+    kept = folder / "found.json"
+    if not kept.exists():
+        shutil.rmtree(folder, ignore_errors=True)
         write_maps(folder / "maps", n_maps)
-        alone = single_seconds(folder / "maps", folder / "single")
-        seconds = {"single maps, one after the other": alone}
-        for n_jobs in (1, 2):
-            title = f"{n_jobs} process{'es' if n_jobs > 1 else ''}"
-            workers = LocalWorkers(n_jobs)
-            seconds[title] = batch_seconds(folder / "maps", folder / f"local{n_jobs}", workers)
-        for title, cluster in (
-            ("Dask, LocalCluster of 2", local_cluster),
-            ("Dask, 2 workers over TCP", tcp_cluster),
-        ):
-            with cluster() as address:
-                out = folder / cluster.__name__
-                seconds[title] = batch_seconds(folder / "maps", out, DaskWorkers(address))
-        one = seconds["1 process"]
-        rows: list[dict[str, Any]] = [
-            {
-                "maps": n_maps,
-                "by": title,
-                "wall s": taken,
-                "maps a second": n_maps / taken,
-                "against 1 process": one / taken,
-                "against the sum of single maps": alone / taken,
-            }
-            for title, taken in seconds.items()
-        ]
-        if n_kills:
-            longest = max(seconds["2 processes"], 10.0) / 2
-            rows.append(kills(folder / "maps", folder / "killed", n_kills, longest))
-    return rows
+        kept.write_text("{}", encoding="utf-8")
+    found: dict[str, Any] = json.loads(kept.read_text(encoding="utf-8"))
+    for name, measure in stages(folder, n_kills).items():
+        if name not in found and (not chosen or name in chosen):
+            shutil.rmtree(folder / "out", ignore_errors=True)  # of a run that was broken off
+            found[name] = measure()
+            kept.write_text(json.dumps(found), encoding="utf-8")
+            print(f"{name}: {found[name]}", flush=True)
+    if len(found) == len(stages(folder, n_kills)):
+        shutil.rmtree(folder)  # the next run measures anew
+    return found
+
+
+def rows_of(found: dict[str, Any], n_maps: int) -> list[dict[str, Any]]:
+    """The rows of the tables."""
+    alone, one = found.get("single"), found.get("1")
+    rows: list[dict[str, Any]] = [
+        {
+            "maps": n_maps,
+            "by": title,
+            "wall s": found[name],
+            "maps a second": n_maps / found[name],
+            "against 1 process": one and one / found[name],
+            "against the sum of single maps": alone and alone / found[name],
+        }
+        for name, title in TITLES.items()
+        if name in found
+    ]
+    return rows + ([found["kills"]] if "kills" in found else [])
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """The rows of the tables."""
+    n_maps, n_kills = (N_MAPS_QUICK, N_KILLS_QUICK) if quick else (N_MAPS, N_KILLS)
+    return rows_of(measured(n_maps, n_kills), n_maps)
+
+
+def main() -> None:
+    """Measure what is asked for."""
+    from benchmarks.__main__ import markdown_table
+
+    known = [*TITLES, "kills"]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--maps", type=int, default=N_MAPS, help=f"how many; {N_MAPS} by default")
+    parser.add_argument("--kills", type=int, default=N_KILLS, help=f"{N_KILLS} by default")
+    parser.add_argument("--stages", default="", help=f"some of {','.join(known)}; all by default")
+    parser.add_argument("--folder", type=Path, help="where to keep what was measured")
+    given = parser.parse_args()
+    chosen = [name for name in given.stages.split(",") if name]
+    unknown = [name for name in chosen if name not in known]
+    if unknown:
+        parser.error(f"no stage {unknown[0]}; there are {', '.join(known)}")
+    found = measured(given.maps, given.kills, chosen, given.folder)
+    print(markdown_table(rows_of(found, given.maps)))
 
 
 if __name__ == "__main__":
-    from benchmarks.__main__ import markdown_table
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--maps", type=int, help=f"how many; {N_MAPS} by default")
-    parser.add_argument("--kills", type=int, help=f"how many; {N_KILLS} by default")
-    parser.add_argument("--quick", action="store_true")
-    chosen = parser.parse_args()
-    print(markdown_table(run(chosen.quick, chosen.maps, chosen.kills)))
+    main()
