@@ -210,8 +210,8 @@ INTRODUCTION = """\
 $ PGM_PLACES_DATA=DATA python -m experiments.teaching
 ```
 
-The truth stands in for a person who corrects one region or one doorway with each click, until 99 % \
-of the labelled area is right.
+The truth stands in for a person who corrects one region or one doorway with each click, until 99 \
+% of the labelled area is right.
 The labeler is the model `generated`, which has seen no real building.
 In brackets is the number of places that were looked at, right ones among them.
 [Teaching](teaching.md#how-many-clicks) says what follows, and draws the accuracy over the clicks.

@@ -13,7 +13,7 @@ from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.feature_cache import FeatureCache
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare
-from pgm_places.experiment.setup import make_labeler
+from pgm_places.experiment.setup import check_labeler
 
 __all__ = ["FoldTask", "compare_buildings", "compare_fold", "fold_tasks"]
 
@@ -94,7 +94,7 @@ def compare_buildings(
     OutputError
         A worker died on a building each time.
     """
-    make_labeler(experiment.config)  # refuses bad options before the maps are read
+    check_labeler(experiment.config)
     tasks = fold_tasks(experiment, n_threads=n_threads)
     found: dict[str, Comparison] = {}
     with experiment.progress.stage("buildings left out") as stage:

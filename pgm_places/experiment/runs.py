@@ -29,7 +29,12 @@ from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.selection import Sources, select
-from pgm_places.experiment.setup import make_labeler, resolved_config, step_methods
+from pgm_places.experiment.setup import (
+    check_labeler,
+    make_labeler,
+    resolved_config,
+    step_methods,
+)
 from pgm_places.experiment.step_runs import StepLabeler, label_drives, learn_steps
 from pgm_places.experiment.taught import taught_labeler
 from pgm_places.graph.layout import GridLayout
@@ -76,7 +81,7 @@ def train(experiment: Experiment) -> Trained:
     """
     if experiment.config.base_model is not None:
         return Trained(experiment, taught_labeler(experiment))
-    make_labeler(experiment.config)  # refuses bad options before the maps are read
+    check_labeler(experiment.config)
     maps = load_maps(experiment, "train")
     experiment = _with_chosen_options(experiment, Sources(maps))
     labeler = make_labeler(experiment.config)
@@ -123,8 +128,7 @@ def compare(experiment: Experiment) -> Comparison:
         raise ConfigError("a comparison needs at least one [[test]] map or drive; there is none")
     if experiment.config.nodes != "cells":
         return _compare_drives(experiment)
-    if experiment.config.base_model is None:
-        make_labeler(experiment.config)  # refuses bad options before the maps are read
+    check_labeler(experiment.config)
     # Test maps are read before anything is learned, so that errors in them show at once.
     tests = load_maps(experiment, "test")
     return compare_fitted(*train(experiment), tests)

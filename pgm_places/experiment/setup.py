@@ -19,7 +19,14 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.options import option_values, plain_values
 from pgm_places.unary.options import ClassifierOptions
 
-__all__ = ["joint_labeler", "make_labeler", "resolved_config", "step_labeler", "step_methods"]
+__all__ = [
+    "check_labeler",
+    "joint_labeler",
+    "make_labeler",
+    "resolved_config",
+    "step_labeler",
+    "step_methods",
+]
 
 
 def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
@@ -46,6 +53,12 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     )
     labeler.check_options()
     return labeler
+
+
+def check_labeler(config: ExperimentConfig) -> None:
+    """Refuse bad options of a labeler that is to be trained, before any map is read."""
+    if config.base_model is None:
+        make_labeler(config)
 
 
 def step_methods(config: ExperimentConfig) -> dict[str, Any]:
