@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from pgm_places.datasets import generate_building
@@ -21,9 +22,23 @@ CELLS = "(metres) => studio.frame.toCells(studio.frame.fromMetres(metres))"
 
 
 def reduced(picture: Image.Image, n_colours: int) -> Image.Image:
-    """A picture with few colours that keeps those of small things, such as doorways."""
-    method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
-    return picture.quantize(n_colours, method=method, dither=dither)
+    """A picture with few colours: the most frequent ones as they are, so that shadows stay soft.
+
+    The others keep those of small things, such as doorways.
+    """
+    pixels = np.asarray(picture, np.int64)
+    colours, which, counts = np.unique(
+        pixels.reshape(-1, 3), axis=0, return_inverse=True, return_counts=True
+    )
+    n_rare = n_colours // 3
+    rare = picture.quantize(n_rare, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    others = np.array(rare.getpalette(), np.int64).reshape(-1, 3)[:n_rare]
+    palette = np.concatenate([colours[np.argsort(-counts)[: n_colours - n_rare]], others])
+    distance = ((colours[:, None] - palette[None]) ** 2).sum(axis=2)
+    indices = distance.argmin(axis=1).astype(np.uint8)[which.ravel()].reshape(pixels.shape[:2])
+    found = Image.fromarray(indices).convert("P")
+    found.putpalette(palette.astype(np.uint8).ravel().tolist())
+    return found
 
 
 class Recording:
@@ -110,6 +125,7 @@ def pictures(browser: Any, address: str) -> None:
         page = context.new_page()
         page.goto(address)
         settled(page)
+        page.evaluate("document.getElementById('status').hidden = true")  # another time each time
         act(page)
         page.wait_for_timeout(900)
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")

@@ -248,6 +248,7 @@ class Studio {
   }
 
   show(tab) {
+    if (this.tab !== tab) byId("panels").scrollTop = 0;
     this.tab = tab;
     document.querySelector(".side").classList.remove("folded");
     this.#tabs();

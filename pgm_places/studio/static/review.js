@@ -49,5 +49,6 @@ export class Review {
   go(k) {
     const check = this.studio.places.checks[k];
     this.studio.goTo(check.id);
+    this.element.querySelector(".check.chosen")?.scrollIntoView({ block: "nearest" });
   }
 }

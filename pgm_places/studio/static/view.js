@@ -12,6 +12,7 @@ export class View {
     this.size = { columns: 1, rows: 1 };
     this.ratio = 1;
     this.panes = 1;
+    this.shrunk = 1;
     this.changed = () => {};
   }
 
@@ -39,13 +40,27 @@ export class View {
     return this.stacked ? { x, y: y < this.height ? y : y - this.height } : { x: x < this.width ? x : x - this.width, y };
   }
 
-  /** Show one pane or two, with the same part of the map in them. */
+  /** Show one pane or two: what was seen of the map stays in view, and comes back as it was. */
   setPanes(panes) {
-    const [width, height, change] = [this.width, this.height, panes - this.panes];
+    if (panes === this.panes) return;
+    const middle = this.toMap((this.width + TOOLS_PX) / 2, this.height / 2);
+    let factor = 1 / this.shrunk;
+    const { columns, rows } = this.size;
+    const from = this.toMap(0, 0);
+    const to = this.toMap(this.width, this.height);
     this.panes = panes;
-    const ratios = [this.width / width, this.height / height];
-    this.move((this.width - width) / 2, (this.height - height) / 2);
-    if (change) this.zoom(change > 0 ? Math.min(...ratios) : Math.max(...ratios));
+    if (panes > 1) {
+      const [left, right] = [Math.max(0, from.x), Math.min(columns, to.x)];
+      const [top, bottom] = [Math.max(0, from.y), Math.min(rows, to.y)];
+      [middle.x, middle.y] = [(left + right) / 2, (top + bottom) / 2];
+      const fit = Math.min((this.width - TOOLS_PX) / (right - left), this.height / (bottom - top));
+      factor = Math.min(1, (0.92 * fit) / this.scale);
+    }
+    this.shrunk = factor;
+    this.scale *= factor;
+    this.x = (this.width + TOOLS_PX) / 2 - middle.x * this.scale;
+    this.y = this.height / 2 - middle.y * this.scale;
+    this.#keep();
   }
 
   get smallest() {
