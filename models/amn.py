@@ -7,12 +7,13 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.node_weights import node_weights
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
 from pgm_places.models.amn_learning import (
@@ -26,6 +27,7 @@ from pgm_places.models.amn_learning import (
     learn_hidden,
     node_losses,
     penalties_of,
+    weighted,
 )
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoding import Decoder, decode_as
@@ -172,6 +174,7 @@ class AssociativeMarkovNetwork(LinearModel):
         problems: Sequence[LabelingProblem],
         labelings: Sequence[NDArray[np.int64]],
         *,
+        sample_weight: Sequence[ArrayLike] | None = None,
         on_iteration: OnStep | None = None,
     ) -> Self:
         """A new, fitted network; ``unlabelled`` says what becomes of nodes labelled -1.
@@ -182,6 +185,8 @@ class AssociativeMarkovNetwork(LinearModel):
             The training maps.
         labelings : sequence of (N,) int
             The true label index of every node of each map, -1 where it is unknown.
+        sample_weight : sequence of float or (N,) float, optional
+            For each map a weight of all its nodes or of each, by which a wrong label costs more.
         on_iteration : callable, optional
             Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` (cuts, gap, seconds)
             as learning goes on; when it returns True, the best weights so far are taken.
@@ -194,10 +199,22 @@ class AssociativeMarkovNetwork(LinearModel):
             Maps and labelings that do not belong together, or features that are missing.
         """
         examples = labelled_problems(problems, labelings)
+        weights = None
+        if sample_weight is not None:
+            weights = node_weights(sample_weight, [p.graph.n_nodes for p, _ in examples])
         if completes(self.unlabelled, examples):
+            if weights is not None:
+                raise InputError(
+                    "sample_weight needs unlabelled='dropped': labels are being completed, and "
+                    "completed nodes have a weight of their own"
+                )
             return self._fit_completed(examples, on_iteration)
         known = labelled_parts(problems, labelings)
         scaling, tasks = self._prepared(known)
+        if weights is not None:
+            tasks = weighted(
+                tasks, [w[t >= 0] for w, (_, t) in zip(weights, examples, strict=True)]
+            )
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         search = None
         options = self._learner_options()

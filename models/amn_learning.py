@@ -45,6 +45,7 @@ __all__ = [
     "learn_hidden",
     "node_losses",
     "penalties_of",
+    "weighted",
 ]
 
 Learner = Literal["cutting-plane", "qp", "frank-wolfe"]
@@ -306,6 +307,24 @@ def choose_completed(
         return found
 
     return best_of_hidden(truth, parts, penalties, labels_with)
+
+
+def weighted(
+    tasks: Sequence[MaxMarginProblem], weights: Sequence[NDArray[np.float64]]
+) -> list[MaxMarginProblem]:
+    """The problems with losses multiplied by weights (N,), scaled so that the mean loss stays.
+
+    Weights of maps without any label, which are empty, are passed over.
+    """
+    kept = [part for part in weights if len(part)]
+    before = np.concatenate([task.loss for task in tasks])
+    after = before * np.concatenate(kept)
+    if not after.any():
+        raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
+    scale = before.mean() / after.mean()
+    return [
+        replace(task, loss=scale * part * task.loss) for task, part in zip(tasks, kept, strict=True)
+    ]
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:

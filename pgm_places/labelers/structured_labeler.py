@@ -1,5 +1,6 @@
 """StructuredLabeler: any scikit-learn classifier with any backend, for problems of your own."""
 
+import inspect
 import warnings
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -13,6 +14,7 @@ from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.node_weights import node_weights
 from pgm_places.inference.problem import LabelingProblem, labelled_problems, listed_problems
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
@@ -21,6 +23,7 @@ from pgm_places.unary.options import LearnOn, NumberOfFolds
 __all__ = ["StructuredLabeler"]
 
 Truth = NDArray[np.int64]
+Weights = list[NDArray[np.float64]] | None
 
 
 class StructuredLabeler(Labeler):
@@ -104,7 +107,13 @@ class StructuredLabeler(Labeler):
 
     # ------------------------------------------------------------------ learning
 
-    def fit(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> Self:
+    def fit(
+        self,
+        X: Sequence[LabelingProblem],
+        y: Sequence[Truth],
+        *,
+        sample_weight: Sequence[ArrayLike] | None = None,
+    ) -> Self:
         """The labeler itself, fitted: the classifier first, then the backend on what it says.
 
         Parameters
@@ -113,11 +122,14 @@ class StructuredLabeler(Labeler):
             With ``node_features``, or with ``unary`` where there is no classifier.
         y : sequence of (N,) int
             The true label index of every node, -1 where it is unknown.
+        sample_weight : sequence of float or (N,) float, optional
+            For each problem a weight of all its nodes or of each, for classifiers and methods whose
+            ``fit`` takes one; others are refused by name.
 
         Raises
         ------
         ConfigError
-            An option that is not understood.
+            An option that is not understood, or weights that the backend or classifier cannot take.
         InputError
             Problems and labelings that do not fit each other, or features that are missing.
         LabelError
@@ -136,26 +148,35 @@ class StructuredLabeler(Labeler):
                 f"no training node is labelled {missing[0]!r}: y never holds "
                 f"{names.index(missing[0])}; label some, or take the name out of label_names"
             )
-        seen, classifier = problems, None
+        seen, classifier, weights = problems, None, None
+        if sample_weight is not None:
+            weights = node_weights(sample_weight, [p.graph.n_nodes for p in problems])
+            for part in (self.classifier, backend if isinstance(backend, Learnable) else None):
+                _require_weighing(part)
         if self.classifier is not None:
-            classifier = self._trained(problems, truths)
+            classifier = self._trained(problems, truths, weights)
             if self.learn_on == "out-of-fold":
-                seen = self._out_of_fold(problems, truths)
+                seen = self._out_of_fold(problems, truths, weights)
             else:
                 seen = [self._scored(problem, classifier) for problem in problems]
         if isinstance(backend, Learnable):
-            backend = backend.fit(seen, truths)
+            extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
+            backend = backend.fit(seen, truths, **extra)
         return self.set_learned(classifier_=classifier, backend_=backend, label_names_=names)
 
-    def _trained(self, problems: Sequence[LabelingProblem], truths: Sequence[Truth]) -> Any:
+    def _trained(
+        self, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
+    ) -> Any:
         from sklearn.base import clone  # takes a second; a stored decision list does without
 
         features = np.concatenate([_features(problem) for problem in problems])
         truth = np.concatenate(truths)
-        return clone(self.classifier).fit(features[truth >= 0], truth[truth >= 0])
+        known = truth >= 0
+        extra = {} if weights is None else {"sample_weight": np.concatenate(weights)[known]}
+        return clone(self.classifier).fit(features[known], truth[known], **extra)
 
     def _out_of_fold(
-        self, problems: Sequence[LabelingProblem], truths: Sequence[Truth]
+        self, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
     ) -> list[LabelingProblem]:
         """The problems with unaries from classifiers that were fitted without those nodes."""
         folds = _folds(problems, truths, self.n_folds)
@@ -167,7 +188,7 @@ class StructuredLabeler(Labeler):
             if (np.concatenate(others) < 0).all():
                 raise InputError("all labelled nodes lie in one fold; use learn_on='in-sample'")
             _warn_of_missing(np.concatenate(others), problems[0].label_names, int(fold))
-            classifier = self._trained(problems, others)
+            classifier = self._trained(problems, others, weights)
             for problem, part, unary in zip(problems, folds, unaries, strict=True):
                 held_out = part == fold
                 if held_out.any():
@@ -283,6 +304,14 @@ class StructuredLabeler(Labeler):
                 f"classifier must have predict_proba, {type(self.classifier).__name__} has none; "
                 "wrap it in sklearn.calibration.CalibratedClassifierCV"
             )
+
+
+def _require_weighing(part: Any) -> None:
+    """Refuse a classifier or method whose ``fit`` takes no weights; None takes none."""
+    if part is not None and "sample_weight" not in inspect.signature(part.fit).parameters:
+        raise ConfigError(
+            f"{type(part).__name__} takes no sample_weight; leave it out, or take another one"
+        )
 
 
 def _beliefs(found: Labeling) -> NDArray[np.float64]:

@@ -8,11 +8,13 @@ import pytest
 from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.linear_model import LogisticRegression, Perceptron
-from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.metrics import balanced_accuracy_score
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
 from sklearn.tree import DecisionTreeClassifier
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.labelers.scoring import node_scorer
 from pgm_places.models.mrf import PottsField
 
 TRUTH = np.repeat([0, 1, 2, 0], 15)
@@ -181,3 +183,41 @@ def test_a_label_that_a_fold_has_not_met_gets_the_least_probability(
     met = [bool((np.exp(unary[:, 2]) > 0.01).any()) for unary in SEEN]
     assert met == [True, True, True, False]
     np.testing.assert_allclose(np.exp(SEEN[3][:, 2]), 1e-3, rtol=2e-3)
+
+
+def test_scorers_of_scikit_learn_work_over_nodes(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    labeler = StructuredLabeler("independent", LogisticRegression())
+    hidden = [np.where(np.arange(len(TRUTH)) % 3 == 0, -1, TRUTH) for _ in truths]
+    by_name = cross_val_score(labeler, chains, hidden, cv=2, scoring=node_scorer("accuracy"))
+    np.testing.assert_allclose(by_name, cross_val_score(labeler, chains, hidden, cv=2))
+    balanced = cross_val_score(
+        labeler, chains, hidden, cv=2, scoring=node_scorer(balanced_accuracy_score)
+    )
+    named = cross_val_score(labeler, chains, hidden, cv=2, scoring=node_scorer("balanced_accuracy"))
+    np.testing.assert_allclose(balanced, named)
+    loss = cross_val_score(
+        labeler, chains, hidden, cv=2, scoring=node_scorer("neg_mean_squared_error")
+    )
+    assert (loss <= 0).all()
+
+
+def test_weights_of_problems_and_nodes_count_in_learning(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]]
+) -> None:
+    """A problem of weight 0 teaches the classifier nothing, and the network not its labels."""
+    wrong = [*truths[:2], np.roll(TRUTH, 20), truths[3]]
+    labeler = StructuredLabeler("amn", LogisticRegression(), learn_on="in-sample")
+    plain = labeler.fit(chains[:3], wrong[:3]).score(chains[3:], truths[3:])
+    weights = [1.0, np.ones(len(TRUTH)), 0.0]
+    told = clone(labeler).fit(chains[:3], wrong[:3], sample_weight=weights)
+    assert told.score(chains[3:], truths[3:]) > plain
+    without = clone(labeler).fit(chains[:2], truths[:2])
+    np.testing.assert_allclose(told.classifier_.coef_, without.classifier_.coef_, rtol=1e-3)
+    with pytest.raises(ConfigError, match="Relaxation takes no sample_weight"):
+        StructuredLabeler("relaxation").fit(chains[:2], truths[:2], sample_weight=[1.0, 1.0])
+    with pytest.raises(InputError, match=r"sample_weight must have one entry per problem \(2\)"):
+        labeler.fit(chains[:2], truths[:2], sample_weight=[1.0])
+    with pytest.raises(InputError, match=r"sample_weight\[1\] must be at least 0, got -1"):
+        labeler.fit(chains[:2], truths[:2], sample_weight=[1.0, -1.0])

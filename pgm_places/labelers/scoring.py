@@ -1,0 +1,62 @@
+"""Scorers for scikit-learn's searches and cross validation over lists of problems."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.inference.problem import LabelingProblem, labelled_problems
+
+__all__ = ["node_scorer"]
+
+Scorer = Callable[[Any, Sequence[LabelingProblem], Sequence[NDArray[np.int64]]], float]
+
+
+def node_scorer(metric: str | Callable[..., float] = "accuracy") -> Scorer:
+    """A scorer over the labelled nodes of all problems together, for ``scoring=``.
+
+    scikit-learn's own scorers want one label a sample, where a labeler has an array a problem.
+
+    Parameters
+    ----------
+    metric : str or callable
+        A name of scikit-learn that scores predicted labels (``accuracy``, ``balanced_accuracy``,
+        ``f1_macro``, ``matthews_corrcoef``), or a function of true and predicted labels (M,).
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import cross_val_score
+    >>> from pgm_places import LabelGraph, StructuredLabeler
+    >>> truth = np.repeat([0, 1], 10)
+    >>> unary = 2.0 * np.eye(2)[truth]
+    >>> problem = LabelingProblem(LabelGraph.from_lattice((20,)), ["a", "b"], unary)
+    >>> scores = cross_val_score(
+    ...     StructuredLabeler("potts"), [problem] * 4, [truth] * 4, cv=2,
+    ...     scoring=node_scorer("balanced_accuracy"),
+    ... )
+    >>> scores.tolist()
+    [1.0, 1.0]
+    """
+
+    def scored(labeler: Any, X: Sequence[LabelingProblem], y: Sequence[NDArray[np.int64]]) -> float:
+        truth = np.concatenate([labels for _, labels in labelled_problems(X, y)])
+        found = np.concatenate(labeler.predict(X))
+        known = truth >= 0
+        return float(_of_labels(metric)(truth[known], found[known]))
+
+    return scored
+
+
+def _of_labels(metric: str | Callable[..., float]) -> Callable[..., float]:
+    """The function of true and predicted labels that a name stands for, larger is better."""
+    if callable(metric):
+        return metric
+    from sklearn.metrics import get_scorer
+
+    scorer: Any = get_scorer(metric)
+
+    def score(truth: NDArray[np.int64], found: NDArray[np.int64]) -> float:
+        return float(scorer._score_func(truth, found, **scorer._kwargs) * scorer._sign)
+
+    return score
