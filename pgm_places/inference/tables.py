@@ -1,0 +1,157 @@
+"""Problems from tables of nodes and edges, and labellings as tables, by the names of nodes."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
+
+__all__ = ["labeling_table", "problem_from_tables"]
+
+
+def problem_from_tables(
+    nodes: Any,
+    edges: Any,
+    *,
+    node: str = "node",
+    ends: tuple[str, str] = ("source", "target"),
+    label: str = "label",
+    label_names: Sequence[str] | None = None,
+) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A problem, and the labels (N,) of its nodes, -1 where there is none.
+
+    Parameters
+    ----------
+    nodes : table
+        A row per node: its name in column ``node``; its label in column ``label``, if there is one,
+        empty (None, NaN or "") where it is not known; every other column is a node feature.
+    edges : table
+        A row per edge: the names of its two nodes in the columns ``ends``; every other column is an
+        edge feature.
+    node, ends, label : str
+        What these columns are called.
+    label_names : sequence of str, optional
+        The labels in order; those of the nodes, sorted, by default.
+
+    Tables are those of pandas or polars, or mappings from names of columns to their values.
+
+    Raises
+    ------
+    InputError
+        A column that is missing or holds no numbers, a name that comes twice or is of no node, an
+        edge that comes twice, or a label that is not among ``label_names``.
+
+    Examples
+    --------
+    >>> nodes = {"node": ["ann", "bob", "eve"], "age": [4.0, 5.0, 30.0]}
+    >>> nodes["label"] = ["kid", "", "adult"]
+    >>> edges = {"source": ["bob", "eve"], "target": ["ann", "ann"], "met": [9.0, 1.0]}
+    >>> problem, labels = problem_from_tables(nodes, edges)
+    >>> problem.label_names, labels.tolist(), problem.graph.edges.tolist()
+    (('adult', 'kid'), [1, -1, 0], [[0, 1], [0, 2]])
+    >>> problem.node_features.tolist(), problem.edge_features.tolist()
+    ([[4.0], [5.0], [30.0]], [[9.0], [1.0]])
+    """
+    names = _values("nodes", nodes, node)
+    number = {name: i for i, name in enumerate(names)}
+    if len(number) != len(names):
+        twice = next(name for i, name in enumerate(names) if number[name] != i)
+        raise InputError(f"nodes: {twice!r} comes twice in column {node!r}; give each node one row")
+    given = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
+    said = [None if _is_empty(value) else str(value) for value in given]
+    known = sorted({text for text in said if text is not None})
+    wanted = list(known if label_names is None else label_names)
+    odd = [text for text in known if text not in wanted]
+    if odd or not wanted:
+        what = f"{odd[0]!r} is not among label_names {wanted}" if odd else "no node has a label"
+        raise InputError(f"nodes: {what}; give label_names, all of them")
+    labels = np.array([-1 if text is None else wanted.index(text) for text in said], np.int64)
+    pairs, order = _pairs(edges, ends, number)
+    graph = replace(LabelGraph.from_edges(len(names), pairs), node_names=tuple(names))
+    ties = _features("edges", edges, ends)
+    looks = _features("nodes", nodes, (node, label))
+    problem = LabelingProblem(
+        graph,
+        wanted,
+        None if looks is not None else np.zeros((len(names), len(wanted))),
+        looks,
+        None if ties is None else ties[order],
+    )
+    return problem, labels
+
+
+def labeling_table(problem: LabelingProblem, found: Labeling) -> dict[str, list[Any]]:
+    """A labelling as columns, ``pandas.DataFrame(...)`` or ``csv`` take it: a row per node.
+
+    ``node`` is its name, or its number where nodes have none, ``label`` the name of its label, and
+    ``p(NAME)`` the belief in each label where the method has one.
+
+    Examples
+    --------
+    >>> from pgm_places.inference.labeling import Status
+    >>> graph = LabelGraph.from_edges(2, [(0, 1)])
+    >>> problem = LabelingProblem(graph, ["kid", "adult"], np.zeros((2, 2)))
+    >>> labeling_table(problem, Labeling(np.array([1, 0]), Status.EXACT))
+    {'node': [0, 1], 'label': ['adult', 'kid']}
+    """
+    names = problem.graph.node_names
+    table: dict[str, list[Any]] = {
+        "node": list(range(problem.graph.n_nodes) if names is None else names),
+        "label": [problem.label_names[k] for k in found.labels],
+    }
+    if found.beliefs is not None:
+        for name, column in zip(problem.label_names, found.beliefs.T.tolist(), strict=True):
+            table[f"p({name})"] = column
+    return table
+
+
+def _columns(table: Any) -> list[str]:
+    return list(table.keys() if isinstance(table, Mapping) else table.columns)
+
+
+def _values(what: str, table: Any, column: str) -> list[Hashable]:
+    columns = _columns(table)
+    if column not in columns:
+        raise InputError(f"{what}: there is no column {column!r}, only {columns}; name it")
+    return list(np.asarray(table[column], object))
+
+
+def _is_empty(value: Any) -> bool:
+    return value is None or value == "" or value != value  # NaN is not itself
+
+
+def _pairs(
+    edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(E, 2) numbers of nodes, and the order in which a graph lists them."""
+    sides = []
+    for column in ends:
+        names = _values("edges", edges, column)
+        odd = [name for name in names if name not in number]
+        if odd:
+            raise InputError(f"edges: {odd[0]!r} in column {column!r} is no node; add its row")
+        sides.append([number[name] for name in names])
+    pairs = np.sort(np.array(sides, np.int64).reshape(2, -1).T, axis=1)
+    return pairs, np.lexsort((pairs[:, 1], pairs[:, 0]))
+
+
+def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float64] | None:
+    """(rows, D) the columns that are none of the others; None where there is none."""
+    found = []
+    for column in _columns(table):
+        if column in others:
+            continue
+        try:
+            found.append(np.asarray(table[column], np.float64))
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{what}: column {column!r} holds something else than numbers; leave it out, or "
+                "make a column of 0 and 1 of each of its values"
+            ) from None
+    return np.stack(found, axis=1) if found else None
