@@ -1,5 +1,6 @@
 """The laser features of scans, computed for any choice of columns."""
 
+import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -122,7 +123,7 @@ def extract(
     idle: list[Workspace] = []
 
     def work(task: int) -> None:
-        space = idle.pop() if idle else Workspace(n_tiles)
+        space = idle.pop() if idle else _workspace(n_tiles)
         part = slice(task * SCANS_PER_TASK, (task + 1) * SCANS_PER_TASK)
         scans = array[part]
         if not as_they_are:
@@ -193,6 +194,20 @@ class ScanExtractor:
         ready = np.ascontiguousarray(scan)[np.newaxis]
         _extract_part(ready, self._limit, self._plan, self._space, rows)
         return rows[0]
+
+
+class _OfThread(threading.local):
+    """The planes for one tile that a thread keeps: making them takes longer than a feature."""
+
+    def __init__(self) -> None:
+        self.space = Workspace(1)
+
+
+_of_thread = _OfThread()
+
+
+def _workspace(n_tiles: int) -> Workspace:
+    return _of_thread.space if n_tiles == 1 else Workspace(n_tiles)
 
 
 def _extract_part(

@@ -1,6 +1,8 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -210,6 +212,16 @@ def test_a_scan_has_the_same_bits_whatever_stands_around_it(n_scans: int) -> Non
     part = extract(ranges[300 - n_scans :], max_range_m=80.0, n_threads=2)
     np.testing.assert_array_equal(part, whole[300 - n_scans :])
     np.testing.assert_array_equal(extract_one(ranges[5], max_range_m=80.0), whole[5])
+
+
+def test_threads_of_the_caller_do_not_share_planes() -> None:
+    ranges = rooms(40, seed=7)
+    whole = extract(ranges, max_range_m=80.0)
+    with ThreadPoolExecutor(4) as pool:
+        single = list(
+            pool.map(partial(extract_one, max_range_m=80.0), np.repeat(ranges, 5, axis=0))
+        )
+    np.testing.assert_array_equal(single, np.repeat(whole, 5, axis=0))
 
 
 @settings(max_examples=25)
