@@ -53,7 +53,13 @@ html_title = "pgm_places"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 html_show_sourcelink = False
-html_sidebars = {"index": [], "changelog": [], "gallery/index": [], "sg_execution_times": []}
+html_sidebars = {
+    "index": [],
+    "changelog": [],
+    "results": [],
+    "gallery/index": [],
+    "sg_execution_times": [],
+}
 html_theme_options = {
     "navigation_with_keys": True,
     "show_toc_level": 2,
