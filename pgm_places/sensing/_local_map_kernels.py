@@ -173,7 +173,8 @@ def cast_rays(
             else:
                 if unknown_from < 0.0:
                     unknown_from = travelled
-                leaves = min(min(next_x, next_y), limit)
+                # a ray that has left the window does not come back
+                leaves = min(min(next_x, next_y), limit) if inside else limit
                 if leaves - unknown_from > through:
                     reading = unknown_from
                     break

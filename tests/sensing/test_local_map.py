@@ -1,3 +1,4 @@
+from itertools import pairwise
 from math import inf, pi
 
 import numpy as np
@@ -6,7 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from pgm_places.sensing._local_map_kernels import Window, write_disc
+from pgm_places.sensing._local_map_kernels import Pose, Window, cast_rays, write_disc
 from pgm_places.sensing.local_map import HIGHEST, LOWEST, SCAN_NUMBERS, LocalMap
 from pgm_places.sensing.ray_casting import cast_poses
 
@@ -221,3 +222,59 @@ def test_a_square_outside_the_window_is_none() -> None:
     local.update([0.0, 0.0, 0.0], [1.0], [0.0], max_range_m=4.5)
     assert local.square([40.0, 0.0], 20, 2) is None
     assert local.square([0.0, -40.0], 20, 2) is None
+
+
+def slow_ray(
+    evidence: NDArray[np.int8], at: tuple[float, float], angle: float, limit: float, through: float
+) -> tuple[float, bool]:
+    """Length of a ray and whether it met anything: piece by piece between the cells' borders."""
+    (x, y), n = at, len(evidence)
+    along_x, along_y = np.cos(angle), np.sin(angle)
+    borders = [(k - x) / along_x for k in range(n + 1)] + [(k - y) / along_y for k in range(n + 1)]
+    ends = sorted({0.0, limit, *(t for t in borders if 0 < t < limit)})
+    unknown_from = None
+    for begin, end in pairwise(ends):
+        middle = (begin + end) / 2
+        row, column = int(np.floor(y + middle * along_y)), int(np.floor(x + middle * along_x))
+        inside = 0 <= row < n and 0 <= column < n
+        value = evidence[row, column] if inside else 0
+        if value > 0:
+            return begin, True
+        if value < 0:
+            unknown_from = None
+            continue
+        unknown_from = begin if unknown_from is None else unknown_from
+        if end - unknown_from > through:
+            return unknown_from, False
+    return limit, False
+
+
+@pytest.mark.parametrize("wrap", [(0, 0), (5, 2)])
+@pytest.mark.parametrize("through", [0.0, 1.3, inf])
+def test_rays_through_the_window_end_where_following_them_by_hand_ends(
+    wrap: tuple[int, int], through: float
+) -> None:
+    n, rng = 8, np.random.default_rng(11)
+    angles = np.arange(24) * (pi / 12) + 0.07
+    for _ in range(12):
+        # Mostly free, so that rays reach the first and the last rows and columns.
+        evidence = rng.choice([-3, 0, 5], (n, n), p=[0.75, 0.1, 0.15]).astype(np.int8)
+        x, y = rng.uniform(0.1, n - 0.1, 2)
+        heading, limit = rng.uniform(-4, 4), rng.uniform(2, 12)
+        window = Window(np.roll(evidence, wrap, (0, 1)), np.zeros((n, n), np.uint8), *wrap)
+        length, met = np.empty(len(angles)), np.empty(len(angles), np.bool_)
+        cast_rays(window, Pose(x, y, heading), angles, limit, through, length, met)
+        wanted = [slow_ray(evidence, (x, y), heading + a, limit, through) for a in angles]
+        np.testing.assert_allclose(length, [end for end, _ in wanted], rtol=0, atol=1e-9)
+        assert met.tolist() == [hit for _, hit in wanted]
+
+
+def test_what_stands_in_the_outermost_cells_is_met() -> None:
+    evidence = np.full((8, 8), -1, np.int8)
+    evidence[[0, 7], :] = evidence[:, [0, 7]] = 4
+    window = Window(evidence, np.zeros((8, 8), np.uint8), 0, 0)
+    length, met = np.empty(4), np.empty(4, np.bool_)
+    quarters = np.arange(4) * (pi / 2)
+    cast_rays(window, Pose(4.5, 3.25, 0.0), quarters, 20.0, 0.0, length, met)
+    np.testing.assert_allclose(length, [2.5, 3.75, 3.5, 2.25], rtol=0, atol=1e-12)
+    assert met.all()

@@ -1,7 +1,7 @@
 import os
 import subprocess
 import sys
-from math import sqrt
+from math import cos, log, pi, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.sensing._dda_kernels import Cells
+from pgm_places.sensing._noise_kernels import Noise, add_noise
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from tests.sensing.test_ray_casting import random_grid
@@ -19,6 +21,48 @@ REACH = 20.0  # no wall of the room is out of reach
 
 def scans(noise: SensorNoise | None, grid: OccupancyGrid = ROOM) -> NDArray[np.float32]:
     return cast_cells(grid, Sensor(120, REACH, noise=noise))
+
+
+def slow_noise(true: float, cell: tuple[int, int], beam: int, noise: SensorNoise) -> float:
+    """A reading of a sensor that reaches 20 m, from whole numbers without limits of size."""
+
+    def mixed(word: int) -> int:
+        for shift, factor in ((16, 0x21F0AAAD), (15, 0x735A2D97)):
+            word = (word ^ (word >> shift)) * factor % 2**32
+        return word ^ (word >> 15)
+
+    def uniform(draw: int) -> float:
+        word = mixed((0x9E3779B9 * (4 * beam + draw) + first) % 2**32)
+        return (mixed((word + second) % 2**32) + 0.5) / 2**32
+
+    row, column = cell
+    low, high = noise.seed % 2**32, noise.seed // 2**32
+    first = mixed(mixed(mixed(low) ^ row) ^ column)
+    second = mixed((mixed((mixed(high ^ 0x5BD1E995) + column) % 2**32) + row) % 2**32)
+    if uniform(0) < noise.p_max:
+        return REACH
+    if uniform(0) < noise.p_max + noise.p_random:
+        return uniform(1) * REACH
+    if true >= REACH:
+        return true
+    gaussian = sqrt(-2 * log(uniform(2))) * cos(2 * pi * uniform(3))
+    return min(max(true + noise.sigma_m * gaussian, 0.0), REACH)
+
+
+@pytest.mark.parametrize("seed", [0, 77, 2**63 + 12345])
+@pytest.mark.parametrize("sigma_m", [0.0, 0.4, 30.0])
+def test_each_reading_is_the_one_worked_out_alone(seed: int, sigma_m: float) -> None:
+    noise = SensorNoise(sigma_m, p_random=0.2, p_max=0.15, seed=seed)
+    rows, columns = np.array([0, 3, 90_000]), np.array([1, 3, 70_001])
+    true = np.random.default_rng(3).uniform(0.0, 22.0, (5, 40)).clip(max=REACH).astype(np.float32)
+    nodes = np.array([4, 0, 2], np.int32)
+    noisy = true.copy()
+    add_noise(noisy, Cells(rows, columns, nodes), Noise.of(noise, REACH))
+    wanted = true.astype(float)
+    for node, row, column in zip(nodes, rows.tolist(), columns.tolist(), strict=True):
+        for beam in range(40):
+            wanted[node, beam] = slow_noise(float(true[node, beam]), (row, column), beam, noise)
+    np.testing.assert_allclose(noisy, wanted, rtol=1e-6, atol=1e-6)
 
 
 def test_silent_noise_changes_nothing() -> None:
