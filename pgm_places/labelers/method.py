@@ -2,7 +2,8 @@
 
 import dataclasses
 import inspect
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -28,6 +29,7 @@ __all__ = [
     "infer_further",
     "labels_chains_only",
     "labels_spaces",
+    "place_methods",
     "unfitted",
     "with_edge_kinds",
 ]
@@ -70,6 +72,39 @@ class PlaceMethod:
     def __post_init__(self) -> None:
         object.__setattr__(self, "backend", as_backend(self.backend))
         check_options(self)
+
+
+def place_methods(
+    given: Mapping[str, Any] | Sequence[str], has_context: bool, has_spaces: bool
+) -> dict[str, PlaceMethod]:
+    """The methods by name, built, with the unary that each gets.
+
+    Raises
+    ------
+    ConfigError
+        There is none, or one wants scores that the labeler does not compute.
+    """
+    if isinstance(given, str):
+        raise ConfigError(f"methods must be a mapping or a list of names, got {given!r}")
+    named = given if isinstance(given, Mapping) else {name: name for name in given}
+    if not named:
+        raise ConfigError("a labeler needs at least one method")
+    auto: Unary = "space" if has_spaces else "context" if has_context else "laser"
+    found = {}
+    for name, item in named.items():
+        method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
+        if method.unary == "context" and not has_context:
+            raise ConfigError(
+                f"method {name!r} wants unary='context' but context_m is empty; give the "
+                "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
+            )
+        if method.unary == "space" and not has_spaces:
+            raise ConfigError(
+                f"method {name!r} wants unary='space' but space is None; give its options, "
+                "for example space=SpaceOptions()"
+            )
+        found[name] = replace(method, unary=auto) if method.unary == "auto" else method
+    return found
 
 
 def unfitted(backend: Any) -> Any:

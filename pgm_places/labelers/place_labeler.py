@@ -1,7 +1,6 @@
 """PlaceLabeler: labels the places of a map; the class that most users need."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -18,10 +17,10 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
-    Unary,
     check_labels_maps,
     check_sees_doorways,
     infer,
+    place_methods,
 )
 from pgm_places.labelers.place_learning import (
     LabelledNodes,
@@ -428,30 +427,7 @@ class PlaceLabeler(Labeler):
 
     def resolved_methods(self) -> dict[str, PlaceMethod]:
         """The methods by name, built, with the unary that each gets."""
-        given = self.methods
-        if isinstance(given, str):
-            raise ConfigError(f"methods must be a mapping or a list of names, got {given!r}")
-        named = given if isinstance(given, Mapping) else {name: name for name in given}
-        if not named:
-            raise ConfigError("a labeler needs at least one method")
-        found = {}
-        for name, item in named.items():
-            method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
-            if method.unary == "context" and not self.context_m:
-                raise ConfigError(
-                    f"method {name!r} wants unary='context' but context_m is empty; give the "
-                    "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
-                )
-            if method.unary == "space" and self.space is None:
-                raise ConfigError(
-                    f"method {name!r} wants unary='space' but space is None; give its options, "
-                    "for example space=SpaceOptions()"
-                )
-            auto: Unary = "context" if self.context_m else "laser"
-            if self.space is not None:
-                auto = "space"
-            found[name] = replace(method, unary=auto) if method.unary == "auto" else method
-        return found
+        return place_methods(self.methods, bool(self.context_m), self.space is not None)
 
     def _part(self, name: str) -> Any:
         return self.resolved_methods() if name == "methods" else super()._part(name)

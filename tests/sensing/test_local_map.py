@@ -255,7 +255,7 @@ def test_rays_through_the_window_end_where_following_them_by_hand_ends(
     wrap: tuple[int, int], through: float
 ) -> None:
     n, rng = 8, np.random.default_rng(11)
-    angles = np.arange(24) * (pi / 12) + 0.07
+    angles = np.linspace(0.07, 0.07 + 23 * pi / 12, 24)
     for _ in range(12):
         # Mostly free, so that rays reach the first and the last rows and columns.
         evidence = rng.choice([-3, 0, 5], (n, n), p=[0.75, 0.1, 0.15]).astype(np.int8)
@@ -274,7 +274,7 @@ def test_what_stands_in_the_outermost_cells_is_met() -> None:
     evidence[[0, 7], :] = evidence[:, [0, 7]] = 4
     window = Window(evidence, np.zeros((8, 8), np.uint8), 0, 0)
     length, met = np.empty(4), np.empty(4, np.bool_)
-    quarters = np.arange(4) * (pi / 2)
+    quarters = np.array([0.0, pi / 2, pi, 3 * pi / 2])
     cast_rays(window, Pose(4.5, 3.25, 0.0), quarters, 20.0, 0.0, length, met)
     np.testing.assert_allclose(length, [2.5, 3.75, 3.5, 2.25], rtol=0, atol=1e-12)
     assert met.all()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.sensing._dda_kernels import Cells
-from pgm_places.sensing._noise_kernels import Noise, add_noise
+from pgm_places.sensing._noise_kernels import Noise, _uniform, add_noise
 from pgm_places.sensing.ray_casting import cast_cells
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from tests.sensing.test_ray_casting import random_grid
@@ -63,6 +63,10 @@ def test_each_reading_is_the_one_worked_out_alone(seed: int, sigma_m: float) -> 
         for beam in range(40):
             wanted[node, beam] = slow_noise(float(true[node, beam]), (row, column), beam, noise)
     np.testing.assert_allclose(noisy, wanted, rtol=1e-6, atol=1e-6)
+
+
+def test_no_draw_is_0_or_1_exactly() -> None:
+    assert _uniform(0, 0, 0) == 0.5 / 2**32  # the words of 0 stay 0 when they are mixed
 
 
 def test_silent_noise_changes_nothing() -> None:
