@@ -86,6 +86,14 @@ def test_value_is_that_of_scipy(seed: int, n_nodes: int, n_edges: int, one_way: 
     assert cut.value == maximum_flow(graph, n_nodes, n_nodes + 1).flow_value
 
 
+def test_flow_between_neighbours_is_undone_where_that_pays() -> None:
+    """Node 0 first fills node 1, which node 2 alone could fill; it must turn to node 3 instead."""
+    edges = [(0, 1), (0, 3), (2, 1)]
+    cut = minimum_cut([1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0], edges, [1.0] * 3, [0.0] * 3)
+    assert cut.value == 2.0
+    assert not cut.source_side.any()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_value_is_that_of_ortools(seed: int) -> None:
     ortools = pytest.importorskip("ortools.graph.python.max_flow")
