@@ -14,7 +14,7 @@ from pgm_places.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 
-__all__ = ["GrowingFeatures", "Update"]
+__all__ = ["GrowingFeatures", "Update", "raster_shift"]
 
 MOST_SECTORS = 72
 """Sectors whose longest range is kept: with 72, a tenth more is cast than has changed."""
@@ -121,7 +121,7 @@ class GrowingFeatures:
         """(N,) the former node of each cell whose scan is the same, else -1; and changed cells."""
         nothing = np.full(len(cells_rc), -1, np.int64)
         seen = self._seen
-        shift = None if seen is None else _shift(seen.grid, grid)
+        shift = None if seen is None else raster_shift(seen.grid, grid)
         if seen is None or shift is None or self.sensor.noise is not None:
             return nothing, grid.cells.size
         old_rc = np.argwhere(seen.grid.free)
@@ -180,7 +180,7 @@ class GrowingFeatures:
                 reach[some] = longest / np.float32(grid.resolution_m) + 1  # one cell for rounding
 
 
-def _shift(old: OccupancyGrid, new: OccupancyGrid) -> NDArray[np.int64] | None:
+def raster_shift(old: OccupancyGrid, new: OccupancyGrid) -> NDArray[np.int64] | None:
     """(2,) rows and columns from a cell of the old map to the same in the new; None if none is."""
     if old.resolution_m != new.resolution_m or old.yaw_rad != new.yaw_rad:
         return None

@@ -1,21 +1,27 @@
 """A map that is labelled again whenever it changes, its places keeping their ids and names."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pgm_places.errors import MapError
 from pgm_places.inference.backends import uses_node_features
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.live.growing_features import GrowingFeatures, Update
+from pgm_places.live.place_memory import PlaceMemory
+from pgm_places.live.settled_map import SettledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
-from pgm_places.topology.naming import KnownPlaces
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["LiveLabels", "LiveMap"]
+
+FEW_CELLS = 6
+"""Where 2 % of the cells flicker at random, one in a hundred of them has five flickering ones
+beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +42,10 @@ class LiveLabels:
         How far the anchor of each place that stays has moved, in metres, where it did.
     update : Update or None
         What was cast; None where nothing is kept from map to map (custom features).
+    merged : dict of int to int
+        For places that are gone: the place that has most of their area now.
+    parted : dict of int to int
+        For new places: the place of the map before that had most of their area.
     """
 
     map_seq: int
@@ -45,6 +55,8 @@ class LiveLabels:
     vanished: tuple[int, ...]
     moved: Mapping[int, float]
     update: Update | None
+    merged: Mapping[int, int] = field(default_factory=dict)
+    parted: Mapping[int, int] = field(default_factory=dict)
 
 
 class LiveMap:
@@ -56,8 +68,12 @@ class LiveMap:
     time, because a door that appears anywhere may turn two places into others. So labels are the
     same, to the last bit, as those of the map labelled by itself.
 
-    Ids and names persist: a place is recognised by its class and area in the map frame. A place
-    that has vanished gets its id back where it comes again.
+    A change of a few cells counts once a second map confirms it
+    (:class:`~pgm_places.live.settled_map.SettledMap`), so the map that is labelled may differ from
+    the one that has come by flickers: ``labels.grid`` is what was labelled.
+
+    Ids and names persist: a place is recognised by its class and area in the map frame, also after
+    maps in which it was missing (:class:`~pgm_places.live.place_memory.PlaceMemory`).
 
     Parameters
     ----------
@@ -69,6 +85,8 @@ class LiveMap:
         Of the places.
     own_names : mapping of int to str, optional
         The user's names, by id.
+    few_cells : int
+        Changes of fewer cells beside each other wait for the next map; 1 to take all at once.
     n_threads : int, optional
 
     Raises
@@ -84,6 +102,7 @@ class LiveMap:
         method: str | None = None,
         rules: TopologyOptions | None = None,
         own_names: Mapping[int, str] | None = None,
+        few_cells: int = FEW_CELLS,
         n_threads: int | None = None,
     ) -> None:
         labeler.check_fitted()
@@ -96,7 +115,7 @@ class LiveMap:
                 [chosen.unary], node_features=uses_node_features(chosen.backend)
             )
             self._features = GrowingFeatures(model.sensor, columns, n_threads=n_threads)
-        self._known: KnownPlaces | None = None
+        self._settled, self._memory = SettledMap(few_cells), PlaceMemory()
         self._current: LiveLabels | None = None
 
     @property
@@ -112,6 +131,14 @@ class LiveMap:
         MapError
             The map has no free cell. The one before stays current.
         """
+        if not grid.free.any():
+            raise MapError(
+                "the map has no free cell to label; look at its thresholds ('pgm-places doctor "
+                "MAP')"
+            )
+        grid = self._settled(grid)
+        if self._current is not None and _is_same(self._current.topology.grid, grid):
+            return self._nothing_new(self._current)
         labels = label_map(
             self.labeler,
             grid,
@@ -129,12 +156,12 @@ class LiveMap:
             beliefs=labels.labeling.beliefs,
             layout=labels.layout,
             doorways=labels.doorways if self.rules.doorways == "gates" else None,
-            known=self._known,
+            known=self._memory,
             own_names=self.own_names,
         )
         before = None if self._current is None else self._current.topology
         appeared, vanished, moved = _differences(before, topology)
-        self._known = _remembered(self._known, topology)
+        self._memory.learn(topology)
         self._current = LiveLabels(
             1 if self._current is None else self._current.map_seq + 1,
             labels,
@@ -143,8 +170,23 @@ class LiveMap:
             vanished,
             moved,
             None if self._features is None else self._features.last,
+            dict(self._memory.merged),
+            dict(self._memory.parted),
         )
         return self._current
+
+    def _nothing_new(self, before: LiveLabels) -> LiveLabels:
+        """What is known of a map that has come again."""
+        update = before.update and Update(before.update.n_cells, 0, 0)
+        self._current = LiveLabels(
+            before.map_seq + 1, before.labels, before.topology, (), (), {}, update
+        )
+        return self._current
+
+
+def _is_same(before: OccupancyGrid, now: OccupancyGrid) -> bool:
+    frames = [(grid.resolution_m, grid.origin_xy_m, grid.yaw_rad) for grid in (before, now)]
+    return frames[0] == frames[1] and np.array_equal(before.cells, now.cells)
 
 
 def _differences(
@@ -159,25 +201,3 @@ def _differences(
         if place in old and anchor != old[place]
     }
     return tuple(sorted(new.keys() - old)), tuple(sorted(old.keys() - new)), moved
-
-
-def _remembered(known: KnownPlaces | None, now: TopologicalMap) -> KnownPlaces:
-    """The places of now, and where none of them is, those known before that are gone."""
-    found = now.known_places
-    if known is None:
-        return found
-    gone = sorted(known.labels.keys() - found.labels)
-    cells = np.argwhere(np.isin(known.region, gone))
-    there = now.grid.cells_at_m(known.grid.cell_centres_m(cells))
-    inside = ((there >= 0) & (there < now.grid.shape)).all(axis=1)
-    there, ids = there[inside], known.region[tuple(cells[inside].T)]
-    region = found.region.copy()
-    free = region[tuple(there.T)] == 0
-    region[tuple(there[free].T)] = ids[free]
-    left = set(np.unique(ids[free]).tolist())
-    return replace(
-        found,
-        region=region,
-        labels={**{place: known.labels[place] for place in left}, **found.labels},
-        names={**known.names, **found.names},
-    )

@@ -95,6 +95,8 @@ def _topology_text(found: LiveLabels, frame: str) -> str:
         "connections": [{"a": a, "b": b, **values} for a, b, values in graph.edges(data=True)],
         "appeared": list(found.appeared),
         "vanished": list(found.vanished),
+        "merged": {str(gone): place for gone, place in found.merged.items()},
+        "parted": {str(new): place for new, place in found.parted.items()},
         "moved_m": {str(place): round(metres, 3) for place, metres in found.moved.items()},
     }
     return json.dumps(record, ensure_ascii=False)

@@ -22,7 +22,7 @@ from pgm_places.topology.corrections import (
     drop_islands,
 )
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
-from pgm_places.topology.naming import KnownPlaces, identify, name_places
+from pgm_places.topology.naming import EarlierPlaces, identify, name_places
 from pgm_places.topology.refinements import close_leaks, split_rooms, trim_doorways
 from pgm_places.topology.regions import describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
@@ -39,7 +39,7 @@ def topological_map(
     correct: bool = True,
     beliefs: ArrayLike | None = None,
     layout: GridLayout | None = None,
-    known: KnownPlaces | None = None,
+    known: EarlierPlaces | None = None,
     own_names: Mapping[int, str] | None = None,
     tolerance: float = 1.5,
     min_width_m: float = 0.0,
@@ -65,7 +65,7 @@ def topological_map(
         Probabilities of the labels at the nodes of ``layout``, from which confidences are taken.
     layout : GridLayout, optional
         The cells of ``beliefs``: those of ``grid`` or of a coarser version of it.
-    known : KnownPlaces, optional
+    known : KnownPlaces or other EarlierPlaces, optional
         An earlier topological map's ``known_places``: recognised places keep their ids and names.
     own_names : mapping of int to str, optional
         Names that the user has given to ids.
@@ -107,7 +107,10 @@ def topological_map(
     probabilities = None
     if beliefs is not None:
         probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
-    ids, next_id = identify(pieces, grid, names, known)
+    if known is None:
+        ids, next_id = identify(pieces, grid, names)
+    else:
+        ids, next_id = known.identify(pieces, grid, names)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
     regions = describe_regions(

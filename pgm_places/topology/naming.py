@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,40 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.components import Components
 
-__all__ = ["KnownPlaces", "identify", "name_places"]
+__all__ = [
+    "EarlierPlaces",
+    "KnownPlaces",
+    "identify",
+    "middles",
+    "name_places",
+    "reading_order",
+]
 
 SAME_PLACE = 0.25
 """Smallest intersection over union of areas at which a place keeps its id."""
 
 ROW_M = 3.0
 """Places whose anchors differ by less than this in y count as one row when numbering."""
+
+
+class EarlierPlaces(Protocol):
+    """Places of before, by which those of a map are recognised."""
+
+    @property
+    def names(self) -> Mapping[int, str]:
+        """The name of every id."""
+        ...
+
+    @property
+    def anchors_m(self) -> Mapping[int, tuple[float, float]]:
+        """Where each place is anchored: it stays there as long as that is inside the place."""
+        ...
+
+    def identify(
+        self, pieces: Components, grid: OccupancyGrid, label_names: Sequence[str]
+    ) -> tuple[list[int], int]:
+        """An id per piece, and the next unused id."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +74,12 @@ class KnownPlaces:
     next_id: int
     anchors_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
+    def identify(
+        self, pieces: Components, grid: OccupancyGrid, label_names: Sequence[str]
+    ) -> tuple[list[int], int]:
+        """An id per piece, and the next unused id: see :func:`identify`."""
+        return identify(pieces, grid, label_names, self)
+
 
 def identify(
     pieces: Components,
@@ -69,7 +103,7 @@ def identify(
             if not ids[piece] and place not in taken:
                 ids[piece] = place
                 taken.add(place)
-    for piece in _reading_order(pieces, grid):
+    for piece in reading_order(pieces, grid).tolist():
         if not ids[piece]:
             ids[piece] = next_id
             next_id += 1
@@ -103,8 +137,8 @@ def _overlaps(
     return found
 
 
-def _reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
-    """Pieces by row from the top, each row from the left, by their mean cells."""
+def middles(pieces: Components) -> NDArray[np.float64]:
+    """(R, 2) mean row and column of the cells of each piece."""
     sums = np.zeros((2, pieces.count))
     for part in bands_of_rows(pieces.piece.shape):
         band = pieces.piece[part]
@@ -112,7 +146,12 @@ def _reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
         numbers = band[inside]
         sums[0] += np.bincount(numbers, inside[0] + part.start, pieces.count)
         sums[1] += np.bincount(numbers, inside[1], pieces.count)
-    rows, columns = sums / pieces.size
+    return (sums / pieces.size).T
+
+
+def reading_order(pieces: Components, grid: OccupancyGrid) -> NDArray[np.intp]:
+    """(R,) pieces by row from the top, each row from the left, by their mean cells."""
+    rows, columns = middles(pieces).T
     band = np.floor((grid.shape[0] - rows) * grid.resolution_m / ROW_M)
     return np.lexsort((columns, band))
 

@@ -50,7 +50,7 @@ def steps(grid: OccupancyGrid) -> list[OccupancyGrid]:
 def test_labels_are_those_of_each_map_by_itself(
     labeler: PlaceLabeler, building: OccupancyGrid, method: str
 ) -> None:
-    live = LiveMap(labeler, method=method)
+    live = LiveMap(labeler, method=method, few_cells=1)
     for number, grid in enumerate(steps(building), 1):
         found, alone = live.on_map(grid), label_map(labeler, grid, method=method)
         np.testing.assert_array_equal(found.labels.labels, alone.labels)
@@ -81,6 +81,43 @@ def test_ids_and_anchors_stay_where_chairs_are_moved(
         assert len(kept) >= 0.95 * len(ids)
         assert sum(moved > 0.5 for moved in found.moved.values()) <= 0.05 * len(ids)
     assert names(again) == names(whole)
+
+
+def noisy(grid: OccupancyGrid, seed: int, share: float = 0.02) -> OccupancyGrid:
+    """Some of the free cells, at random, are occupied."""
+    hit = grid.free & (np.random.default_rng(seed).random(grid.shape) < share)
+    return grid.with_cells(np.where(hit, OCCUPIED, grid.cells))
+
+
+def test_noise_that_comes_and_goes_changes_no_place(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    live = LiveMap(labeler, method="places")
+    first = live.on_map(building)
+    ids = {item.id for item in first.topology.regions}
+    for seed in range(3):
+        found = live.on_map(noisy(building, seed))
+        kept = ids & {item.id for item in found.topology.regions}
+        assert len(kept) >= 0.95 * len(ids)
+        assert sum(moved > 0.5 for moved in found.moved.values()) <= 0.05 * len(ids)
+        assert found.update is not None
+        assert found.update.n_changed < 0.1 * np.sum(noisy(building, seed).cells != building.cells)
+
+
+def test_a_map_that_comes_twice_is_taken_as_it_is(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    live, sent = LiveMap(labeler, method="list"), noisy(building, 7)
+    live.on_map(building)
+    live.on_map(sent)
+    found = live.on_map(sent)
+    np.testing.assert_array_equal(found.labels.grid.cells, sent.cells)
+    alone = label_map(labeler, sent, method="list")
+    np.testing.assert_array_equal(found.labels.labels, alone.labels)
+    again = live.on_map(sent)
+    assert again.update is not None
+    assert (again.map_seq, again.update.n_cast, again.moved) == (4, 0, {})
+    assert again.labels is found.labels
 
 
 def names(found: LiveLabels) -> dict[int, str]:

@@ -1,0 +1,123 @@
+"""Places are known again by what they were, through parting, joining, growing and small moves."""
+
+import numpy as np
+import pytest
+
+from pgm_places.live.place_memory import PlaceMemory
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.topological_map import TopologicalMap
+
+NAMES = ("room", "corridor", "doorway")
+ROOM, CORRIDOR, DOORWAY, NONE = 0, 1, 2, -1
+
+
+class Maps:
+    """Label rasters, one after the other, through one memory."""
+
+    def __init__(self) -> None:
+        self.memory = PlaceMemory()
+
+    def take(
+        self, labels: np.ndarray, origin_xy_m: tuple[float, float] = (0.0, 0.0), cell: float = 0.1
+    ) -> TopologicalMap:
+        grid = OccupancyGrid(np.where(labels < 0, 100, 0), cell, origin_xy_m)
+        found = topological_map(grid, labels, NAMES, correct=False, known=self.memory)
+        self.memory.learn(found)
+        return found
+
+
+def ids(found: TopologicalMap) -> list[int]:
+    return [item.id for item in found.regions]
+
+
+def whole() -> np.ndarray:
+    """A room of 20 x 60 cells above a corridor."""
+    labels = np.full((40, 60), NONE, np.int16)
+    labels[22:] = ROOM
+    labels[:20] = CORRIDOR
+    return labels
+
+
+def parted(column: int = 36) -> np.ndarray:
+    labels = whole()
+    labels[22:, column] = NONE
+    return labels
+
+
+def test_a_room_that_is_parted_and_joined_keeps_its_id_and_so_does_its_part() -> None:
+    maps = Maps()
+    assert ids(maps.take(whole())) == [1, 2]
+    assert maps.memory.parted == {}
+    two = maps.take(parted())
+    assert ids(two) == [1, 2, 3]
+    assert two.region[30, 0] == 1 and two.region[30, 50] == 3
+    assert (maps.memory.parted, maps.memory.merged) == ({3: 1}, {})
+    assert ids(maps.take(whole())) == [1, 2]
+    assert maps.memory.merged == {3: 1}
+    again = maps.take(parted())
+    assert again.region[30, 50] == 3
+    assert again.next_id == 4
+
+
+def test_a_room_seen_at_its_edge_first_keeps_its_id_as_it_grows() -> None:
+    maps, edge = Maps(), whole()
+    edge[22:, 5:] = NONE
+    first = maps.take(edge)
+    grown = maps.take(whole())
+    assert grown.region[30, 2] == grown.region[30, 50] == first.region[30, 2]
+
+
+def test_the_origin_may_move_and_the_raster_too() -> None:
+    maps = Maps()
+    before = maps.take(whole())
+    wider = np.pad(whole(), ((3, 0), (7, 1)), constant_values=NONE)
+    assert ids(maps.take(wider, (-0.7, -0.3))) == ids(before)
+    finer = np.repeat(np.repeat(whole(), 2, axis=0), 2, axis=1)
+    assert ids(maps.take(finer, (0.0, 0.0), 0.05)) == ids(before)
+
+
+def test_a_doorway_that_moves_a_little_is_the_same_and_one_farther_away_is_not() -> None:
+    maps = Maps()
+
+    def with_door(column: int) -> np.ndarray:
+        labels = whole()
+        labels[20:22, column : column + 3] = DOORWAY
+        return labels
+
+    first = maps.take(with_door(20)).region[20, 20]
+    assert maps.take(with_door(23)).region[20, 23] == first
+    assert maps.take(with_door(40)).region[20, 40] != first
+
+
+def test_another_class_is_another_place() -> None:
+    maps, other = Maps(), whole()
+    maps.take(whole())
+    other[22:] = DOORWAY
+    assert ids(maps.take(other)) == [2, 3]
+
+
+def test_a_place_that_has_lasted_wins_over_one_that_has_just_come() -> None:
+    maps, narrow = Maps(), whole()
+    narrow[22:, 12:] = NONE
+    moved = whole()
+    moved[22:, :13] = NONE
+    for _ in range(10):
+        lasting = maps.take(whole()).region[30, 50]
+    without = whole()
+    without[22:] = NONE
+    maps.take(without)
+    maps.take(narrow)
+    assert maps.take(whole()).region[30, 50] == lasting
+    assert maps.take(moved).region[30, 50] == lasting
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ids_are_all_different_and_never_used_for_another_class(seed: int) -> None:
+    rng, maps, classes = np.random.default_rng(seed), Maps(), dict[int, str]()
+    for _ in range(12):
+        labels = np.repeat(np.repeat(rng.integers(-1, 3, (4, 5)), 6, axis=0), 6, axis=1)
+        found = maps.take(labels.astype(np.int16))
+        assert len(set(ids(found))) == len(found.regions)
+        for item in found.regions:
+            assert classes.setdefault(item.id, item.label) == item.label
