@@ -32,6 +32,7 @@ TOPICS = (
     "topology",
     "teaching",
     "batch",
+    "live",
 )
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each topic wrote last

@@ -297,12 +297,18 @@ def export(
         list[str] | None,
         typer.Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
     ] = None,
+    robot_radius: Annotated[
+        float | None,
+        typer.Option(
+            min=0, help="For nav2-route: leave out passages too narrow for this radius (m)."
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Write the places for Nav2, QGIS, Foxglove and other tools."""
     from pgm_places.cli.places import run_export
 
-    run_export(folder, to, out, values or [], force=force)
+    run_export(folder, to, out, values or [], robot_radius_m=robot_radius, force=force)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})  # a position may be negative

@@ -76,7 +76,13 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
 
 
 def run_export(
-    folder: Path, to: str, out: Path | None, values: Sequence[str], *, force: bool
+    folder: Path,
+    to: str,
+    out: Path | None,
+    values: Sequence[str],
+    *,
+    robot_radius_m: float | None = None,
+    force: bool,
 ) -> None:
     """``pgm-places export``."""
     from pgm_places.io.output_set import output_set
@@ -85,7 +91,14 @@ def run_export(
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        export(topology, to, files.stage, values=_values(values) or None)
+        export(
+            topology,
+            to,
+            files.stage,
+            values=_values(values) or None,
+            robot_radius_m=robot_radius_m,
+            lies_in=out or folder,
+        )
     say_written(files)
 
 

@@ -42,10 +42,28 @@ MASKS: dict[str, FilterKind] = {
 }
 
 
-def export(topology: TopologicalMap, to: str, folder: Path, *, values: Values = None) -> list[Path]:
+def export(
+    topology: TopologicalMap,
+    to: str,
+    folder: Path,
+    *,
+    values: Values = None,
+    robot_radius_m: float | None = None,
+    lies_in: Path | None = None,
+) -> list[Path]:
     """Write a topological map in the format ``to``; the paths.
 
-    ``values`` are those of a filter mask, by class or name of place.
+    Parameters
+    ----------
+    topology : TopologicalMap
+    to : str
+    folder : Path
+    values : mapping of str to int, optional
+        Those of a filter mask, by class or name of place.
+    robot_radius_m : float, optional
+        For ``nav2-route``: passages that a disc of this radius does not pass are left out.
+    lies_in : Path, optional
+        The folder where the files will lie, if they are moved.
 
     Raises
     ------
@@ -56,11 +74,21 @@ def export(topology: TopologicalMap, to: str, folder: Path, *, values: Values = 
     """
     if to in MASKS:
         stem = folder / to.replace("-", "_")
-        return write_filter_mask(stem, topology, MASKS[to], values=values)
+        _refuse_radius(to, robot_radius_m)
+        return write_filter_mask(stem, topology, MASKS[to], values=values, lies_in=lies_in)
     if to not in EXPORTS:
         raise InputError(
             f"there is no export called {to!r}. {nearest_name(to, [*EXPORTS, *MASKS])}"
         )
     if values:
         raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(MASKS)}")
+    if to == "nav2-route":
+        path, radius = folder / "nav2_route.geojson", robot_radius_m or 0.0
+        return [write_nav2_route(path, topology, robot_radius_m=radius)]
+    _refuse_radius(to, robot_radius_m)
     return EXPORTS[to](folder, topology)
+
+
+def _refuse_radius(to: str, robot_radius_m: float | None) -> None:
+    if robot_radius_m is not None:
+        raise InputError(f"the export {to!r} takes no robot radius; nav2-route does")

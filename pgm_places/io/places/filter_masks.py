@@ -4,25 +4,17 @@ import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError, printable
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.places.filter_parameters import TYPES, FilterKind, filter_parameters
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["FilterKind", "mask_values", "write_filter_mask"]
 
-FilterKind: TypeAlias = Literal["keepout", "speed-percent", "speed-m-s", "binary", "zones"]
-TYPES: dict[str, int] = {
-    "keepout": 0,
-    "speed-percent": 1,
-    "speed-m-s": 2,
-    "binary": 3,
-    "zones": 4,
-}
 MOST = 100
 """map_server publishes raw values from 0 to 100; larger ones would become unknown."""
 
@@ -66,16 +58,16 @@ def write_filter_mask(
     values: Mapping[str, int] | None = None,
     base: float = 0.0,
     multiplier: float = 1.0,
+    lies_in: Path | None = None,
 ) -> list[Path]:
     """Write ``<stem>.png``, ``<stem>.yaml`` and ``<stem>_params.yaml``; the paths.
 
     The mask is a map in mode raw, so its pixels are the values that the filter sees: occupancy
     from 0 to 100. What a filter makes of them is ``base + multiplier * value``: 100 keeps out; a
     percentage or metres per second of speed, 0 for no limit; for zones the number of the state, 0
-    for the nominal one. The parameters are those of ``map_server`` and
-    ``costmap_filter_info_server``, whose topics the filter in your costmap has to name; for zones
-    also those of a ``ZoneParameterFilter`` that knows every state of the mask, as it stops the
-    robot at a value that it does not know. Setpoints are left to the user.
+    for the nominal one. The parameters are those of ``map_server``, of
+    ``costmap_filter_info_server`` and of the filter in the costmaps
+    (:mod:`~pgm_places.io.places.filter_parameters`).
 
     Parameters
     ----------
@@ -85,6 +77,8 @@ def write_filter_mask(
     values : mapping of str to int, optional
         Values by class or name of place; for zones the classes' numbers by default.
     base, multiplier : float
+    lies_in : Path, optional
+        The folder where the files will lie, if they are moved: Nav2 wants an absolute path.
 
     Raises
     ------
@@ -117,50 +111,27 @@ def write_filter_mask(
         f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
     )
-    topic = f"/{target.name.replace('-', '_')}_mask"
-    states = _zone_states(topology, values, mask, f"{topic}_info") if kind == "zones" else ""
+    named = {number: _state_name(topology, values, number) for number in np.unique(mask).tolist()}
     params_path = write_text(
         target.with_name(f"{target.name}_params.yaml"),
         f"# {_legend(topology, values)}\n"
-        "filter_mask_server:\n  ros__parameters:\n"
-        f'    topic_name: "{topic}"\n    yaml_filename: "{yaml_path.name}"\n'
-        "costmap_filter_info_server:\n  ros__parameters:\n"
-        f"    type: {TYPES[kind]}\n"
-        f'    filter_info_topic: "{topic}_info"\n    mask_topic: "{topic}"\n'
-        f"    base: {float(base)!r}\n    multiplier: {float(multiplier)!r}\n{states}",
+        + filter_parameters(
+            kind,
+            target.name,
+            (lies_in or target.parent).resolve() / yaml_path.name,
+            base=base,
+            multiplier=multiplier,
+            states={name: number for number, name in named.items() if number},
+        ),
     )
     return [image_path, yaml_path, params_path]
 
 
-def _zone_states(
-    topology: TopologicalMap,
-    values: Mapping[str, int] | None,
-    mask: NDArray[np.uint8],
-    info_topic: str,
-) -> str:
-    """Parameters of a zone filter with a state per value of the mask.
-
-    No state has ``setpoints``, as ROS cannot read an empty list; the filter says so and goes on.
-    """
-    named: dict[int, list[str]] = {}
-    for name, value in _named(topology, values).items():
-        named.setdefault(value, []).append(re.sub(r"\W+", "_", name).strip("_"))
-    used = [int(value) for value in np.unique(mask) if value]
+def _state_name(topology: TopologicalMap, values: Mapping[str, int] | None, number: int) -> str:
+    """The name of a state of a zone filter: of what has this value in the mask."""
+    named = [name for name, value in _named(topology, values).items() if value == number]
     # Two places may differ only in signs that no parameter name takes: the number tells them apart.
-    states = {value: f"{'_'.join(named[value])}_{value}" for value in used}
-    listed = ", ".join(f'"{state}"' for state in states.values())
-    lines = [
-        "local_costmap:",
-        "  local_costmap:",
-        "    ros__parameters:",
-        '      filters: ["zone_filter"]',
-        "      zone_filter:",
-        '        plugin: "nav2_costmap_2d::ZoneParameterFilter"',
-        f'        filter_info_topic: "{info_topic}"',
-        *([f"        states: [{listed}]"] if states else []),
-        *(f"        {state}:\n          id: {value}" for value, state in states.items()),
-    ]
-    return "\n".join(lines) + "\n"
+    return "_".join([*(re.sub(r"\W+", "_", name).strip("_") for name in named), str(number)])
 
 
 def _named(topology: TopologicalMap, values: Mapping[str, int] | None) -> Mapping[str, int]:

@@ -103,7 +103,38 @@ def test_masks_are_maps_whose_values_the_filters_see(tmp_path: Path) -> None:
     server = params["filter_mask_server"]["ros__parameters"]
     assert (info["type"], info["base"], info["multiplier"]) == (1, 0.0, 1.0)
     assert info["mask_topic"] == server["topic_name"]
-    assert (tmp_path / server["yaml_filename"]).exists()
+    assert server["yaml_filename"] == str((tmp_path / "slow.yaml").resolve())
+    costmap = params["global_costmap"]["global_costmap"]["ros__parameters"]
+    assert costmap["filters"] == ["speed_filter"]
+    slow = costmap["speed_filter"]
+    assert slow["plugin"] == "nav2_costmap_2d::SpeedFilter"
+    assert slow["filter_info_topic"] == info["filter_info_topic"]
+    controller = params["controller_server"]["ros__parameters"]
+    assert controller["speed_limit_topic"] == slow["speed_limit_topic"] == "/speed_limit"
+    assert "local_costmap" not in params
+
+
+def test_both_costmaps_keep_out_and_name_the_mask_where_it_will_lie(tmp_path: Path) -> None:
+    later = tmp_path / "later"
+    *_, params_path = export(floor_map(), "keepout", tmp_path, values={"room": 100}, lies_in=later)
+    params = yaml.safe_load(params_path.read_text())
+    server = params["filter_mask_server"]["ros__parameters"]
+    assert server["yaml_filename"] == str(later.resolve() / "keepout.yaml")
+    for costmap in ("global_costmap", "local_costmap"):
+        block = params[costmap][costmap]["ros__parameters"]
+        assert block["keepout_filter"]["plugin"] == "nav2_costmap_2d::KeepoutFilter"
+
+
+def test_a_robot_that_is_too_wide_has_no_ways(tmp_path: Path) -> None:
+    topology = floor_map()  # whose passages are all 1.5 m wide
+    [path] = export(topology, "nav2-route", tmp_path)
+    text = path.read_text()
+    [path] = export(topology, "nav2-route", tmp_path, robot_radius_m=0.75)
+    assert path.read_text() == text
+    with pytest.raises(InputError, match="no two regions are connected by a passage wide enough"):
+        export(topology, "nav2-route", tmp_path, robot_radius_m=0.76)
+    with pytest.raises(InputError, match="the export 'dot' takes no robot radius; nav2-route does"):
+        export(topology, "dot", tmp_path, robot_radius_m=0.3)
 
 
 def test_zones_number_the_classes(tmp_path: Path) -> None:

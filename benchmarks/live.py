@@ -1,0 +1,185 @@
+"""From a scan to a place, while a map is labelled.
+
+A robot sends 40 scans of 720 beams a second, and maps of 2000 x 2000 cells, each of them different.
+Maps are labelled in a second process of lower priority. A step is all that is done with the bytes
+of a scan until the bytes of its place are ready: reading, transforms, completing the scan, its 321
+features, the list, the filter and the place of the map. Given are percentiles of the time of a
+step, on the wall clock; the steps before the second labelled map are left out, because the kernels
+are read from the cache in them. The last rows are the processor time of an update of a map of
+one floor by the size of what has changed, in which nothing else runs.
+"""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from pgm_places import trained_labeler
+from pgm_places.datasets import building_tiled, generate_building
+from pgm_places.io.logs.bag_poses import planar
+from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.live.live_map import LiveMap
+from pgm_places.live.live_node import LiveNode
+from pgm_places.live.live_options import LiveOptions
+from pgm_places.live.map_process import MapProcess
+from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.place_finder import PlaceFinder
+from pgm_places.live.ros_codec import TYPES, RosCodec
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.sensing.ray_casting import cast_poses
+
+RATE_HZ, N_BEAMS, REACH_M = 40, 720, 30.0
+MODEL = "default"
+
+
+class Robot:
+    """The bytes of the messages of a robot on a map."""
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self._codec, self._types = RosCodec(), RosCodec().store.types
+        rng = np.random.default_rng(0)
+        cells = np.argwhere(grid.free)
+        self.poses = np.column_stack(
+            [grid.cell_centres_m(rng.choice(cells, 200)), rng.uniform(-3, 3, 200)]
+        )
+        angles = np.linspace(-np.pi, np.pi, N_BEAMS, endpoint=False)
+        self.ranges = cast_poses(grid, self.poses, angles, max_range_m=REACH_M)
+
+    def _header(self, time_s: float, frame: str) -> Any:
+        stamp = self._types["builtin_interfaces/msg/Time"](int(time_s), int(time_s % 1 * 1e9))
+        return self._types["std_msgs/msg/Header"](stamp, frame)
+
+    def _turn(self, yaw_rad: float) -> Any:
+        half = yaw_rad / 2
+        kind = self._types["geometry_msgs/msg/Quaternion"]
+        return kind(0.0, 0.0, float(np.sin(half)), float(np.cos(half)))
+
+    def messages(self, step: int) -> Iterator[tuple[str, bytes]]:
+        """Transform and scan of a step."""
+        time_s = step / RATE_HZ
+        x, y, yaw = self.poses[step % len(self.poses)].tolist()
+        place = self._types["geometry_msgs/msg/Transform"](
+            self._types["geometry_msgs/msg/Vector3"](x, y, 0.0), self._turn(yaw)
+        )
+        transform = self._types["geometry_msgs/msg/TransformStamped"](
+            self._header(time_s, "map"), "base_link", place
+        )
+        assert planar(place.translation, place.rotation)[:2] == (x, y)
+        yield "tf", self._codec.write(self._types[TYPES["tf"]]([transform]), "tf")
+        ranges = self.ranges[step % len(self.ranges)].astype(np.float32)
+        scan = self._types[TYPES["scan"]](
+            self._header(time_s, "base_link"), -np.pi, np.pi, 2 * np.pi / N_BEAMS, 0.0, 0.0, 0.1,
+            REACH_M, ranges, np.empty(0, np.float32),
+        )  # fmt: skip
+        yield "scan", self._codec.write(scan, "scan")
+
+    def map(self, grid: OccupancyGrid) -> bytes:
+        """The bytes of a map."""
+        origin = self._types["geometry_msgs/msg/Pose"](
+            self._types["geometry_msgs/msg/Point"](*grid.origin_xy_m, 0.0), self._turn(0.0)
+        )
+        header = self._header(0.0, "map")
+        height, width = grid.shape
+        kind = self._types["nav_msgs/msg/MapMetaData"]
+        info = kind(header.stamp, grid.resolution_m, width, height, origin)
+        return self._codec.write(self._types[TYPES["map"]](header, info, grid.cells.ravel()), "map")
+
+
+def latency(side: int, seconds: float, *, with_maps: bool) -> dict[str, Any]:
+    """Percentiles of the time of a step."""
+    grid, live = building_tiled(side).grid, LiveOptions(relabel_min_period_s=0.1)
+    robot = Robot(grid)
+    finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(MODEL)), live)
+    finder.warm_up()
+    changed = grid.cells.copy()
+    changed[: side // 2, : side // 2][grid.free[: side // 2, : side // 2]] = UNKNOWN
+    maps = [robot.map(grid), robot.map(grid.with_cells(changed))]
+    n_topologies, steps = 0, list[tuple[int, float]]()
+
+    def count(what: str, _raw: bytes) -> None:
+        nonlocal n_topologies
+        n_topologies += what == "topology"
+
+    desk = MapProcess(MODEL)
+    node = LiveNode(finder, desk, count, print, NodeOptions(), live)
+    try:
+        step, start, end = 0, time.perf_counter(), np.inf
+        while time.perf_counter() < end:
+            if (with_maps or n_topologies < 2) and desk.is_idle:
+                node.take("map", maps[step % 2])
+            messages = list(robot.messages(step))
+            begin = time.perf_counter()
+            for what, raw in messages:
+                node.take(what, raw)
+            node.turn(begin)
+            steps.append((n_topologies, time.perf_counter() - begin))
+            if n_topologies >= 2 and end == np.inf:
+                end = time.perf_counter() + seconds
+            step += 1
+            time.sleep(max(start + step / RATE_HZ - time.perf_counter(), 0.0))
+    finally:
+        desk.close()
+    taken_ms = 1e3 * np.array([seconds for maps, seconds in steps if maps >= 2])
+    return {
+        "map": f"{side} x {side}",
+        "labelled meanwhile": n_topologies - 2 if with_maps else "none",
+        "scans": len(taken_ms),
+        "median (ms)": float(np.median(taken_ms)),
+        "99 % (ms)": float(np.percentile(taken_ms, 99)),
+        "longest (ms)": float(taken_ms.max()),
+    }
+
+
+def updates(side: int) -> Iterator[dict[str, Any]]:
+    """The cost of an update by what has changed, from map to map of one floor."""
+    grid = generate_building(0, size="small", resolution_m=0.05).grid
+    labeler = trained_labeler(MODEL)
+    LiveMap(labeler, n_threads=1).on_map(grid)  # reads the kernels from the cache
+    live = LiveMap(labeler, n_threads=1)
+    rng = np.random.default_rng(0)
+
+    def chairs(count: int) -> OccupancyGrid:
+        cells = grid.cells.copy()
+        for row, column in rng.choice(np.argwhere(grid.free), count):
+            cells[row : row + side, column : column + side][
+                cells[row : row + side, column : column + side] == FREE
+            ] = OCCUPIED
+        return grid.with_cells(cells)
+
+    half = np.where(np.arange(grid.shape[1]) < grid.shape[1] // 2, grid.cells, UNKNOWN)
+    noise = grid.free & (rng.random(grid.shape) < 0.02)
+    runs = [
+        ("everything: half of the floor", grid.with_cells(half)),
+        ("the other half", grid),
+        ("nothing", grid),
+        ("2 % noise, for the first time", grid.with_cells(np.where(noise, OCCUPIED, grid.cells))),
+        ("a chair", chairs(1)),
+        ("four other chairs", chairs(4)),
+        ("all chairs gone", grid),
+    ]
+    for name, sent in runs:
+        start = time.process_time()
+        found = live.on_map(sent)
+        seconds = time.process_time() - start
+        assert found.update is not None
+        yield {
+            "what has changed": name,
+            "cells changed": found.update.n_changed,
+            "scans cast": found.update.n_cast,
+            "of": found.update.n_cells,
+            "processor time (s)": seconds,
+        }
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    """The rows of the tables."""
+    side, seconds = (400, 3.0) if quick else (2000, 60.0)
+    rows = [latency(side, seconds, with_maps=which) for which in (False, True)]
+    return [*rows, *updates(8)]
+
+
+if __name__ == "__main__":
+    from benchmarks.__main__ import markdown_table
+
+    print(markdown_table(run(quick=False)))
