@@ -181,7 +181,7 @@ class PlaceMemory:
         found = np.zeros((pieces.count, len(places)))
         if not (len(mine) and len(theirs)):
             return found
-        middle = np.array([places[k].cells.mean(axis=0) for k in theirs])
+        middle = np.array([places[k].cells.mean(axis=0) for k in theirs.tolist()])
         here = middles(pieces)[mine]
         distance_m = np.hypot(*(here[:, None] - middle).transpose(2, 0, 1)) * grid.resolution_m
         found[np.ix_(mine, theirs)] = np.maximum(1 - distance_m / NEAR_M, 0.0)

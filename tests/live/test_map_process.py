@@ -1,0 +1,66 @@
+"""Maps labelled in a second process: its answers are files, and its end is told."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places.live.live_map import LiveMap
+from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
+from pgm_places.live.map_process import MapAnswer, MapProcess
+from pgm_places.persistence.stored import save
+from tests.drives import building
+from tests.live.quick import places
+from tests.live.robot import raw_map
+
+PATIENCE_S = 300.0
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[MapProcess]:
+    save(places(), tmp_path / "model")
+    found = MapProcess(str(tmp_path / "model"), n_threads=1)
+    yield found
+    found.close()
+
+
+def answer_of(desk: MapProcess) -> MapAnswer:
+    end = time.monotonic() + PATIENCE_S
+    while (found := desk.answer()) is None:
+        assert time.monotonic() < end, "no answer came"
+        time.sleep(0.02)
+    return found
+
+
+def test_another_process_finds_what_this_one_would(desk: MapProcess) -> None:
+    grid = building()[0].grid
+    alone = MapLabeller(LiveMap(places(), n_threads=1))
+    for number, raw in enumerate((raw_map(grid), raw_map(grid, 5.0)), 1):
+        assert desk.is_idle
+        desk.submit(raw)
+        assert not desk.is_idle
+        found, wanted = answer_of(desk), alone.label(raw)
+        assert isinstance(found, LabelledMapMessages)
+        assert found.messages == wanted.messages
+        assert found.view.map_seq == wanted.view.map_seq == number
+        for name in ("number", "rows", "shares", "region"):
+            np.testing.assert_array_equal(getattr(found.view, name), getattr(wanted.view, name))
+        assert found.view.places == wanted.view.places
+    desk.submit(b"\0\1\0\0nonsense")
+    problem = answer_of(desk)
+    assert isinstance(problem, str)
+    assert problem.startswith("a message of map cannot be read as nav_msgs/msg/OccupancyGrid")
+    assert desk.is_idle
+
+
+def test_a_process_that_ends_is_told(tmp_path: Path) -> None:
+    desk = MapProcess(str(tmp_path / "nothing"), n_threads=1)
+    try:
+        desk.submit(raw_map(building()[0].grid))
+        assert "no model at" in str(answer_of(desk))
+        desk._process.kill()
+        assert answer_of(desk) == "the process that labels maps has ended (exit code -9)"
+    finally:
+        desk.close()
