@@ -108,6 +108,9 @@ class ConditionalRandomField(LinearModel):
         Limit of the steps (or cuts) of learning.
     time_limit_s : float, optional
         Learning ends after this many seconds with the best weights so far.
+    warm_start : bool
+        Whether :meth:`fit` of a field that has learned goes on from its weights, with its scaling
+        of the features: with a few more problems it takes fewer steps. For likelihoods.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
     certify : bool
@@ -143,6 +146,7 @@ class ConditionalRandomField(LinearModel):
     learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
     max_steps: Whole = 500
     time_limit_s: Positive | None = None
+    warm_start: bool = False
     max_iterations: Whole | None = None
     certify: bool = False
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
@@ -196,7 +200,8 @@ class ConditionalRandomField(LinearModel):
         else:
             penalty = penalties[0]
         start = time.perf_counter()
-        solution = learn(task, penalty, options, on_iteration=on_iteration)
+        begin = self._weights_to_begin_with(task.field, options)
+        solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
         if (task.labels < 0).any() and options.learner in ("pseudo-likelihood", "piecewise"):
             parts = self._hidden_parts(examples)
@@ -225,6 +230,30 @@ class ConditionalRandomField(LinearModel):
             link_scales=link_scales,
         )
 
+    @property
+    def _goes_on(self) -> bool:
+        """Whether learning begins with what was learned before."""
+        return self.warm_start and self.node_weights is not None
+
+    def _weights_to_begin_with(
+        self, field: TableField, options: LearningOptions
+    ) -> NDArray[np.float64] | None:
+        if not self._goes_on:
+            return None
+        if options.learner == "max-margin":
+            raise InputError(
+                "warm_start begins at the weights learned so far, which the planes of max margin "
+                "cannot; take a likelihood as the learner, or warm_start=False"
+            )
+        node_weights, tables = self._learned("node_weights", "tables")
+        weights = np.concatenate([node_weights.ravel(), tables.ravel()])
+        if len(weights) != field.n_weights or node_weights.shape[1] != field.n_labels:
+            raise InputError(
+                "warm_start needs the labels and features that the field has learned: it has "
+                f"{len(weights)} weights, these problems need {field.n_weights}"
+            )
+        return weights
+
     def _choose_penalty(
         self,
         examples: Sequence[Example],
@@ -243,7 +272,7 @@ class ConditionalRandomField(LinearModel):
 
     def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
         raw = [self._node_features(problem) for problem, _ in examples]
-        scaling = Standardization.of_all(raw)
+        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw)
         truth = np.concatenate([labels for _, labels in examples])
         known = truth >= 0
         names = examples[0][0].label_names

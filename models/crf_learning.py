@@ -112,15 +112,17 @@ def learn(
     penalty: float,
     options: LearningOptions,
     *,
+    start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution | LikelihoodSolution:
-    """The weights that the chosen learner finds."""
+    """The weights that the chosen learner finds; likelihoods may begin at given ones."""
     if options.learner != "max-margin":
         return maximize_likelihood(
             task.field,
             task.labels,
             penalty,
             kind=_KINDS[options.learner],
+            start=start,
             tolerance=options.tolerance,
             max_iterations=options.max_steps,
             time_limit_s=options.time_limit_s,

@@ -118,6 +118,24 @@ def test_the_price_is_chosen_on_held_out_parts() -> None:
     assert len(single.penalty_search) == 5
 
 
+def test_learning_goes_on_from_weights_that_are_known() -> None:
+    examples = [ring(120, seed) for seed in range(4)]
+    problems, truths = [p for p, _ in examples], [t for _, t in examples]
+    before = ConditionalRandomField(warm_start=True).fit(problems[:3], truths[:3])
+    again = before.fit(problems[:3], truths[:3])
+    assert again.summary["iterations"] <= 2
+    warm = before.fit(problems, truths)
+    cold = replace(before, warm_start=False).fit(problems, truths)
+    assert warm.summary["iterations"] < cold.summary["iterations"]
+    assert warm.summary["objective"] == pytest.approx(cold.summary["objective"], rel=0.01)
+    by_margin = replace(before, learner="max-margin")
+    with pytest.raises(InputError, match="warm_start begins at the weights learned so far"):
+        by_margin.fit(problems, truths)
+    fewer = LabelingProblem(problems[0].graph, NAMES, node_features=np.zeros((120, 2)))
+    with pytest.raises(InputError, match="3 node features, this problem has 2"):
+        before.fit([fewer], truths[:1])
+
+
 def test_edge_features_of_any_sign_have_tables_of_their_own() -> None:
     """Where the feature is positive neighbours agree, where it is negative they differ."""
 
