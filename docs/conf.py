@@ -44,6 +44,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_signature": False,
+    "thumbnail_size": (640, 448),
     "abort_on_example_error": True,
     "capture_repr": (),
 }
