@@ -90,7 +90,7 @@ def load_code(kernel: Deferred, kinds: str) -> Callable[..., Any] | None:
 def save_code(kernel: Deferred, kinds: str, code: ObjectCode) -> None:
     """Keep the code for arguments of some kinds, if that is possible."""
     path, sources = _path(kernel, kinds), source_stamps(kernel)
-    if path is None or sources is None or not all(kind.isbuiltin for kind in code.constants):
+    if path is None or sources is None or any(kind.kind not in "biufc" for kind in code.constants):
         return
     header = {
         "sources": sources,

@@ -1,6 +1,7 @@
 """Machine code that is called without numba gives what numba gives, or numba is asked."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -133,6 +134,13 @@ def test_a_change_of_any_file_that_a_kernel_calls_into_is_seen(folder: Path) -> 
     (folder / "helper.py").write_text(HELPER)
     assert changed == (COMPILED[0].replace("[3.5 6.5]", "[10.5 20.5]"), "")
     assert run(folder) == COMPILED
+
+
+@only_where_tried
+def test_what_numba_has_kept_by_itself_is_taken_over(folder: Path) -> None:
+    shutil.rmtree(folder / "cache" / "code")
+    assert run(folder) == COMPILED
+    assert run(folder) == STORED
 
 
 @only_where_tried
