@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["narrowest_chords", "width_profiles"]
+__all__ = ["distances_to_others", "narrowest_chords", "width_profiles"]
 
 
 @njit
@@ -109,3 +109,37 @@ def width_profiles(
             there = _clear_run(cells, free, r, c, dr, dc, longest)
             back = _clear_run(cells, free, r, c, -dr, -dc, longest)
             profile[g, k] = there + back
+
+
+@njit
+def distances_to_others(
+    centre: NDArray[np.float64],
+    field: NDArray[np.int64],
+    start: NDArray[np.int64],
+    order: NDArray[np.int64],
+    n_columns: int,
+    reach: float,
+    nearest: NDArray[np.float64],
+    near: NDArray[np.float64],
+) -> None:
+    """Lower ``nearest`` (G,) to the distance of the nearest other gate; count those in reach.
+
+    ``field`` (G,) is the square that a gate lies in, ``order[start[f]:start[f + 1]]`` are the gates
+    in square f. Only the squares around a gate's own are searched, so ``nearest`` must be no larger
+    than their side, and ``reach`` too.
+    """
+    n_rows = (len(start) - 1) // n_columns
+    for g in range(len(centre)):
+        row, column = field[g] // n_columns, field[g] % n_columns
+        squared = nearest[g] * nearest[g]
+        for r in range(max(0, row - 1), min(n_rows, row + 2)):
+            first = r * n_columns + max(0, column - 1)
+            last = r * n_columns + min(n_columns, column + 2)
+            for at in range(start[first], start[last]):
+                other = order[at]
+                dx, dy = centre[g, 0] - centre[other, 0], centre[g, 1] - centre[other, 1]
+                apart = dx * dx + dy * dy
+                if other != g:
+                    squared = min(squared, apart)
+                    near[g] += apart <= reach * reach
+        nearest[g] = min(nearest[g], np.sqrt(squared))

@@ -74,14 +74,20 @@ def _shape_columns(gates: Gates, radius: NDArray[np.float64]) -> dict[str, NDArr
 
 def _others(gates: Gates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(G,) distance to the nearest other candidate, and the number of others nearby."""
-    from scipy.spatial import cKDTree
+    from pgm_places.spaces._gate_kernels import distances_to_others
 
-    if len(gates) < 2:
-        return np.full(len(gates), _FARTHEST_M), np.zeros(len(gates))
-    tree = cKDTree(gates.centre_m)
-    nearest = np.asarray(tree.query(gates.centre_m, k=2)[0])[:, 1]
-    near = tree.query_ball_point(gates.centre_m, _NEAR_M, return_length=True) - 1
-    return np.minimum(nearest, _FARTHEST_M), np.asarray(near, np.float64)
+    nearest, near = np.full(len(gates), _FARTHEST_M), np.zeros(len(gates))
+    if len(gates):
+        # No gate beyond the next field is nearer than the farthest that counts.
+        field = np.floor((gates.centre_m - gates.centre_m.min(axis=0)) / _FARTHEST_M)
+        rows, columns = field.astype(np.int64).T
+        n_columns = columns.max() + 1
+        number = rows * n_columns + columns
+        order = np.argsort(number, kind="stable")
+        start = np.searchsorted(number[order], np.arange((rows.max() + 1) * n_columns + 1))
+        fields = start, order, n_columns
+        distances_to_others(gates.centre_m, number, *fields, _NEAR_M, nearest, near)
+    return nearest, near
 
 
 def _same_pair(gates: Gates) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segments, divided
@@ -130,8 +131,6 @@ def _accepted(accepted: ArrayLike, n_gates: int, threshold: float) -> NDArray[np
 
 def _joined(finest: Segments, gates: Gates, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
     """(S,) place of each segment of the finest scale."""
-    from scipy import sparse
-
     count, openings = finest.count, finest.openings
     if not count:
         return np.zeros(0, np.int32)
@@ -141,9 +140,7 @@ def _joined(finest: Segments, gates: Gates, taken: NDArray[np.bool_]) -> NDArray
     passable = wide | np.isin(key, with_gate)
     kept = wide | (passable & ~np.isin(key, with_gate[taken]))
     kept |= _ways_out_of_slivers(finest, passable)
-    i, j = openings.segments[kept].T
-    matrix = sparse.csr_array((np.ones(len(i), np.int8), (i, j)), shape=(count, count))
-    return sparse.csgraph.connected_components(matrix, directed=False)[1].astype(np.int32)
+    return components(*neighbour_lists(openings.segments[kept], count))
 
 
 def _ways_out_of_slivers(finest: Segments, passable: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.spaces.components import components, neighbour_lists
 
 __all__ = ["area_cut_off", "betweenness"]
 
@@ -22,12 +23,11 @@ def betweenness(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.f
     >>> betweenness(LabelGraph.from_edges(3, [(0, 1), (1, 2)]), np.ones(3)).tolist()
     [0.0, 1.0, 0.0]
     """
-    from pgm_places.spaces._graph_kernels import add_paths_from, number_components
+    from pgm_places.spaces._graph_kernels import add_paths_from
 
     n = graph.n_nodes
-    start, neighbour = _adjacency(graph)
-    component = np.empty(n, np.int32)
-    number_components(start, neighbour, component)
+    start, neighbour = neighbour_lists(graph.edges, n)
+    component = components(start, neighbour)
     share, reached, sources = np.zeros(n), np.ones(n), np.zeros(n)
     order, distance = np.empty(n, np.int32), np.full(n, -1, np.int32)
     paths, passed = np.empty(n), np.empty(n)
@@ -58,18 +58,9 @@ def area_cut_off(graph: LabelGraph, area_m2: NDArray[np.float64]) -> NDArray[np.
     """
     from pgm_places.spaces._graph_kernels import largest_rests
 
-    start, neighbour = _adjacency(graph)
+    start, neighbour = neighbour_lists(graph.edges, graph.n_nodes)
     rest, whole = np.zeros(graph.n_nodes), np.zeros(graph.n_nodes)
     largest_rests(start, neighbour, area_m2, rest, whole)
     others = whole - area_m2
     kept = np.divide(rest, others, out=np.ones(len(rest)), where=others > 1e-9 * whole)
     return np.asarray(np.clip(1.0 - kept, 0.0, 1.0))
-
-
-def _adjacency(graph: LabelGraph) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The start of each node's neighbours, and the neighbours, ascending."""
-    i, j = graph.edges.T.astype(np.int64)
-    n = max(graph.n_nodes, 1)
-    ends = np.sort(np.concatenate([i * n + j, j * n + i]))
-    start = np.searchsorted(ends, np.arange(graph.n_nodes + 1) * n)
-    return start.astype(np.int32), (ends % n).astype(np.int32)
