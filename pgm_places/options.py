@@ -9,12 +9,14 @@ in the same words.
 import dataclasses
 import functools
 import inspect
+import math
 import re
+import types
 import typing
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, TypeVar, Union
+from collections.abc import Callable, Iterator, Mapping
+from typing import Annotated, Any, Literal, TypeVar, Union
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, Lt
 
 from pgm_places._option_words import OrInfinite, arms, bare, marks_of, says_all, wanted
 from pgm_places.errors import ConfigError, InputError, nearest_name, shown
@@ -189,6 +191,8 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
     >>> check_option("n_folds", Annotated[int, Ge(2)], 3)
     3
     """
+    if _fits(hint, value):
+        return value
     from pydantic import ValidationError
 
     if isinstance(value, tuple(filter(dataclasses.is_dataclass, arms(hint)))):
@@ -200,6 +204,41 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
         except ValidationError as error:
             reason = "" if says_all(hint) else f" ({error.errors()[0]['msg']})"
     raise OptionError(name, f"must be {wanted(hint)}, got {shown(value)}{reason}")
+
+
+_BOUNDS: dict[type, Callable[[Any, Any], bool]] = {
+    Ge: lambda value, mark: value >= mark.ge,
+    Gt: lambda value, mark: value > mark.gt,
+    Le: lambda value, mark: value <= mark.le,
+    Lt: lambda value, mark: value < mark.lt,
+}
+
+
+def _fits(hint: Any, value: Any) -> bool:
+    """Whether it is plain to see that pydantic would return the value as it is.
+
+    Importing pydantic and preparing its validators takes up to a tenth of a second, and nearly all
+    options that are read from models are numbers and names as declared.
+    """
+    return any(_fits_arm(arm, value) for arm in arms(hint))
+
+
+def _fits_arm(arm: Any, value: Any) -> bool:
+    kind, marks = bare(arm), marks_of(arm)
+    if kind is Any:
+        return dataclasses.is_dataclass(value)
+    if typing.get_origin(kind) is Literal:
+        return any(type(value) is type(word) and value == word for word in typing.get_args(kind))
+    if typing.get_origin(kind) is tuple and type(value) is tuple and not marks:
+        inner = typing.get_args(kind)
+        if inner[-1] is Ellipsis:
+            inner = inner[:1] * len(value)
+        return len(inner) == len(value) and all(map(_fits, inner, value))
+    if kind not in (str, bool, int, float, types.NoneType) or type(value) is not kind:
+        return False
+    if (kind is str and not value.isascii()) or (kind is float and not math.isfinite(value)):
+        return False
+    return all(type(mark) in _BOUNDS and _BOUNDS[type(mark)](value, mark) for mark in marks)
 
 
 @functools.cache

@@ -32,6 +32,8 @@ from pgm_places.options import (
     OptionError,
     Positive,
     Whole,
+    _fits,
+    _validator,
     check_options,
     from_mapping,
     option_hints,
@@ -446,3 +448,27 @@ def test_a_real_table_of_toml_is_read_alike() -> None:
     text = "[sensor]\nn_beams = 2"
     said = refusal(lambda: config(**tomllib.loads(text)))
     assert said == "office.toml: sensor.n_beams must be a whole number from 3 to 3600, got 2"
+
+
+HINTS: tuple[Any, ...] = (
+    str, bool, int, float, Whole, Positive, AtLeastZero, AtLeastZeroOrInfinite,
+    Annotated[float, Ge(0), Lt(1)], Annotated[int, Gt(1), Le(3)], Literal["a", "b"], Literal[1, 8],
+    float | None, float | Literal["auto"], Annotated[int, Ge(2)] | None, tuple[int, int],
+    tuple[float, ...], tuple[Positive, ...] | None, tuple[tuple[int, str], ...],
+    Annotated[str, MinLen(2)], Annotated[float, Field(multiple_of=0.5)], list[int],
+)  # fmt: skip
+VALUES: tuple[Any, ...] = (
+    0, 1, 2, 8, -1, 10**30, 0.0, 0.5, 1.0, -0.5, math.inf, math.nan, True, False, None, "a", "auto",
+    "bc", "\udc80", (), (1, 2), (1, 2.0), (1.0, 2.0), [1, 2], ((1, "a"),), np.float64(1),
+    np.int64(2), np.bool_(True),
+)  # fmt: skip
+
+
+def test_what_plainly_fits_is_what_pydantic_returns_as_it_is() -> None:
+    n_fitting = 0
+    for hint, value in itertools.product(HINTS, VALUES):
+        if _fits(hint, value):
+            n_fitting += 1
+            assert _validator(hint).validate_python(value) is value or isinstance(value, tuple)
+            assert repr(_validator(hint).validate_python(value)) == repr(value)
+    assert n_fitting > 40

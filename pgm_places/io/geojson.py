@@ -1,17 +1,20 @@
 """GeoJSON files of polygons in a map's metres, checked feature by feature."""
 
+import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter, ValidationError
 
 from pgm_places.errors import LabelError, is_printable, shown
 from pgm_places.io.input_file import user_path
 from pgm_places.io.json_file import read_json
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 __all__ = ["Region", "read_regions"]
 
@@ -76,17 +79,17 @@ def read_regions(
     ]
 
 
-_Number: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=-1e9, lt=1e9)]
-_Point: TypeAlias = Annotated[list[_Number], Field(min_length=2)]
-_Ring: TypeAlias = Annotated[list[_Point], Field(min_length=4)]
-_Polygon: TypeAlias = Annotated[list[_Ring], Field(min_length=1)]
-_POLYGONS = TypeAdapter(Annotated[list[_Polygon], Field(min_length=1)])
-"""Coordinates of a MultiPolygon in GeoJSON (RFC 7946, section 3.1.7)."""
+@functools.cache
+def _shapes(*, are_lines: bool) -> Any:
+    """A check of coordinates: of a MultiPolygon in GeoJSON (RFC 7946, 3.1.7), or of lines."""
+    from pydantic import Field, TypeAdapter  # at use: its import takes a twentieth of a second
 
-_LINES = TypeAdapter(
-    Annotated[list[Annotated[list[_Point], Field(min_length=2)]], Field(min_length=1)]
-)
-"""Coordinates of a MultiLineString."""
+    number: Any = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=-1e9, lt=1e9)]
+    point: Any = Annotated[list[number], Field(min_length=2)]
+    line: Any = Annotated[list[point], Field(min_length=2 if are_lines else 4)]
+    shape: Any = line if are_lines else Annotated[list[line], Field(min_length=1)]
+    return TypeAdapter(Annotated[list[shape], Field(min_length=1)])
+
 
 _WANTED = (
     "a list of polygons",
@@ -121,9 +124,13 @@ def _region(
         raise LabelError(
             f"{where} is a {shown(kind)}; a region must be a Polygon or a MultiPolygon{lines_too}"
         )
+    from pydantic import ValidationError
+
     single = kind == "Polygon"
     try:
-        polygons = _POLYGONS.validate_python([coordinates] if single else coordinates)
+        polygons = _shapes(are_lines=False).validate_python(
+            [coordinates] if single else coordinates
+        )
     except ValidationError as error:
         raise LabelError(f"{where}: {_complaint(error, depth=int(single))}") from None
     return Region(
@@ -141,8 +148,10 @@ def _width(where: str, value: Any) -> float:
 
 def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...], ...]:
     """A rectangle around each segment of some lines; a segment without length is a square."""
+    from pydantic import ValidationError
+
     try:
-        checked = _LINES.validate_python(lines)
+        checked = _shapes(are_lines=True).validate_python(lines)
     except ValidationError as error:
         steps = "".join(f"[{step}]" for step in error.errors(include_url=False)[0]["loc"])
         raise LabelError(
@@ -163,7 +172,7 @@ def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...
     return tuple(found)
 
 
-def _complaint(error: ValidationError, *, depth: int) -> str:
+def _complaint(error: "ValidationError", *, depth: int) -> str:
     """The first problem: what was wanted, what came, and where below a depth."""
     problem = error.errors(include_url=False)[0]
     steps = "".join(f"[{step}]" for step in problem["loc"][depth:])
@@ -171,7 +180,7 @@ def _complaint(error: ValidationError, *, depth: int) -> str:
     return f"coordinates{steps} must be {wanted}, got {got}"
 
 
-def _ring(where: str, points: _Ring) -> Ring:
+def _ring(where: str, points: list[list[float]]) -> Ring:
     ring = np.array([point[:2] for point in points], np.float64)
     if (ring[0] != ring[-1]).any():
         raise LabelError(

@@ -12,6 +12,7 @@ from PIL import Image
 
 from pgm_places.datasets import building as building_module
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.kernels.machine_code import _machine
 from pgm_places.report import file_names
 from tests.cli.conftest import Run
 
@@ -73,6 +74,25 @@ def test_train_then_label(building: Path, run: Run) -> None:
     truth = pixels(building / "labels.png")
     known = truth > 0
     assert (truth[known] == written[known]).mean() > 0.85
+
+
+HEAVY = {"cvxpy", "jinja2", "matplotlib", "networkx", "pandas", "scipy", "sklearn"}
+
+
+def test_label_imports_nothing_heavy_once_it_has_run(building: Path) -> None:
+    heavy = HEAVY if _machine() is None else HEAVY | {"numba"}
+    for number in range(2):
+        out = building / f"out{number}"
+        arguments = ["-m", "pgm_places", "label", building / "map.yaml", "--out", out, "--quiet"]
+        said = subprocess.run(
+            [sys.executable, "-X", "importtime", *arguments],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    imported = {line.rpartition("|")[2].strip() for line in said.stderr.splitlines()}
+    assert "pgm_places.unary.space_model" in imported
+    assert imported & heavy == set()
 
 
 def test_label_by_another_method(building: Path, run: Run) -> None:
