@@ -220,17 +220,24 @@ def _fits(hint: Any, value: Any) -> bool:
     Importing pydantic and preparing its validators takes up to a tenth of a second, and nearly all
     options that are read from models are numbers and names as declared.
     """
-    return any(_fits_arm(arm, value) for arm in arms(hint))
+    return any(_fits_arm(*arm, value) for arm in _read(hint))
 
 
-def _fits_arm(arm: Any, value: Any) -> bool:
-    kind, marks = bare(arm), marks_of(arm)
+@functools.cache
+def _read(hint: Any) -> list[tuple[Any, Any, tuple[Any, ...], tuple[Any, ...]]]:
+    """Of each alternative: its type, that without parameters, its parameters, its marks."""
+    found = [(bare(arm), marks_of(arm)) for arm in arms(hint)]
+    return [(kind, typing.get_origin(kind), typing.get_args(kind), m) for kind, m in found]
+
+
+def _fits_arm(
+    kind: Any, origin: Any, inner: tuple[Any, ...], marks: tuple[Any, ...], value: Any
+) -> bool:
     if kind is Any:
         return dataclasses.is_dataclass(value)
-    if typing.get_origin(kind) is Literal:
-        return any(type(value) is type(word) and value == word for word in typing.get_args(kind))
-    if typing.get_origin(kind) is tuple and type(value) is tuple and not marks:
-        inner = typing.get_args(kind)
+    if origin is Literal:
+        return any(type(value) is type(word) and value == word for word in inner)
+    if origin is tuple and type(value) is tuple and not marks:
         if inner[-1] is Ellipsis:
             inner = inner[:1] * len(value)
         return len(inner) == len(value) and all(map(_fits, inner, value))
