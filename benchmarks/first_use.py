@@ -2,10 +2,12 @@
 
 The commands run in fresh processes on the real map of building 79 at 5 cm if the data is available,
 otherwise on the generated building; ``cold`` starts with an empty cache of compiled kernels,
-``warm`` with one that a previous run has filled. A cold run compiles later stages in a second
-process unless it is limited to one thread. Processor seconds include both processes. The second
-table compiles each stage separately, in a fresh process: imports, then all kernels of the stage, in
-processor seconds.
+``warm`` with one that a previous run has filled: it links the machine code that it finds there and
+never imports numba. A cold run compiles later stages in a second process unless it is limited to
+one thread. Processor seconds include both processes. The second table compiles each stage
+separately, in a fresh process: imports, then all kernels of the stage, in processor seconds.
+Kernels compiled ahead of time, in a wheel, would improve only the cold rows: linking the 45 kernels
+of a warm run takes 0.05 s of processor time.
 """
 
 import json
