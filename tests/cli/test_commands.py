@@ -83,9 +83,9 @@ def test_label_imports_nothing_heavy_once_it_has_run(building: Path) -> None:
     heavy = HEAVY if _machine() is None else HEAVY | {"numba"}
     for number in range(2):
         out = building / f"out{number}"
-        arguments = ["-m", "pgm_places", "label", building / "map.yaml", "--out", out, "--quiet"]
+        command = [sys.executable, "-X", "importtime", "-m", "pgm_places", "label"]
         said = subprocess.run(
-            [sys.executable, "-X", "importtime", *arguments],
+            [*command, building / "map.yaml", "--out", out, "--quiet"],
             capture_output=True,
             text=True,
             check=True,
