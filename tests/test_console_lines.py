@@ -154,8 +154,8 @@ def test_the_lines_of_a_page_run(
     n_run = 0
     for words in console_lines(path):
         shipped = words[0] in ("label", "track") and "--model" not in words
-        if shipped or words[0] in ("demo", "studio"):
-            continue  # tests/cli runs the demo and the shipped models, tests/studio the studio
+        if shipped or words[0] in ("demo", "studio", "live"):
+            continue  # tests/cli, tests/studio and tests/live run these and the shipped models
         quiet = [] if words[0] in ("doctor", "where", "export") else ["--quiet"]
         code = exit_code([*words, *quiet], monkeypatch)
         message = capsys.readouterr().err

@@ -19,8 +19,7 @@ COLUMNS: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
     ),
     "the nodes of another graph": (
         (("Do neighbours repel, follow", "or exclude each other?"), "crf"),
-        (("Many edges, but labels for", "few of the nodes?"), "relaxation"),
-        (("Are there labelled graphs", "to learn weights from?"), "amn"),
+        (("Are there labels to learn", "from, if only of some nodes?"), "amn"),
         (("Otherwise",), "potts"),
     ),
 }
