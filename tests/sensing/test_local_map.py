@@ -258,7 +258,8 @@ def test_rays_through_the_window_end_where_following_them_by_hand_ends(
     angles = np.linspace(0.07, 0.07 + 23 * pi / 12, 24)
     for _ in range(12):
         # Mostly free, so that rays reach the first and the last rows and columns.
-        evidence = rng.choice([-3, 0, 5], (n, n), p=[0.75, 0.1, 0.15]).astype(np.int8)
+        parts = [0.45, 0.3, 0.1, 0.1, 0.05]
+        evidence = rng.choice([-3, -1, 0, 1, 5], (n, n), p=parts).astype(np.int8)
         x, y = rng.uniform(0.1, n - 0.1, 2)
         heading, limit = rng.uniform(-4, 4), rng.uniform(2, 12)
         window = Window(np.roll(evidence, wrap, (0, 1)), np.zeros((n, n), np.uint8), *wrap)
