@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
@@ -139,4 +139,6 @@ def _memory_plugins(distributed: Any, n_bytes: int | None) -> list[Any]:
 
 
 def _unregister(client: Any, plugin: Any) -> None:
-    client.unregister_worker_plugin(plugin.name, nanny=plugin.nanny)
+    # One that was starting a worker anew when the others were told does not know of the plugin.
+    with suppress(KeyError):
+        client.unregister_worker_plugin(plugin.name, nanny=plugin.nanny)

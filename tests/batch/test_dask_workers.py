@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.batch.dask_workers import DaskWorkers
+from pgm_places.batch.dask_workers import DaskWorkers, _unregister
 from pgm_places.errors import InputError
 
 distributed = pytest.importorskip("distributed")
@@ -79,6 +79,17 @@ def test_workers_are_told_of_their_memory_while_the_batch_lasts(address: str) ->
     told = {item.result for item in DaskWorkers(address, 3_000_000_000).run(memory_limit, range(8))}
     assert told == {3_000_000_000}
     assert {item.result for item in DaskWorkers(address).run(memory_limit, range(8))} == before
+
+
+def test_a_worker_that_was_never_told_is_not_an_error() -> None:
+    class Client:
+        def unregister_worker_plugin(self, name: str, nanny: bool) -> None:
+            raise KeyError(name)
+
+    class Plugin:
+        name, nanny = "memory", True
+
+    _unregister(Client(), Plugin())
 
 
 def test_no_scheduler_is_one_line() -> None:
