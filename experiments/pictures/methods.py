@@ -86,17 +86,24 @@ def independent() -> None:
     keep("independent", picture)
 
 
-def potts() -> None:
-    """From no weight to far too much."""
-    methods = {f"potts {weight:g}": f"weight {weight:g}" for weight in WEIGHTS}
+def _beside_the_truth(
+    name: str, titles: dict[str, str], shape: tuple[int, int], height: float
+) -> None:
+    """Keep the picture of a floor's true labels and those of some methods."""
     made = weak()[1]
-    picture = figure(10, 5.2)
-    axes = picture.subplots(2, 3)
-    draw_labels(axes[0, 0], made.grid, made.labels, "the truth")
-    for axis, (method, title) in zip(axes.flat[1:], methods.items(), strict=True):
+    picture = figure(10, height)
+    first, *others = picture.subplots(*shape).flat
+    draw_labels(first, made.grid, made.labels, "the truth")
+    for axis, (method, title) in zip(others, titles.items(), strict=True):
         draw_labels(axis, made.grid, _labels(method), f"{title}: {_share(method)}")
     legend(picture)
-    keep("potts", picture)
+    keep(name, picture)
+
+
+def potts() -> None:
+    """From no weight to far too much."""
+    titles = {f"potts {weight:g}": f"weight {weight:g}" for weight in WEIGHTS}
+    _beside_the_truth("potts", titles, (2, 3), 5.2)
 
 
 def relaxation() -> None:
@@ -132,14 +139,7 @@ def relaxation() -> None:
 def amn() -> None:
     """Cell by cell, one weight for all labels, and learned weights."""
     titles = {"independent": "cell by cell", "potts 0.25": "one weight, 0.25", "amn": "learned"}
-    made = weak()[1]
-    picture = figure(10, 5.4)
-    axes = picture.subplots(2, 2)
-    draw_labels(axes[0, 0], made.grid, made.labels, "the truth")
-    for axis, (method, title) in zip(axes.flat[1:], titles.items(), strict=True):
-        draw_labels(axis, made.grid, _labels(method), f"{title}: {_share(method)}")
-    legend(picture)
-    keep("amn", picture)
+    _beside_the_truth("amn", titles, (2, 2), 5.4)
 
 
 def space_field() -> None:
