@@ -14,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pgm_places.live.node_options import NodeOptions
@@ -143,31 +142,6 @@ def test_types_are_declared_as_ros_names_them(what: str, domain: int) -> None:
     package, _, name = TYPES[what].split("/")
     assert issubclass(cls, IdlStruct)
     assert cls.__idl_typename__ == f"{package}.msg.dds_.{name}_"
-
-
-def test_cyclone_writes_the_same_bytes() -> None:
-    """What Cyclone makes of a map by its own coder are the bytes that we send."""
-    from pgm_places.live.dds_bus import _IdlTypes
-
-    codec = RosCodec()
-    raw = raw_map(building()[0].grid)
-    message = codec.read(raw, "map")
-    cls = _IdlTypes(codec.store.fielddefs).declared(TYPES["map"])
-    again = _same(cls, message).serialize(use_version_2=False)
-    assert bytes(again) == raw
-
-
-def _same(cls: Any, message: Any) -> Any:
-    """A message of Cyclone's classes with the values of one of rosbags'."""
-    import typing
-
-    values = {}
-    for name, hint in typing.get_type_hints(cls).items():
-        value = getattr(message, name)
-        if hasattr(value, "__msgtype__"):
-            value = _same(hint, value)
-        values[name] = value.tolist() if isinstance(value, np.ndarray) else value
-    return cls(**values)
 
 
 def test_the_domain_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
