@@ -6,7 +6,9 @@ is not tested here.
 
 import ast
 import importlib
+import re
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -73,6 +75,18 @@ def test_the_files_of_the_package_agree(monkeypatch: pytest.MonkeyPatch) -> None
     assert script == f"places = {name}.node:main"
     launch = (PACKAGE / "launch" / "places.launch.py").read_text()
     assert f'package="{name}"' in launch and 'executable="places"' in launch
+
+
+def test_the_maintainers_are_those_of_the_project_or_nobody_s_address_stands_there() -> None:
+    """catkin_pkg, which colcon reads the file with, refuses it without a full address."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    people = project.get("maintainers", project.get("authors", []))
+    known = {item["email"] for item in people if "email" in item}
+    given = ElementTree.parse(PACKAGE / "package.xml").getroot().findall("maintainer")
+    addresses = {item.get("email", "") for item in given}
+    assert all(re.fullmatch(r"[\w.+-]+@[\w-]+(\.[\w-]+)+", item) for item in addresses)
+    assert addresses
+    assert addresses == (known or {item for item in addresses if item.endswith(".invalid")})
 
 
 def test_the_parameter_file_has_every_parameter_with_its_default() -> None:
