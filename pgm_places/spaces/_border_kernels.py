@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import inlined, njit
 
-__all__ = ["border_sites", "highest_passes", "join_sites"]
+__all__ = ["border_sites", "highest_passes"]
 
 
 @njit
@@ -153,41 +153,3 @@ def border_sites(
                 sites[n, 6] = min(relief[i], min(relief[i + steps[k]], relief[i + steps[m]]))
                 n += 1
     return n, sites
-
-
-@njit
-def join_sites(known: NDArray[np.int64], width: int, reach: int, piece: NDArray[np.int64]) -> None:
-    """Write the number of the piece that each site belongs to, in the order of their first sites.
-
-    ``known`` (n,) are row times ``width`` plus column, ascending; sites at most ``reach`` rows and
-    columns apart belong together.
-    """
-    n = len(known)
-    for i in range(n):
-        piece[i] = i
-    for dr in range(reach + 1):
-        for dc in range(-reach if dr else 1, reach + 1):
-            at = 0  # of the site that is sought, which only ever goes up
-            for i in range(n):
-                wanted = known[i] + dr * width + dc
-                while at < n and known[at] < wanted:
-                    at += 1
-                if at == n:
-                    break
-                if known[at] != wanted:
-                    continue
-                a, b = i, at
-                while piece[a] != a:
-                    piece[a] = piece[piece[a]]
-                    a = piece[a]
-                while piece[b] != b:
-                    piece[b] = piece[piece[b]]
-                    b = piece[b]
-                piece[max(a, b)] = min(a, b)
-    count = 0
-    for i in range(n):  # the first site of a piece is its root
-        if piece[i] == i:
-            piece[i] = count
-            count += 1
-        else:
-            piece[i] = piece[piece[i]]

@@ -5,11 +5,46 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["add_paths_from", "largest_rests", "number_components"]
+__all__ = ["add_paths", "largest_rests", "number_components"]
 
 
 @njit
-def add_paths_from(
+def add_paths(
+    sources: NDArray[np.int64],
+    component: NDArray[np.int32],
+    most: int,
+    start: NDArray[np.int32],
+    neighbour: NDArray[np.int32],
+    share: NDArray[np.float64],
+) -> None:
+    """Write the share of shortest paths that pass through each node, of those from some sources.
+
+    These are the first ``most`` of the ``sources`` in every component. ``share`` (N,) is 0 on
+    entry; the neighbours of node i are ``neighbour[start[i]:start[i + 1]]``.
+    """
+    n = len(share)
+    order, distance = np.empty(n, np.int32), np.empty(n, np.int32)
+    paths, passed = np.empty(n), np.empty(n)
+    taken, reached = np.zeros(n, np.int64), np.ones(n, np.int64)  # by component
+    is_source = np.zeros(n, np.int64)
+    for i in range(n):
+        distance[i] = -1
+    for source in sources:
+        home = component[source]
+        if taken[home] < most:
+            taken[home] += 1
+            is_source[source] = 1
+            reached[home] = _add_paths_from(
+                source, start, neighbour, share, order, distance, paths, passed
+            )
+    for i in range(n):  # paths that start at the node itself do not lead through it
+        home = component[i]
+        pairs = (taken[home] - is_source[i]) * (reached[home] - 2)
+        share[i] = share[i] / pairs if pairs > 0 else 0.0
+
+
+@njit
+def _add_paths_from(
     source: int,
     start: NDArray[np.int32],
     neighbour: NDArray[np.int32],

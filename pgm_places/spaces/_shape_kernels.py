@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 
-__all__ = ["COLUMNS", "sum_basins"]
+__all__ = ["COLUMNS", "gather_basins", "sum_basins"]
 
 COLUMNS = 9
 """Summed heights, furniture, sides at walls, sides at unknown cells, sums of r, c, rr, rc, cc."""
@@ -58,3 +58,28 @@ def sum_basins(
                 along = r * directions[k, 0] + c * directions[k, 1]
                 low[own, k] = min(low[own, k], along)
                 high[own, k] = max(high[own, k], along)
+
+
+@njit
+def gather_basins(
+    segment_of: NDArray[np.int32],
+    basin_total: NDArray[np.int64],
+    basin_low: NDArray[np.float64],
+    basin_high: NDArray[np.float64],
+    total: NDArray[np.int64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> None:
+    """Sums and extents of segments from those of their basins; -1 is no segment.
+
+    On entry ``total`` (S, COLUMNS) is 0, ``low`` (S, D) infinite and ``high`` minus that.
+    """
+    for basin in range(len(segment_of)):
+        own = segment_of[basin]
+        if own < 0:
+            continue
+        for k in range(total.shape[1]):
+            total[own, k] += basin_total[basin, k]
+        for k in range(low.shape[1]):
+            low[own, k] = min(low[own, k], basin_low[basin, k])
+            high[own, k] = max(high[own, k], basin_high[basin, k])

@@ -100,68 +100,44 @@ def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m:
     Sites of one pair of segments belong to the same opening if they are at most a cell apart, so
     that a pillar or a wall between two doors separates two openings.
     """
-    both = np.sort(segment_of[borders.basins], axis=1)
-    kept = np.flatnonzero((both[:, 0] != both[:, 1]) & (both[:, 0] >= 0))
-    both = both[kept]
-    opening = _pieces(both, borders.halves_rc[kept])
-    first = np.unique(opening, return_index=True)[1]
-    count = len(first)
-    sites = borders.halves_rc[kept] / 2.0
-    relief = borders.relief[kept]
-    top = np.zeros(count, np.int32)
-    np.maximum.at(top, opening, relief)
-    at_saddle = np.flatnonzero(relief == top[opening])
-    centre = _means(opening, sites, count)
-    direction, extent = _directions(opening, sites - centre[opening], count)
-    saddle = at_saddle[np.unique(opening[at_saddle], return_index=True)[1]]
+    from pgm_places.spaces import _opening_kernels as kernels
+
+    sites = kernels.Sites(borders.halves_rc, borders.basins, borders.relief, borders.is_side)
+    room = np.empty((3, len(borders.relief)), np.int64)
+    n = kernels.keep_sites(sites, segment_of, *room)
+    kept, pair, place = room[:, :n]
+    opening = np.empty(n, np.int64)
+    order = np.lexsort((place, pair))
+    count = kernels.number_openings(sites.halves, kept, pair, order, _REACH, opening)
+    sums = kernels.Sums(
+        segments=np.zeros((count, 2), np.int32),
+        top=np.zeros(count, np.int32),
+        saddle=np.zeros((count, 2)),
+        centre=np.zeros((count, 2)),
+        moments=np.zeros((count, 3)),
+        sides=np.zeros(count, np.int64),
+        basins=np.zeros((count, 2), np.int32),
+    )
+    kernels.sum_openings(sites, kept, pair, opening, sums)
+    direction, extent = _directions(sums.moments), np.empty(count)
+    kernels.measure_extents(sites.halves, kept, opening, sums.centre, direction, extent)
     return Openings(
-        segments=both[first],
-        half_width_m=half_width_m(top, resolution_m),
-        saddle_rc=_means(opening[at_saddle], sites[at_saddle], count),
-        centre_rc=centre,
+        segments=sums.segments,
+        half_width_m=half_width_m(sums.top, resolution_m),
+        saddle_rc=sums.saddle,
+        centre_rc=sums.centre,
         direction_rc=direction,
         length_m=(extent + 1) * resolution_m,
-        sides=np.bincount(opening, borders.is_side[kept], count).astype(np.int64),
-        basins=borders.basins[kept][saddle],
+        sides=sums.sides,
+        basins=sums.basins,
     )
 
 
-def _pieces(both: NDArray[np.int32], halves_rc: NDArray[np.int32]) -> NDArray[np.int64]:
-    """(M,) number of the connected piece of border that each site belongs to, sorted by pair."""
-    from pgm_places.spaces._border_kernels import join_sites
-
-    if not len(both):
-        return np.zeros(0, np.int64)
-    span = halves_rc.max(axis=0).astype(np.int64) + 2 * _REACH + 1
-    pair = np.unique(both[:, 0].astype(np.int64) << 32 | both[:, 1], return_inverse=True)[1]
-    site = halves_rc + _REACH
-    key = (pair * span[0] + site[:, 0]) * span[1] + site[:, 1]
-    known, index = np.unique(key, return_inverse=True)
-    # numbered in the order of the pairs, then of the first site
-    piece = np.empty(len(known), np.int64)
-    join_sites(known, int(span[1]), _REACH, piece)
-    return np.asarray(piece[index])
-
-
-def _means(group: NDArray[np.int64], sites: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    n = np.bincount(group, minlength=count)
-    return np.stack([np.bincount(group, axis, count) / n for axis in sites.T], axis=1)
-
-
-def _directions(
-    group: NDArray[np.int64], offset: NDArray[np.float64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(O, 2) principal axis of each group's offsets from its mean, and the extent along it."""
-    rr, rc, cc = (
-        np.bincount(group, product, count)
-        for product in (offset[:, 0] ** 2, offset[:, 0] * offset[:, 1], offset[:, 1] ** 2)
-    )
+def _directions(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(O, 2) principal axis of each opening's sites; (0, 0) where they have none."""
+    rr, rc, cc = moments.T
     # The principal eigenvector of [[rr, rc], [rc, cc]] is at half this angle.
     angle = 0.5 * np.arctan2(2 * rc, cc - rr)
     direction = np.stack([np.sin(angle), np.cos(angle)], axis=1)
     direction[np.hypot(2 * rc, cc - rr) <= 1e-9 * (rr + cc)] = 0.0
-    along = (offset * direction[group]).sum(axis=1)
-    low, high = np.zeros(count), np.zeros(count)
-    np.minimum.at(low, group, along)
-    np.maximum.at(high, group, along)
-    return direction, high - low
+    return direction

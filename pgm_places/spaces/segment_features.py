@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.position import area_cut_off, betweenness
 from pgm_places.spaces.segmentation import Segments
 from pgm_places.spaces.shapes import shapes_of
@@ -83,9 +84,9 @@ def _opening_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.
 
 def _position_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.float64]]:
     area, whole = own["area"], own["area"].sum()
-    between = betweenness(segments.graph, area)
-    cut = area_cut_off(segments.graph, area)
-    i, j = np.concatenate([segments.graph.edges, segments.graph.edges[:, ::-1]]).T
+    lists = neighbour_lists(segments.neighbours, segments.count)
+    between, cut = betweenness(*lists, area), area_cut_off(*lists, area)
+    i, j = _both_ways(segments)
     number = np.bincount(i, minlength=segments.count)
     around = np.bincount(i, area[j], segments.count)
     return {
@@ -99,6 +100,12 @@ def _position_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np
         "neighbour_betweenness": _largest_around(between, i, j),
         "neighbour_cut": _largest_around(cut, i, j),
     }
+
+
+def _both_ways(segments: Segments) -> NDArray[np.int32]:
+    """(2, 2 E) every pair of neighbours in one direction, then in the other."""
+    pairs = segments.neighbours
+    return np.concatenate([pairs, pairs[:, ::-1]]).T
 
 
 def _share_no_larger(area: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -124,7 +131,7 @@ def _largest_around(
 
 def _of_largest_neighbour(segments: Segments, picked: NDArray[np.float64]) -> NDArray[np.float64]:
     """(S, P) the columns of each segment's largest neighbour; ties go to the larger values."""
-    i, j = np.concatenate([segments.graph.edges, segments.graph.edges[:, ::-1]]).T
+    i, j = _both_ways(segments)
     order = np.lexsort((*picked[j].T[::-1], i))  # the area is the first column: compared first
     found = np.zeros_like(picked)
     found[i[order]] = picked[j[order]]  # the last one stays

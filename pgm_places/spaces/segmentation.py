@@ -133,7 +133,15 @@ class Segments:
     @cached_property
     def graph(self) -> LabelGraph:
         """The segments as nodes; those that share an opening are joined."""
-        return LabelGraph.from_edges(self.count, np.unique(self.openings.segments, axis=0))
+        return LabelGraph.from_edges(self.count, self.neighbours)
+
+    @cached_property
+    def neighbours(self) -> NDArray[np.int32]:
+        """(E, 2) the pairs of segments that share an opening, the smaller first, sorted."""
+        pairs = self.openings.segments  # sorted, so that the same ones follow each other
+        is_new = np.ones(len(pairs), np.bool_)
+        is_new[1:] = (pairs[1:, 0] != pairs[:-1, 0]) | (pairs[1:, 1] != pairs[:-1, 1])
+        return sealed(pairs[is_new])
 
     def at(self, cells_rc: ArrayLike) -> NDArray[np.int32]:
         """(n,) segment of cells (n, 2) given as row and column, -1 for none."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.spaces.basin_sums import N_RECTANGLES, BasinSums
+from pgm_places.spaces.basin_sums import N_RECTANGLES
 from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segmentation import Segments
 
@@ -44,20 +44,22 @@ class Shapes:
 
 def shapes_of(segments: Segments) -> Shapes:
     """The shapes of all segments of a division."""
+    from pgm_places.spaces._shape_kernels import gather_basins
+
     watershed, count = segments.watershed, segments.count
     resolution_m = watershed.grid.resolution_m
     sums = watershed.sums
-    inside = segments.segment_of >= 0
-    home = segments.segment_of[inside]
     total = np.zeros((count, sums.total.shape[1]), np.int64)
-    np.add.at(total, home, sums.total[inside])
+    low = np.full((count, sums.low.shape[1]), np.inf)
+    high = np.full((count, sums.high.shape[1]), -np.inf)
+    gather_basins(segments.segment_of, sums.total, sums.low, sums.high, total, low, high)
     cells = np.round(segments.area_m2 / resolution_m**2).astype(np.int64)
     openings = np.bincount(
         segments.openings.segments.reshape(-1),
         np.repeat(segments.openings.sides, 2).astype(np.float64),
         count,
     )
-    short, long = _rectangles(sums, inside, home, count)
+    short, long = _rectangles(low, high)
     return Shapes(
         clearance=clearance_m(total[:, 0] / cells, resolution_m),
         roundness=_roundness(cells, total[:, 4:9]),
@@ -70,16 +72,12 @@ def shapes_of(segments: Segments) -> Shapes:
 
 
 def _rectangles(
-    sums: BasinSums, inside: NDArray[np.bool_], home: NDArray[np.int32], count: int
+    low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(S,) shorter and (S,) longer side, in cells, of the rectangle with the smallest area."""
-    low = np.full((count, sums.low.shape[1]), np.inf)
-    high = np.full((count, sums.high.shape[1]), -np.inf)
-    np.minimum.at(low, home, sums.low[inside])
-    np.maximum.at(high, home, sums.high[inside])
     extent = high - low + 1
     one, other = extent[:, :N_RECTANGLES], extent[:, N_RECTANGLES:]
-    best = np.arange(count), np.argmin(np.round(one * other, 6), axis=1)
+    best = np.arange(len(low)), np.argmin(np.round(one * other, 6), axis=1)
     return np.minimum(one, other)[best], np.maximum(one, other)[best]
 
 

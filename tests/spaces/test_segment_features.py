@@ -13,6 +13,7 @@ from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces import cell_features, position
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
+from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.position import area_cut_off, betweenness
@@ -63,6 +64,10 @@ def graphs(draw: st.DrawFn) -> tuple[LabelGraph, np.ndarray]:
     return LabelGraph.from_edges(n, pairs), np.array(area, float)
 
 
+def neighbours(graph: LabelGraph) -> tuple[np.ndarray, np.ndarray]:
+    return neighbour_lists(graph.edges, graph.n_nodes)
+
+
 def networkx_of(graph: LabelGraph) -> "nx.Graph[int]":
     found: nx.Graph[int] = nx.Graph()
     found.add_nodes_from(range(graph.n_nodes))
@@ -77,15 +82,17 @@ def test_betweenness_is_that_of_networkx(drawn: tuple[LabelGraph, np.ndarray]) -
     wanted: dict[int, float] = {}
     for part in nx.connected_components(whole):
         wanted |= nx.betweenness_centrality(whole.subgraph(part))
-    assert betweenness(graph, area) == pytest.approx([wanted[k] for k in range(graph.n_nodes)])
+    assert betweenness(*neighbours(graph), area) == pytest.approx(
+        [wanted[k] for k in range(graph.n_nodes)]
+    )
 
 
 def test_paths_from_some_nodes_are_near_those_from_all(monkeypatch: pytest.MonkeyPatch) -> None:
     generator = np.random.default_rng(3)
     graph = LabelGraph.from_points(generator.random((120, 2)), n_neighbours=4)
-    every = betweenness(graph, np.ones(120))
+    every = betweenness(*neighbours(graph), np.ones(120))
     monkeypatch.setattr(position, "_MOST_SOURCES", 60)
-    some = betweenness(graph, generator.random(120))
+    some = betweenness(*neighbours(graph), generator.random(120))
     assert np.corrcoef(every, some)[0, 1] > 0.95
     assert some.sum() == pytest.approx(every.sum(), rel=0.1)
 
@@ -93,7 +100,7 @@ def test_paths_from_some_nodes_are_near_those_from_all(monkeypatch: pytest.Monke
 @given(drawn=graphs())
 def test_what_is_cut_off_is_what_hangs_apart(drawn: tuple[LabelGraph, np.ndarray]) -> None:
     graph, area = drawn
-    whole, found = networkx_of(graph), area_cut_off(graph, area)
+    whole, found = networkx_of(graph), area_cut_off(*neighbours(graph), area)
     for part in nx.connected_components(whole):
         for node in part:
             rest = whole.subgraph(part - {node})
