@@ -1,9 +1,12 @@
 """Trajectories on real buildings, labelled with and without a hidden Markov model.
 
 ``PGM_PLACES_DATA=DATA python -m experiments.trajectories`` writes experiments/trajectories.md, the
-part of docs/results.md about them; a single part is printed if it is named.
+part of docs/results.md about them; a single part is printed if it is named. ``--kept FOLDER`` keeps
+there what each part found, and each graph of the part ``graphs``, so that a run that was stopped
+goes on where it was.
 """
 
+import argparse
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.cold import cold_table
-from experiments.drives.methods import graphs_table, methods_table
+from experiments.drives.kept_text import KeptText
+from experiments.drives.methods import graphs_table, kinds_table, methods_table
 from experiments.evidence import evidence_table
 from experiments.joined import joined_table
 from experiments.map_prior import map_prior_table
@@ -120,29 +124,34 @@ def categories_table(data: Building79) -> str:
 
 def main() -> None:
     """Run all parts and write the page, or print those that are named."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.trajectories")
+    parser.add_argument("--kept", type=Path, help="folder of what is slow to compute")
+    parser.add_argument("parts", nargs="*", help="only print these")
+    chosen = parser.parse_args()
     data = os.environ.get("PGM_PLACES_DATA")
     if not data:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
-    building = load_building79(Path(data))
+    building, kept = load_building79(Path(data)), KeptText(chosen.kept)
     parts: Mapping[str, Callable[[], str]] = {
         "PLACES": lambda: places_table(building),
         "METHODS": lambda: methods_table("building79.toml"),
-        "FLOORS": lambda: methods_table("floors.toml"),
+        "FLOORS": lambda: kinds_table("floors.toml"),
         "PRIOR": lambda: map_prior_table(building),
-        "GRAPHS": graphs_table,
+        "GRAPHS": lambda: graphs_table(kept),
         "CATEGORIES": lambda: categories_table(building),
         "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),
         "JOINED": lambda: joined_table(building, from_left_map(building)),
     }
-    chosen = [name.upper() for name in sys.argv[1:]]
-    if chosen:
-        for name in chosen:
-            print(parts[name]())
+    if unknown := sorted({*chosen.parts} - {name.lower() for name in parts}):
+        parser.error(f"no part {unknown[0]!r}; there are {', '.join(parts).lower()}")
+    for name in chosen.parts:
+        print(kept.text(name, parts[name.upper()]))
+    if chosen.parts:
         return
     page = (FOLDER / "trajectories.template.md").read_text(encoding="utf-8")
     for name, run in parts.items():
-        page = page.replace("{" + name + "}", run())
+        page = page.replace("{" + name + "}", kept.text(name.lower(), run))
     PAGE.write_text(page, encoding="utf-8")
     print(f"wrote {PAGE}")
 

@@ -1,54 +1,83 @@
 """Every method on the same drives, from configuration files, as tables."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-from pgm_places.experiment.comparison import Comparison
+from experiments.drives.kept_text import KeptText
+from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.experiment.comparison import Comparison, MethodResult, score_intervals
 from pgm_places.experiment.config import ExperimentConfig, load_config
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
+from pgm_places.reproduce.kept import fingerprint
 from pgm_places.spaces.door_truth import DoorScores
+
+__all__ = ["graphs_table", "kinds_table", "methods_table"]
 
 FOLDER = Path(__file__).parent
 DRIVES = ("building79", "categories79", "simulated", "cold_freiburg", "cold_saarbrucken")
 LOOP_M = 0.4
 CHAIN, LOOPS, JOINT = "chain", "chain with loops", "joint with the cells"
 CHAINS_ONLY = ("hmm", "semi_markov")
+COLUMNS = "method | accuracy | 95 % | balanced | doorway recall | passages found | invented |"
+KINDS = {"": "floors", "office": "offices", "school": "schools"}
+"""How the names of drives begin, and what they are called in tables."""
 
 
 def methods_table(name: str) -> str:
     """Accuracy, balanced accuracy, doorway recall and passages of each method of a file here."""
-    config = FOLDER / name
-    found = compare(Experiment(load_config(config), FOLDER))
-    lines = [
-        "| method | accuracy | 95 % | balanced | doorway recall | passages found | invented |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for method in found.methods:
-        scored, interval = method.evaluation, method.intervals["accuracy"]
-        doors = DoorScores.total(method.doors)
-        lines.append(
-            f"| `{method.id}` | {100 * scored.accuracy:.1f} | "
-            f"{100 * interval.low:.1f} to {100 * interval.high:.1f} | "
-            f"{100 * scored.balanced_accuracy:.1f} | "
-            f"{100 * (scored.recall['doorway'] or 0.0):.1f} | "
-            f"{doors.found} of {doors.doors} | {doors.invented} |"
-        )
-        print(lines[-1], flush=True)
+    found = _compared(name)
+    everything = range(len(found.maps))
+    lines = [f"| {COLUMNS}", "|---" * 7 + "|"]
+    lines += [f"| {_figures_of(found, method, everything)}" for method in found.methods]
     return "\n".join(lines)
 
 
-def graphs_table(names: tuple[str, ...] = DRIVES) -> str:
+def kinds_table(name: str) -> str:
+    """The same by kind of building: drives whose names begin alike."""
+    found = _compared(name)
+    lines = [f"| drives in | {COLUMNS}", "|---" * 8 + "|"]
+    for start, kind in KINDS.items():
+        some = [i for i, item in enumerate(found.maps) if item.name.startswith(start)]
+        lines += [
+            f"| {len(some)} {kind} | {_figures_of(found, method, some)}" for method in found.methods
+        ]
+    return "\n".join(lines)
+
+
+def _compared(name: str) -> Comparison:
+    return compare(Experiment(load_config(FOLDER / name), FOLDER))
+
+
+def _figures_of(found: Comparison, method: MethodResult, some: Sequence[int]) -> str:
+    """A method's row over some of the drives, its interval by stretches of their ways."""
+    items, labelings = [found.maps[i] for i in some], [method.labelings[i] for i in some]
+    scored = Evaluation.merged([method.evaluations[i] for i in some])
+    interval = score_intervals(items, labelings, len(found.label_names))["accuracy"]
+    doors = DoorScores.total(method.doors[i] for i in some)
+    text = (
+        f"`{method.id}` | {100 * scored.accuracy:.1f} | "
+        f"{100 * interval.low:.1f} to {100 * interval.high:.1f} | "
+        f"{100 * scored.balanced_accuracy:.1f} | "
+        f"{100 * (scored.recall['doorway'] or 0.0):.1f} | "
+        f"{doors.found} of {doors.doors} | {doors.invented} |"
+    )
+    print(text, flush=True)
+    return text
+
+
+def graphs_table(kept: KeptText, names: tuple[str, ...] = DRIVES) -> str:
     """Accuracy / balanced accuracy of every method on every graph, drives by drives."""
     lines = [f"| drives | method | {CHAIN} | {LOOPS} | {JOINT} |", "|---|---|---|---|---|"]
     for name in names:
-        lines += _rows(load_config(FOLDER / f"{name}.toml"))
+        lines += _rows(name, load_config(FOLDER / f"{name}.toml"), kept)
     return "\n".join(lines)
 
 
-def _rows(config: ExperimentConfig) -> Iterator[str]:
+def _rows(name: str, config: ExperimentConfig, kept: KeptText) -> Iterator[str]:
     """A row per method; methods for chains have the first graph alone."""
     loopy = tuple(item for item in config.methods if item.name not in CHAINS_ONLY)
     variants = {CHAIN: config}
@@ -58,18 +87,21 @@ def _rows(config: ExperimentConfig) -> Iterator[str]:
         variants[JOINT] = replace(config, nodes="both", train=drives, methods=loopy)
     found = {}
     for graph, variant in variants.items():
-        compared = compare(Experiment(variant, FOLDER))
-        found[graph] = _figures(compared)
-        print(config.title, graph, found[graph], flush=True)
+        stem = f"{name}-{graph.replace(' ', '-')}-{fingerprint(variant)}"
+        text = kept.text(stem, partial(_figures, variant))
+        print(f"{config.title}, {graph}\n{text}", flush=True)
+        found[graph] = dict(line.split("\t") for line in text.splitlines())
     for method in config.methods:
         cells = [found.get(graph, {}).get(method.id, "-") for graph in (CHAIN, LOOPS, JOINT)]
         yield f"| {config.title} | `{method.id}` | {' | '.join(cells)} |"
 
 
-def _figures(found: Comparison) -> dict[str, str]:
-    """Accuracy / balanced accuracy of the steps in percent, by method."""
-    scored = {method.id: found.by_unit(method)["step"] for method in found.methods}
-    return {
-        name: f"{100 * item.accuracy:.1f} / {100 * item.balanced_accuracy:.1f}"
-        for name, item in scored.items()
-    }
+def _figures(config: ExperimentConfig) -> str:
+    """A line per method: its name, a tab, accuracy / balanced accuracy of the steps in percent."""
+    found = compare(Experiment(config, FOLDER))
+    lines = []
+    for method in found.methods:
+        item = found.by_unit(method)["step"]
+        figures = f"{100 * item.accuracy:.1f} / {100 * item.balanced_accuracy:.1f}"
+        lines.append(f"{method.id}\t{figures}")
+    return "\n".join(lines) + "\n"
