@@ -98,10 +98,10 @@ def number_openings(
     ``order`` sorts the kept sites by their pair, then by their place.
     """
     n = len(order)
-    rows, columns = np.int64(0), np.int64(0)
+    rows, columns = 0, 0
     for site in kept:
-        rows = max(rows, np.int64(halves[site, 0]))
-        columns = max(columns, np.int64(halves[site, 1]))
+        rows = max(rows, int(halves[site, 0]))
+        columns = max(columns, int(halves[site, 1]))
     rows, columns = rows + 2 * reach + 1, columns + 2 * reach + 1
     known, index = np.empty(n, np.int64), np.empty(n, np.int64)
     count, n_pairs = 0, -1

@@ -24,7 +24,7 @@ def test_a_text_is_made_once_where_there_is_a_folder(tmp_path: Path) -> None:
 def test_floors_are_of_a_known_kind_and_in_buildings_of_their_own() -> None:
     config = load_config(FOLDER / "floors.toml")
     starts = [start for start in KINDS if start]
-    assert all(item.name.startswith(tuple(starts)) for item in config.test)
+    assert all(str(item.name).startswith(tuple(starts)) for item in config.test)
     learned = {item.building for item in config.train}
     assert len(learned) == 6
     assert not learned & {item.building for item in config.test}
