@@ -13,9 +13,8 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.node_weights import node_weights
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.inference.problem import LabelingProblem, labelled_problems, weights_of
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Learner,
@@ -23,6 +22,7 @@ from pgm_places.models.amn_learning import (
     choose_completed,
     choose_penalty,
     labelled_parts,
+    labelled_weights,
     learn,
     learn_hidden,
     node_losses,
@@ -186,7 +186,8 @@ class AssociativeMarkovNetwork(LinearModel):
         labelings : sequence of (N,) int
             The true label index of every node of each map, -1 where it is unknown.
         sample_weight : sequence of float or (N,) float, optional
-            For each map a weight of all its nodes or of each, by which a wrong label costs more.
+            For each map what it counts, or each of its nodes: a wrong label costs as much more, and
+            a connected part of a graph counts as the mean of its nodes.
         on_iteration : callable, optional
             Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` (cuts, gap, seconds)
             as learning goes on; when it returns True, the best weights so far are taken.
@@ -201,7 +202,7 @@ class AssociativeMarkovNetwork(LinearModel):
         examples = labelled_problems(problems, labelings)
         weights = None
         if sample_weight is not None:
-            weights = node_weights(sample_weight, [p.graph.n_nodes for p, _ in examples])
+            weights = weights_of(sample_weight, problems)
         if completes(self.unlabelled, examples):
             if weights is not None:
                 raise InputError(
@@ -212,9 +213,7 @@ class AssociativeMarkovNetwork(LinearModel):
         known = labelled_parts(problems, labelings)
         scaling, tasks = self._prepared(known)
         if weights is not None:
-            tasks = weighted(
-                tasks, [w[t >= 0] for w, (_, t) in zip(weights, examples, strict=True)]
-            )
+            tasks = weighted(tasks, labelled_weights(weights, labelings))
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         search = None
         options = self._learner_options()

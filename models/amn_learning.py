@@ -18,7 +18,7 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
-from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     Cut,
@@ -41,6 +41,7 @@ __all__ = [
     "choose_completed",
     "choose_penalty",
     "labelled_parts",
+    "labelled_weights",
     "learn",
     "learn_hidden",
     "node_losses",
@@ -138,6 +139,17 @@ def labelled_parts(
     return known
 
 
+def labelled_weights(
+    weights: Sequence[NDArray[np.float64]],
+    labelings: Sequence[NDArray[np.int64]],
+    *,
+    with_unlabelled: bool = False,
+) -> list[NDArray[np.float64]]:
+    """The weights of the nodes that :func:`labelled_parts` keeps."""
+    pairs = [(w, np.asarray(t) >= 0) for w, t in zip(weights, labelings, strict=True)]
+    return [w if with_unlabelled else w[known] for w, known in pairs if known.any()]
+
+
 def learn(
     problems: Sequence[MaxMarginProblem],
     options: LearnerOptions,
@@ -224,14 +236,16 @@ def choose_penalty(
                 f"{part + 1} of {n_blocks} some label has no example left. "
                 "Use more validation blocks or give one C"
             )
-        truth.append(held_out.labels)
+        counts = held_out.loss > 0  # what weighs nothing is not asked either
+        truth.append(held_out.labels[counts])
         cuts: tuple[Cut, ...] = ()
         oracle = graph_cut_oracle(held_out.n_nodes, held_out.edges)
         for number, penalty in enumerate(penalties):
             priced = [replace(problem, penalty=penalty) for problem in train]
             solution = learn(priced, quick, cuts=cuts)
             cuts = solution.cuts  # planes hold at any C
-            found[number].append(oracle(*potentials_of(held_out, solution.weights)))
+            labels = oracle(*potentials_of(held_out, solution.weights))
+            found[number].append(labels[counts])
     return best_penalty(penalties, truth, found)
 
 
@@ -314,17 +328,24 @@ def weighted(
 ) -> list[MaxMarginProblem]:
     """The problems with losses multiplied by weights (N,), scaled so that the mean loss stays.
 
-    Weights of maps without any label, which are empty, are passed over.
+    Each connected part also scores as much as it counts: its hinge is then multiplied as a whole.
     """
-    kept = [part for part in weights if len(part)]
     before = np.concatenate([task.loss for task in tasks])
-    after = before * np.concatenate(kept)
+    after = before * np.concatenate(weights)
     if not after.any():
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
     scale = before.mean() / after.mean()
-    return [
-        replace(task, loss=scale * part * task.loss) for task, part in zip(tasks, kept, strict=True)
-    ]
+    return [_counting(task, scale * part) for task, part in zip(tasks, weights, strict=True)]
+
+
+def _counting(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
+    share = part_means(task.n_nodes, task.edges, weight)[:, None]
+    return replace(
+        task,
+        node_features=share * task.node_features,
+        edge_features=share[task.edges[:, 0]] * task.edge_features,
+        loss=weight * task.loss,
+    )
 
 
 def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMarginProblem:

@@ -2,7 +2,8 @@
 
 Expectation maximisation of ::
 
-    sum over chains log p(what was seen, known labels) + smoothing * (sum of the tables' logarithms)
+    sum over chains weight * log p(what was seen, known labels)
+    + smoothing * (sum of the tables' logarithms)
 
 (L. Baum et al., "A maximization technique occurring in the statistical analysis of probabilistic
 functions of Markov chains", Annals of Mathematical Statistics 41 (1970)). A known label is certain,
@@ -17,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
@@ -54,6 +56,8 @@ class ChainToLearn(NamedTuple):
     """(T,) -1 where unknown."""
     moved: NDArray[np.bool_]
     """(T - 1,) whether the robot moved between each step and the next; else the label stays."""
+    weight: float = 1.0
+    """How often the chain counts."""
 
 
 class _Expected(NamedTuple):
@@ -111,7 +115,7 @@ def baum_welch(
     >>> found.tables.transition.round(1).tolist()
     [[0.5, 0.5], [0.4, 0.6]]
     """
-    n_steps = max(sum(len(chain.labels) for chain in chains), 1)
+    n_steps = max(sum(chain.weight * len(chain.labels) for chain in chains), 1.0)
     objectives: list[float] = []
     for _ in range(max_rounds):
         expected = _expected(chains, tables, prior, observation, learns_start)
@@ -134,15 +138,27 @@ def with_unlabelled(
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
     moved: Callable[[LabelGraph], NDArray[np.bool_]],
+    weights: Sequence[NDArray[np.float64]],
 ) -> dict[str, Any]:
     """What a hidden Markov model learns of unlabelled steps, by the names of its fields.
 
     ``model`` has the tables that were counted on labelled steps; ``moved`` says of a chain whether
     the robot moved between its steps.
+
+    Raises
+    ------
+    InputError
+        Steps of one chain differ in weight: what is expected of them belongs to the whole chain.
     """
+    if any(len(np.unique(part)) > 1 for part in weights):
+        raise InputError(
+            "sample_weight needs one weight per chain with unlabelled='hidden'; take 'dropped' for "
+            "weights of single steps"
+        )
+    pairs = labelled_problems(problems, labelings)
     chains = [
-        ChainToLearn(evident_unary(problem, "hmm"), labels, moved(problem.graph))
-        for problem, labels in labelled_problems(problems, labelings)
+        ChainToLearn(evident_unary(problem, "hmm"), labels, moved(problem.graph), float(weight[0]))
+        for (problem, labels), weight in zip(pairs, weights, strict=True)
         if len(labels)
     ]
     found = baum_welch(
@@ -168,7 +184,7 @@ def _expected(
     start = tables.initial if learns_start else np.full(k, 1.0 / k)
     log_start, log_move = np.log(possible(start)), np.log(possible(tables.transition))
     log_stay = np.log(possible(np.eye(k)))
-    for unary, labels, moved in chains:
+    for unary, labels, moved, weight in chains:
         scores = log_likelihood(unary, observation, tables.confusion, prior, 1.0)
         scores[0] += log_start
         steps = np.arange(len(labels))
@@ -177,10 +193,10 @@ def _expected(
         known = keep_known(scores, labels)
         found = forest_marginals(known, chain, pairwise=pairwise, pairs=True)
         assert found.pair_beliefs is not None
-        total += found.log_partition
-        first += found.beliefs[0]
-        moves += found.pair_beliefs[moved].sum(axis=0)
-        confusions += _confusions(unary, found.beliefs, tables.confusion, observation)
+        total += weight * found.log_partition
+        first += weight * found.beliefs[0]
+        moves += weight * found.pair_beliefs[moved].sum(axis=0)
+        confusions += weight * _confusions(unary, found.beliefs, tables.confusion, observation)
     return _Expected(first, moves, confusions, total)
 
 

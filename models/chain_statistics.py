@@ -16,6 +16,7 @@ __all__ = [
     "count_chains",
     "count_table",
     "counted_tables",
+    "lighter_ends",
     "moved_steps",
     "normalised",
     "require_chain",
@@ -42,6 +43,7 @@ def count_chains(
     moved: Callable[[LabelGraph], NDArray[np.bool_]],
     *,
     smoothing: float,
+    weights: Sequence[NDArray[np.float64]],
 ) -> ChainCounts:
     """Counts over all chains, ``smoothing`` added to each.
 
@@ -52,6 +54,9 @@ def count_chains(
     moved : function of a chain
         (T - 1,) whether the robot moved between each step and the next.
     smoothing : float
+    weights : sequence of (T,) float
+        What each step counts; a move counts as the lighter of its two steps, which is what a chain
+        of one weight does as a whole.
 
     Raises
     ------
@@ -64,19 +69,24 @@ def count_chains(
     seen = moves.copy()
     first = np.full(n_labels, smoothing)
     share = first.copy()
-    for problem, truth in pairs:
+    for (problem, truth), weight in zip(pairs, weights, strict=True):
         require_chain(problem.graph)
         if problem.unary is None:
             raise InputError("'hmm' needs unary log-probabilities; the problem has none")
         known = np.flatnonzero(truth >= 0)
         pair = (truth[:-1] >= 0) & (truth[1:] >= 0) & moved(problem.graph)
-        np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), 1)
-        np.add.at(seen, (truth[known], problem.unary[known].argmax(axis=1)), 1)
-        np.add.at(share, truth[known], 1)
-        first[truth[known[:1]]] += 1
+        np.add.at(moves, (truth[:-1][pair], truth[1:][pair]), lighter_ends(weight)[pair])
+        np.add.at(seen, (truth[known], problem.unary[known].argmax(axis=1)), weight[known])
+        np.add.at(share, truth[known], weight[known])
+        first[truth[known[:1]]] += weight[known[:1]]
     if share.sum() == smoothing * n_labels:
-        raise InputError("no step is labelled, so there is nothing to train on")
+        raise InputError("no step is labelled, or all that are weigh 0: nothing to train on")
     return ChainCounts(moves, seen, first, share)
+
+
+def lighter_ends(weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(T - 1,) the smaller weight of each step and the next."""
+    return np.minimum(weight[:-1], weight[1:])
 
 
 def counted_tables(

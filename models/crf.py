@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
@@ -15,11 +15,12 @@ from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, weights_of
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Example,
     labelled_parts,
+    labelled_weights,
     node_losses,
     penalties_of,
 )
@@ -168,6 +169,7 @@ class ConditionalRandomField(LinearModel):
         problems: Sequence[LabelingProblem],
         labelings: Sequence[NDArray[np.int64]],
         *,
+        sample_weight: Sequence[ArrayLike] | None = None,
         on_iteration: OnStep | None = None,
     ) -> Self:
         """A new, fitted field.
@@ -177,6 +179,9 @@ class ConditionalRandomField(LinearModel):
         problems : sequence of LabelingProblem
         labelings : sequence of (N,) int
             The true label index of every node of each problem, -1 where it is unknown.
+        sample_weight : sequence of float or (N,) float, optional
+            What each problem counts, or each of its nodes. The likelihood, which sees a graph as a
+            whole, takes one weight for each connected part of it; see the network for max margin.
         on_iteration : callable, optional
             Called with a :class:`~pgm_places.solvers.max_margin.LearningStep` as learning goes on;
             when it returns True, the best weights so far are taken.
@@ -186,12 +191,16 @@ class ConditionalRandomField(LinearModel):
         LabelError
             A label without an example in any problem.
         InputError
-            Problems and labelings that do not belong together, features that are missing, or
-            ``likelihood`` on a graph with a cycle.
+            Problems and labelings that do not belong together, features that are missing,
+            ``likelihood`` on a graph with a cycle, or weights that a learner cannot take.
         """
         hidden = self.unlabelled == "hidden"
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         scaling, task = self._task(examples)
+        if sample_weight is not None:
+            given = weights_of(sample_weight, problems)
+            kept = labelled_weights(given, labelings, with_unlabelled=hidden)
+            task = task.weighing(np.concatenate(kept))
         options = self._options(task.field)
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         search = None

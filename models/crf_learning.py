@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.errors import InputError
 from pgm_places.models.amn_learning import SEARCH_TOLERANCE, best_penalty
 from pgm_places.models.completion import (
     LossOf,
@@ -15,7 +16,7 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
-from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
 from pgm_places.solvers.max_margin import Cut, MaxMarginSolution, OnStep
@@ -67,12 +68,25 @@ class LearningTask:
         What a wrong label costs, for max-margin learning; 0 where the label is unknown.
     loss_of : callable
         What it costs at nodes of given labels (n,), once the unknown ones are completed.
+    weight : (N,) float, optional
+        What each node counts; ``loss`` contains it.
     """
 
     field: TableField
     labels: NDArray[np.int64]
     loss: NDArray[np.float64]
     loss_of: LossOf
+    weight: NDArray[np.float64] | None = None
+
+    def weighing(self, weight: NDArray[np.float64]) -> "LearningTask":
+        """The task whose nodes count by weights (N,); the mean loss stays."""
+        after = weight * self.loss
+        if not after.any():
+            raise InputError(
+                "sample_weight is 0 at every labelled node; nothing is left to learn from"
+            )
+        scale = self.loss.mean() / after.mean()
+        return replace(self, loss=scale * after, weight=scale * weight)
 
     def part(self, keep: NDArray[np.bool_]) -> "LearningTask":
         """The task on the nodes of a mask (N,) and the edges between them."""
@@ -86,7 +100,9 @@ class LearningTask:
             around=adjacency(int(keep.sum()), number[edges[inside]]),
             edge_features=field.edge_features[inside],
         )
-        return replace(self, field=smaller, labels=self.labels[keep], loss=self.loss[keep])
+        weight = None if self.weight is None else self.weight[keep]
+        labels, loss = self.labels[keep], self.loss[keep]
+        return replace(self, field=smaller, labels=labels, loss=loss, weight=weight)
 
 
 @dataclass(frozen=True)
@@ -123,6 +139,7 @@ def learn(
             penalty,
             kind=_KINDS[options.learner],
             start=start,
+            node_weight=task.weight,
             tolerance=options.tolerance,
             max_iterations=options.max_steps,
             time_limit_s=options.time_limit_s,
@@ -130,6 +147,11 @@ def learn(
         )
     if (task.labels >= 0).all():
         return _widest_margin(task, penalty, options, on_iteration=on_iteration)
+    if task.weight is not None:
+        raise InputError(
+            "sample_weight needs unlabelled='dropped' with max margin: labels are being completed, "
+            "and completed nodes have a weight of their own"
+        )
     return _completed(task, penalty, options, on_iteration)
 
 
@@ -141,7 +163,7 @@ def _widest_margin(
     cuts: Sequence[Cut] = (),
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution:
-    problem = TableMarginProblem(task.field, task.labels, task.loss, penalty)
+    problem = TableMarginProblem(_weighed(task), task.labels, task.loss, penalty)
     exact = task.field.is_forest
     verified = not exact and options.certified_tolerance is not None
     return cutting_plane(
@@ -155,6 +177,19 @@ def _widest_margin(
         verified_tolerance=options.certified_tolerance or 0.0,
         exact=exact,
         on_iteration=on_iteration,
+    )
+
+
+def _weighed(task: LearningTask) -> TableField:
+    """The field whose connected parts score as much as they count, so that their hinges do, too."""
+    field = task.field
+    if task.weight is None:
+        return field
+    share = part_means(field.n_nodes, field.around.edges, task.weight)[:, None]
+    return replace(
+        field,
+        node_features=field.node_features * share,
+        edge_features=field.edge_features * share[field.around.edges[:, 0]],
     )
 
 

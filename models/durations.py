@@ -40,6 +40,7 @@ class _Stay(NamedTuple):
     length_m: float  # until the last step that has it
     exit_m: float  # from there to the next step
     following: int  # the label then, -1 where unknown
+    weight: float  # how often it counts
 
 
 def learn_durations(
@@ -48,6 +49,7 @@ def learn_durations(
     n_labels: int,
     *,
     smoothing: float,
+    weights: Sequence[NDArray[np.float64]] | None = None,
 ) -> Durations:
     """Rates by occurrence and exposure: how often a label was left at an age, per metre of it.
 
@@ -63,6 +65,8 @@ def learn_durations(
         Their labels, -1 where unknown.
     n_labels : int
     smoothing : float
+    weights : sequence of (T,) float, optional
+        What each step counts; a stretch counts as the mean of its steps.
 
     Examples
     --------
@@ -75,18 +79,20 @@ def learn_durations(
     occurrences, exposure = np.zeros((n_labels, len(edges))), np.zeros((n_labels, len(edges)))
     left, metres = np.zeros(n_labels), np.zeros(n_labels)
     following = np.zeros((n_labels, n_labels))
-    for places, labels in zip(positions_m, labelings, strict=True):
-        for stay in _stays(places, labels):
+    if weights is None:
+        weights = [np.ones(len(labels)) for labels in labelings]
+    for places, labels, weight in zip(positions_m, labelings, weights, strict=True):
+        for stay in _stays(places, labels, weight):
             ends = stay.following >= 0
             lasted = stay.length_m + (0.5 * stay.exit_m if ends else 0.0)
-            metres[stay.label] += lasted
+            metres[stay.label] += stay.weight * lasted
             if stay.entered:
-                exposure[stay.label] += _within(edges, lasted)
+                exposure[stay.label] += stay.weight * _within(edges, lasted)
             if ends:
-                left[stay.label] += 1
-                following[stay.label, stay.following] += 1
+                left[stay.label] += stay.weight
+                following[stay.label, stay.following] += stay.weight
                 if stay.entered:
-                    occurrences[stay.label, _bin_of(edges, lasted)] += 1
+                    occurrences[stay.label, _bin_of(edges, lasted)] += stay.weight
     total_m, all_left = max(float(metres.sum()), EDGES_M[-1]), max(float(left.sum()), 1.0)
     overall = _over(left, metres, smoothing, np.full(n_labels, all_left / total_m))
     rates = _over(occurrences, exposure, smoothing, overall[:, None] + np.zeros_like(exposure))
@@ -130,7 +136,9 @@ def _within(edges: NDArray[np.float64], length_m: float) -> NDArray[np.float64]:
     return np.diff(np.minimum(np.append(edges, np.inf), length_m))
 
 
-def _stays(places: NDArray[np.float64], labels: NDArray[np.int64]) -> list[_Stay]:
+def _stays(
+    places: NDArray[np.float64], labels: NDArray[np.int64], weight: NDArray[np.float64]
+) -> list[_Stay]:
     """The stretches with one known label, gaps being unknown."""
     if len(labels) < 2:
         return []
@@ -153,6 +161,7 @@ def _stays(places: NDArray[np.float64], labels: NDArray[np.int64]) -> list[_Stay
                 length_m=float(at_m[end - 1] - at_m[start]),
                 exit_m=float(moved[end - 1]) if goes_on else 0.0,
                 following=int(labels[end]) if goes_on else -1,
+                weight=float(weight[start:end].mean()),
             )
         )
     return found

@@ -26,6 +26,7 @@ def best_weights(
     *,
     weights: Sequence[float] = WEIGHTS,
     balances: Sequence[float] = BALANCES,
+    node_weights: Sequence[NDArray[np.float64]] | None = None,
 ) -> tuple[float, float]:
     """The weight of the evidence and the exponent of the shares with the best labels.
 
@@ -43,9 +44,12 @@ def best_weights(
         (N,) of each step, -1 where it is unknown.
     weights, balances : sequence of float
         What is tried.
+    node_weights : sequence of (N,) float, optional
+        What each step counts.
     """
     truth = np.concatenate([np.asarray(labels) for labels in labelings])
     known = np.flatnonzero(truth >= 0)
+    counts = None if node_weights is None else np.concatenate(node_weights)[known]
 
     def best_of(tried: Sequence[float], least: float) -> tuple[tuple[float, float], float]:
         """The best pair with at least that accuracy, and its accuracy."""
@@ -53,7 +57,7 @@ def best_weights(
         for weight in sorted(weights, reverse=True):
             for balance in tried:
                 found = np.concatenate([labels_at(weight, balance, item) for item in problems])
-                confusion = confusion_matrix(truth[known], found[known])
+                confusion = confusion_matrix(truth[known], found[known], weights=counts)
                 share = float(accuracy(confusion))
                 quality = share + float(balanced_accuracy(confusion))
                 if share >= least and quality > highest + 1e-9:
@@ -73,6 +77,7 @@ def fitted_by_mode(
     balance: float | Literal["fitted"],
     problems: Sequence[LabelingProblem],
     labelings: Sequence[NDArray[np.int64]],
+    node_weights: Sequence[NDArray[np.float64]] | None = None,
 ) -> dict[str, Any]:
     """The best weights and exponents of each mode, by name; None for what is not to be fitted.
 
@@ -88,6 +93,7 @@ def fitted_by_mode(
             labelings,
             weights=weights,
             balances=(0.0,) if mode == "viterbi" else balances,
+            node_weights=node_weights,
         )
         for mode in modes
     ]

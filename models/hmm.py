@@ -16,7 +16,7 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.inference.problem import LabelingProblem, evident_unary
+from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
 from pgm_places.models.baum_welch import with_unlabelled
 from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import (
@@ -136,19 +136,27 @@ class HiddenMarkovModel:
         check_options(self)
 
     def fit(
-        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        *,
+        sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
         """A new one with the statistics of labelled trajectories.
 
         A transition counts where two steps in a row are labelled (and the robot moved), a confusion
         wherever a step is labelled. A label without any example gets equal probabilities.
+        ``sample_weight`` has for each trajectory what it counts, as a whole or step by step.
 
         Raises
         ------
         InputError
             No chain, no unary, other labels than in the first problem, or no labelled step at all.
         """
-        counts = count_chains(problems, labelings, self._moved, smoothing=float(self.smoothing))
+        weights = weights_of(sample_weight, problems)
+        counts = count_chains(
+            problems, labelings, self._moved, smoothing=float(self.smoothing), weights=weights
+        )
         learned_now = replace(
             self,
             transition=normalised(counts.moves),
@@ -159,12 +167,16 @@ class HiddenMarkovModel:
             learning_curve=None,
         )
         if self.unlabelled == "hidden":
-            tables = with_unlabelled(learned_now, problems, labelings, self._moved)
+            tables = with_unlabelled(learned_now, problems, labelings, self._moved, weights)
             learned_now = replace(learned_now, **tables)
-        return learned_now.with_sequences(problems, labelings)
+        return learned_now.with_sequences(problems, labelings, sample_weight=sample_weight)
 
     def with_sequences(
-        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        *,
+        sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
         """A new one with what labelled sequences teach beside counts: its fitted options.
 
@@ -175,6 +187,7 @@ class HiddenMarkovModel:
         if "fitted" not in (self.evidence_weight, self.balance):
             return self
         options = self.evidence_weight, self.balance
+        weights = weights_of(sample_weight, problems)
 
         def labels_at(
             mode: Any, weight: float, balance: float, problem: LabelingProblem
@@ -182,7 +195,8 @@ class HiddenMarkovModel:
             other = replace(self, mode=mode, evidence_weight=weight, balance=balance)
             return other.infer(problem).labels
 
-        return replace(self, **fitted_by_mode(labels_at, MODES, *options, problems, labelings))
+        fitted = fitted_by_mode(labels_at, MODES, *options, problems, labelings, weights)
+        return replace(self, **fitted)
 
     def choose(self, beliefs: ArrayLike) -> NDArray[np.int64]:
         """(T,) the label that each row of beliefs (T, K) is given: see ``balance``."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
-from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.problem import LabelingProblem, weights_of
 from pgm_places.models.chain_evidence import possible
 from pgm_places.models.durations import EDGES_M, Durations, constant_durations, learn_durations
 from pgm_places.models.evidence_weight import weights_at
@@ -68,7 +68,11 @@ class SemiMarkovModel(HiddenMarkovModel):
             )
 
     def with_sequences(
-        self, problems: Sequence[LabelingProblem], labelings: Sequence[NDArray[np.int64]]
+        self,
+        problems: Sequence[LabelingProblem],
+        labelings: Sequence[NDArray[np.int64]],
+        *,
+        sample_weight: Sequence[ArrayLike] | None = None,
     ) -> Self:
         """A new one with durations counted on labelled sequences, then with fitted options."""
         found = learn_durations(
@@ -76,9 +80,12 @@ class SemiMarkovModel(HiddenMarkovModel):
             labelings,
             problems[0].n_labels,
             smoothing=float(self.smoothing),
+            weights=weights_of(sample_weight, problems),
         )
         counted = replace(self, edges_m=np.array(EDGES_M), rates=found.rates, leaving=found.leaving)
-        return super(SemiMarkovModel, counted).with_sequences(problems, labelings)
+        return super(SemiMarkovModel, counted).with_sequences(
+            problems, labelings, sample_weight=sample_weight
+        )
 
     def rescaled(self, from_m: float, to_m: float) -> tuple[Self, float]:
         """One for updates every ``to_m`` metres: rates are per metre, only weights differ."""

@@ -9,7 +9,7 @@ from pgm_places._checks import frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.solvers._adjacency_kernels import Arcs, fill_slots
 
-__all__ = ["Adjacency", "adjacency"]
+__all__ = ["Adjacency", "adjacency", "part_means"]
 
 _MAX_EDGES = 2**30
 """Arcs are numbered in int32: two for every edge."""
@@ -76,3 +76,20 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     fill_slots(ends.view(np.uint32), start[:-1].copy(), head, arc)
     owner = ends.view(np.uint32).reshape(-1)
     return Adjacency(n_nodes, ends, Arcs(frozen(start), frozen(head), frozen(arc), owner))
+
+
+def part_means(n_nodes: int, edges: NDArray[np.int32], values: ArrayLike) -> NDArray[np.float64]:
+    """(N,) the mean of values (N,) over each node's connected part of the graph.
+
+    Examples
+    --------
+    >>> part_means(3, np.array([[0, 2]], np.int32), [1.0, 5.0, 2.0]).tolist()
+    [1.5, 5.0, 1.5]
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    joined = coo_array((np.ones(len(edges)), edges.T), shape=(n_nodes, n_nodes))
+    _, part = connected_components(joined, directed=False)
+    means: NDArray[np.float64] = (np.bincount(part, np.asarray(values)) / np.bincount(part))[part]
+    return means

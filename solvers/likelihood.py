@@ -17,6 +17,10 @@ where L is minus the logarithm of one of
     ends' unaries; no larger than p(t) (C. Sutton, A. McCallum, "Piecewise training for undirected
     models", UAI 2005).
 
+With weights v of the nodes, the mean is one of weights: a node's term counts v_i (``pseudo``), a
+pair's as the lighter of its ends (``piecewise``), and a connected part of the graph as a whole
+(``exact``).
+
 Nodes of unknown label are summed over (``exact`` and ``piecewise``) or expected (``pseudo``); f is
 then no longer convex.
 """
@@ -96,6 +100,7 @@ def negative_log_likelihood(
     weights: NDArray[np.float64],
     kind: Likelihood = "exact",
     expected: NDArray[np.float64] | None = None,
+    node_weight: NDArray[np.float64] | None = None,
 ) -> tuple[float, NDArray[np.float64]]:
     """L at some weights, and its gradient.
 
@@ -108,11 +113,13 @@ def negative_log_likelihood(
     kind : {"exact", "pseudo", "piecewise"}
     expected : (N, K) float, optional
         For ``pseudo``: the probabilities of the unknown labels; uniform where not given.
+    node_weight : (N,) float, optional
+        What each node counts.
 
     Raises
     ------
     InputError
-        ``exact`` on a graph with a cycle.
+        ``exact`` on a graph with a cycle, or with different weights in one connected part.
 
     Examples
     --------
@@ -125,15 +132,17 @@ def negative_log_likelihood(
     potentials = field.potentials(weights)
     if kind == "pseudo":
         soft = _soft_labels(field, labels, expected)
-        return _pseudo(field, labels, potentials, soft)
+        return _pseudo(field, labels, potentials, soft, node_weight)
+    if kind == "exact" and node_weight is not None:
+        _require_equal_ends(field, node_weight)
     marginals = _exact if kind == "exact" else _piecewise
-    free = marginals(field, potentials)
+    free = marginals(field, potentials, node_weight)
     value, gradient = free.log_partition, field.expected_features(*free[1:])
-    if (labels >= 0).all():
+    if kind == "exact" and node_weight is None and (labels >= 0).all():
         features = field.features_of(labels)
-        if kind == "exact":
-            return value - float(weights @ features), gradient - features
-    clamped = marginals(field, potentials._replace(unary=_clamped(potentials.unary, labels)))
+        return value - float(weights @ features), gradient - features
+    only = potentials._replace(unary=_clamped(potentials.unary, labels))
+    clamped = marginals(field, only, node_weight)
     return value - clamped.log_partition, gradient - field.expected_features(*clamped[1:])
 
 
@@ -144,6 +153,7 @@ def maximize_likelihood(
     *,
     kind: Likelihood = "exact",
     start: NDArray[np.float64] | None = None,
+    node_weight: NDArray[np.float64] | None = None,
     tolerance: float = 1e-3,
     max_iterations: int = 500,
     time_limit_s: float | None = None,
@@ -161,6 +171,8 @@ def maximize_likelihood(
     kind : {"exact", "pseudo", "piecewise"}
     start : (n_weights,) float, optional
         Where to begin instead of at 0.
+    node_weight : (N,) float, optional
+        What each node counts against the others.
     tolerance : float
         The relative gap at which learning ends.
     max_iterations : int
@@ -173,7 +185,8 @@ def maximize_likelihood(
     Raises
     ------
     InputError
-        No node has a label, or ``exact`` on a graph with a cycle.
+        No node of a weight above 0 has a label, or ``exact`` on a graph with a cycle or with
+        different weights in one connected part.
 
     Examples
     --------
@@ -187,7 +200,11 @@ def maximize_likelihood(
     n_known = int((labels >= 0).sum())
     if not n_known:
         raise InputError("maximum likelihood needs at least one labelled node, got none")
-    descent = _Descent(field, labels, penalty / n_known, kind, tolerance, time_limit_s)
+    total = float(n_known if node_weight is None else node_weight[labels >= 0].sum())
+    if not total:
+        raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
+    descent = _Descent(field, labels, penalty / total, kind, tolerance, time_limit_s)
+    descent.node_weight = node_weight
     descent.on_iteration = on_iteration
     weights = np.zeros(field.n_weights) if start is None else np.array(start, np.float64)
     descent.run(weights, max_iterations)
@@ -214,6 +231,7 @@ class _Descent:
         self.field, self.labels, self.price, self.kind = field, labels, price, kind
         self.tolerance, self.time_limit_s = tolerance, time_limit_s
         self.on_iteration: OnStep | None = None
+        self.node_weight: NDArray[np.float64] | None = None
         self.is_convex = bool((labels >= 0).all())
         self.expected: NDArray[np.float64] | None = None
         self.started = time.perf_counter()
@@ -225,7 +243,7 @@ class _Descent:
 
     def f(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         value, gradient = negative_log_likelihood(
-            self.field, self.labels, weights, self.kind, self.expected
+            self.field, self.labels, weights, self.kind, self.expected, self.node_weight
         )
         total = 0.5 * float(weights @ weights) + self.price * value
         return total, weights + self.price * gradient
@@ -315,13 +333,58 @@ def _clamped(unary: NDArray[np.float64], labels: NDArray[np.int64]) -> NDArray[n
     return np.where(others, -np.inf, unary)
 
 
-def _exact(field: TableField, potentials: FieldTables) -> _Expected:
+def _require_equal_ends(field: TableField, node_weight: NDArray[np.float64]) -> None:
+    first, second = field.around.edges.T
+    if (node_weight[first] != node_weight[second]).any():
+        raise InputError(
+            "the likelihood takes one sample_weight per connected part of a graph, which it sees "
+            "as a whole; for weights of single nodes take learner='pseudo-likelihood' or another"
+        )
+
+
+def _lighter_ends(field: TableField, node_weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(E,) the smaller weight of each edge's two nodes."""
+    ends: NDArray[np.float64] = node_weight[field.around.edges].min(axis=1)
+    return ends
+
+
+def _exact(
+    field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
+) -> _Expected:
     found = forest_marginals(potentials.unary, field.around, pairwise=potentials.tables, pairs=True)
     assert found.pair_beliefs is not None
-    return _Expected(found.log_partition, found.beliefs, found.pair_beliefs)
+    if node_weight is None:
+        return _Expected(found.log_partition, found.beliefs, found.pair_beliefs)
+    edge_weight = _lighter_ends(field, node_weight)
+    degree = np.bincount(field.around.edges.ravel(), minlength=field.n_nodes)
+    # log Z is the expected score plus the entropy, which on a forest is a sum over nodes and edges;
+    # unlike log Z itself, that falls into its connected parts.
+    nodes = _expected_score(found.beliefs, potentials.unary)
+    nodes += (degree - 1) * _expected_score(found.beliefs, _log(found.beliefs))
+    pairs = _expected_score(found.pair_beliefs, potentials.tables - _log(found.pair_beliefs))
+    return _Expected(
+        float(node_weight @ nodes + edge_weight @ pairs),
+        found.beliefs * node_weight[:, None],
+        found.pair_beliefs * edge_weight[:, None, None],
+    )
 
 
-def _piecewise(field: TableField, potentials: FieldTables) -> _Expected:
+def _expected_score(
+    beliefs: NDArray[np.float64], scores: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N,) the mean of scores (N, ...) under beliefs (N, ...); what is impossible adds nothing."""
+    terms = np.multiply(beliefs, scores, where=beliefs > 0, out=np.zeros_like(beliefs))
+    total: NDArray[np.float64] = terms.reshape(len(terms), -1).sum(axis=1)
+    return total
+
+
+def _log(beliefs: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.log(beliefs, where=beliefs > 0, out=np.zeros_like(beliefs))
+
+
+def _piecewise(
+    field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
+) -> _Expected:
     """Each edge by itself; a node's unary is shared out among its edges."""
     edges, k = field.around.edges, field.n_labels
     degree = np.bincount(edges.ravel(), minlength=field.n_nodes)
@@ -330,13 +393,16 @@ def _piecewise(field: TableField, potentials: FieldTables) -> _Expected:
     first, second = edges.T
     pairs = unary[first][:, :, None] + unary[second][:, None, :] + potentials.tables
     flat = pairs.reshape(len(edges), k * k)
-    joint = normalised(flat).reshape(pairs.shape)
+    counts = np.ones(field.n_nodes) if node_weight is None else node_weight
+    of_pairs = _lighter_ends(field, counts)
+    joint = (normalised(flat) * of_pairs[:, None]).reshape(pairs.shape)
     alone = degree == 0
     beliefs = np.zeros((field.n_nodes, k))
-    beliefs[alone] = normalised(unary[alone])
+    beliefs[alone] = normalised(unary[alone]) * counts[alone, None]
     np.add.at(beliefs, first, joint.sum(axis=2) * share[first, None])
     np.add.at(beliefs, second, joint.sum(axis=1) * share[second, None])
-    total = float(logsumexp(flat, axis=1).sum()) + float(logsumexp(unary[alone], axis=1).sum())
+    total = float(of_pairs @ logsumexp(flat, axis=1))
+    total += float(counts[alone] @ logsumexp(unary[alone], axis=1))
     return _Expected(total, beliefs, joint)
 
 
@@ -356,14 +422,17 @@ def _pseudo(
     labels: NDArray[np.int64],
     potentials: FieldTables,
     soft: NDArray[np.float64],
+    node_weight: NDArray[np.float64] | None,
 ) -> tuple[float, NDArray[np.float64]]:
     first, second = field.around.edges.T
     scores = _scores(field, potentials, soft)
     known = np.flatnonzero(labels >= 0)
-    value = float(logsumexp(scores[known], axis=1).sum() - scores[known, labels[known]].sum())
+    counts = np.ones(len(known)) if node_weight is None else node_weight[known]
+    value = float(counts @ (logsumexp(scores[known], axis=1) - scores[known, labels[known]]))
     surplus = np.zeros_like(scores)
     surplus[known] = normalised(scores[known])
     surplus[known, labels[known]] -= 1.0
+    surplus[known] *= counts[:, None]
     pairs = surplus[first][:, :, None] * soft[second][:, None, :]
     pairs += soft[first][:, :, None] * surplus[second][:, None, :]
     return value, field.expected_features(surplus, pairs)

@@ -46,14 +46,20 @@ def paired_labels(
 
 
 def confusion_matrix(
-    truth: NDArray[np.int64], predicted: NDArray[np.int64], n_labels: int | None = None
-) -> NDArray[np.int64]:
+    truth: NDArray[np.int64],
+    predicted: NDArray[np.int64],
+    n_labels: int | None = None,
+    *,
+    weights: NDArray[np.float64] | None = None,
+) -> NDArray[Any]:
     """(K, K) counts of nodes by true and predicted label, both (N,) and known everywhere.
 
-    K is one more than the highest label unless ``n_labels`` is given.
+    K is one more than the highest label unless ``n_labels`` is given; with ``weights`` (N,), nodes
+    count by these.
     """
     size = n_labels or 1 + int(max(truth.max(initial=-1), predicted.max(initial=-1)))
-    return np.bincount(truth * size + predicted, minlength=size * size).reshape(size, size)
+    pairs = truth * size + predicted
+    return np.bincount(pairs, weights, minlength=size * size).reshape(size, size)
 
 
 def accuracy(confusion: NDArray[Any]) -> NDArray[np.float64]:

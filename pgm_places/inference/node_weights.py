@@ -12,14 +12,15 @@ __all__ = ["node_weights"]
 
 
 def node_weights(
-    sample_weight: Sequence[ArrayLike] | NDArray[np.float64], sizes: Sequence[int]
+    sample_weight: Sequence[ArrayLike] | NDArray[np.float64] | None, sizes: Sequence[int]
 ) -> list[NDArray[np.float64]]:
     """For each problem the weight of every node.
 
     Parameters
     ----------
-    sample_weight : sequence of float or (N,) float
-        One entry a problem: a weight for all of its nodes, or one for each node; at least 0.
+    sample_weight : sequence of float or (N,) float, or None
+        One entry a problem: a weight for all of its nodes, or one for each node; at least 0. None
+        for 1 everywhere.
     sizes : sequence of int
         The problems' numbers of nodes.
 
@@ -34,6 +35,8 @@ def node_weights(
     >>> [part.tolist() for part in node_weights([2.0, [1.0, 0.0, 3.0]], [2, 3])]
     [[2.0, 2.0], [1.0, 0.0, 3.0]]
     """
+    if sample_weight is None:
+        return [np.ones(size) for size in sizes]
     if len(sample_weight) != len(sizes):
         raise InputError(
             f"sample_weight must have one entry per problem ({len(sizes)}), got "

@@ -18,6 +18,7 @@ from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.description import ProblemDescription, describe
+from pgm_places.inference.node_weights import node_weights
 from pgm_places.inference.potentials import keep_known
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "labelled_problems",
     "listed_problems",
     "require_no_cliques",
+    "weights_of",
 ]
 
 
@@ -302,6 +304,13 @@ def listed_problems(problems: Iterable[LabelingProblem]) -> list[LabelingProblem
     for number, problem in enumerate(found):
         require_type(f"problems[{number}]", problem, LabelingProblem)
     return found
+
+
+def weights_of(
+    sample_weight: Sequence[ArrayLike] | None, problems: Sequence[LabelingProblem]
+) -> list[NDArray[np.float64]]:
+    """For each problem the weight (N,) of every node; see :func:`node_weights`."""
+    return node_weights(sample_weight, [p.graph.n_nodes for p in listed_problems(problems)])
 
 
 def labelled_problems(

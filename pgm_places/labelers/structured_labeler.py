@@ -14,8 +14,12 @@ from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.labeling import Labeling
-from pgm_places.inference.node_weights import node_weights
-from pgm_places.inference.problem import LabelingProblem, labelled_problems, listed_problems
+from pgm_places.inference.problem import (
+    LabelingProblem,
+    labelled_problems,
+    listed_problems,
+    weights_of,
+)
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.unary.options import LearnOn, NumberOfFolds
@@ -150,7 +154,7 @@ class StructuredLabeler(Labeler):
             )
         seen, classifier, weights = problems, None, None
         if sample_weight is not None:
-            weights = node_weights(sample_weight, [p.graph.n_nodes for p in problems])
+            weights = weights_of(sample_weight, problems)
             for part in (self.classifier, backend if isinstance(backend, Learnable) else None):
                 _require_weighing(part)
         if self.classifier is not None:

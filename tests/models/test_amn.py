@@ -417,3 +417,19 @@ def test_maps_and_labelings_must_belong_together() -> None:
 def test_options_are_checked(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message.replace(".", r"\.")):
         AssociativeMarkovNetwork(**options)
+
+
+def test_a_weight_of_two_is_the_same_map_twice() -> None:
+    problem, truth = sample(6, 6)
+    assert problem.unary is not None
+    turns = (0, 7, 19)  # of one map's scores, so that they are scaled alike however often each is
+    problems = [
+        LabelingProblem(problem.graph, NAMES, np.roll(problem.unary, n, axis=0)) for n in turns
+    ]
+    truths = [np.roll(truth, 2 * n) for n in turns]
+    network = AssociativeMarkovNetwork(C=10.0, loss="hamming", learning_tolerance=1e-6)
+    twice = network.fit([*problems, problems[1]], [*truths, truths[1]]).potentials(problems[0])
+    heavy = network.fit(problems, truths, sample_weight=[1.0, 2.0, 1.0]).potentials(problems[0])
+    plain = network.fit(problems, truths).potentials(problems[0])
+    np.testing.assert_allclose(heavy.unary, twice.unary, atol=0.02)
+    assert np.abs(heavy.unary - plain.unary).max() > 0.1

@@ -185,3 +185,50 @@ def test_what_does_not_fit_is_refused() -> None:
         field.infer(replace(problem, edge_features=np.ones((29, 1))))
     with pytest.raises(InputError, match="feature_scale must be positive"):
         replace(field, feature_scale=np.zeros(3))
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_a_weight_of_two_is_the_same_problem_twice(learner: Any) -> None:
+    problem, truth = ring(24, 0)
+    looks = np.asarray(problem.node_features)
+    turns = (0, 5, 10)  # of one ring, so that features are scaled alike however often each is there
+    problems = [replace(problem, node_features=np.roll(looks, n, axis=0)) for n in turns]
+    truths = [np.roll(truth, 2 * n) for n in turns]
+    field = ConditionalRandomField(learner, C=10.0, learning_tolerance=1e-7)
+    twice = field.fit([*problems, problems[1]], [*truths, truths[1]]).potentials(problem)
+    heavy = field.fit(problems, truths, sample_weight=[1.0, 2.0, 1.0]).potentials(problem)
+    plain = field.fit(problems, truths).potentials(problem)
+    np.testing.assert_allclose(heavy.unary, twice.unary, atol=2e-3)
+    np.testing.assert_allclose(known(heavy.pairwise), known(twice.pairwise), atol=2e-3)
+    assert np.abs(known(heavy.pairwise) - known(plain.pairwise)).max() > 0.02
+
+
+def known(array: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    assert array is not None
+    return array
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_problems_of_small_weight_teach_little(learner: Any) -> None:
+    """Rings that run the other way, but hardly count."""
+    rings = [ring(60, seed) for seed in range(4)]
+    problems, truths = [p for p, _ in rings], [t for _, t in rings]
+    wrong = [truths[0], truths[1], *((-t) % 3 for t in truths[2:])]
+    weights = [1.0, 1.0, 1e-3, 1e-3]
+    field = ConditionalRandomField(learner).fit(problems, wrong, sample_weight=weights)
+    assert field.tables is not None
+    assert field.tables[0].argmax(axis=1).tolist() == [1, 2, 0]
+
+
+def test_weights_that_a_learner_cannot_take_are_refused() -> None:
+    problem, truth = ring(30, 0)
+    some = np.where(np.arange(30) % 5 == 0, -1, truth)
+    each = [np.linspace(0.5, 1.5, 30)]
+    with pytest.raises(InputError, match="one sample_weight per connected part"):
+        ConditionalRandomField().fit([problem], [truth], sample_weight=each)
+    with pytest.raises(InputError, match="unlabelled='dropped' with max margin"):
+        ConditionalRandomField("max-margin").fit([problem], [some], sample_weight=each)
+    dropped = ConditionalRandomField("max-margin", unlabelled="dropped")
+    assert dropped.fit([problem], [some], sample_weight=each).tables is not None
+    with pytest.raises(InputError, match="sample_weight is 0 at every labelled node"):
+        dropped.fit([problem], [some], sample_weight=[(some < 0).astype(float)])

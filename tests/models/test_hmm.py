@@ -376,7 +376,7 @@ def test_the_balance_names_rare_labels_where_that_costs_no_accuracy() -> None:
     def labels_at(weight: float, balance: float, _: LabelingProblem) -> NDArray[np.int64]:
         return np.array(answers[weight, balance])
 
-    tried = {"weights": (0.5, 1.0), "balances": (0.0, 0.5, 1.0)}
+    tried: dict[str, Any] = {"weights": (0.5, 1.0), "balances": (0.0, 0.5, 1.0)}
     assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 0.5)
     answers[1.0, 1.0] = [0] * 6 + [1] * 4  # 0.8 right as well: it is free now
     assert best_weights(labels_at, [problem], [truth], **tried) == (1.0, 1.0)
@@ -400,3 +400,42 @@ def test_weights_are_fitted_for_each_mode_as_far_as_they_are_to_be() -> None:
         found = model.infer(problem)
         assert found.beliefs is not None
         np.testing.assert_array_equal(found.labels, model.choose(found.beliefs))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"evidence_weight": "fitted", "balance": "fitted"},
+        {"unlabelled": "hidden", "observation": "soft", "start": "learned"},
+    ],
+)
+@pytest.mark.parametrize("method", ["hmm", "semi_markov"])
+def test_a_weight_of_two_is_the_same_sequence_twice(method: str, options: dict[str, Any]) -> None:
+    if method == "semi_markov" and "unlabelled" in options:
+        pytest.skip("it counts durations, which steps without a label do not show")
+    walks = [a_walk(seed, 60) for seed in range(3)]
+    problems = [problem for problem, _ in walks]
+    truths = [np.where(np.arange(60) % 7 == m, -1, truth) for m, (_, truth) in enumerate(walks)]
+    twice = build(method, options).fit([*problems, problems[1]], [*truths, truths[1]])
+    heavy = build(method, options).fit(problems, truths, sample_weight=[1.0, 2.0, 1.0])
+    for name in ("transition", "confusion", "initial", "prior", "fitted_weights", "rates"):
+        one, other = getattr(twice, name, None), getattr(heavy, name, None)
+        assert (one is None) == (other is None)
+        if one is not None:
+            np.testing.assert_allclose(known(one), known(other), rtol=1e-9, atol=1e-12)
+
+
+def test_steps_of_weight_zero_teach_nothing() -> None:
+    problem, truth = a_walk(0, 50)
+    counts = (np.arange(50) < 30).astype(float)
+    heavy = build("hmm").fit([problem], [truth], sample_weight=[counts])
+    fewer = build("hmm").fit([problem], [np.where(counts > 0, truth, -1)])
+    np.testing.assert_allclose(heavy.transition, fewer.transition, rtol=1e-12)
+    np.testing.assert_allclose(heavy.confusion, fewer.confusion, rtol=1e-12)
+    with pytest.raises(InputError, match="one weight per chain with unlabelled='hidden'"):
+        build("hmm", {"unlabelled": "hidden"}).fit([problem], [truth], sample_weight=[counts])
+    with pytest.raises(InputError, match="or all that are weigh 0"):
+        build("hmm", {"smoothing": 0.0}).fit(
+            [problem, problem], [truth, truth - truth - 1], sample_weight=[0.0, 1.0]
+        )

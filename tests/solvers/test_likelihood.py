@@ -42,9 +42,16 @@ def model_of(found: TableField, weights: NDArray[np.float64]) -> Model:
     return Model(unary, found.around.edges.astype(np.int64), pairwise=tables)
 
 
-def plain(found: TableField, labels: NDArray[np.int64], weights: Any, kind: Likelihood) -> float:
-    """Minus the log-likelihood, by enumeration."""
+def plain(
+    found: TableField,
+    labels: NDArray[np.int64],
+    weights: Any,
+    kind: Likelihood,
+    node_weight: NDArray[np.float64] | None = None,
+) -> float:
+    """Minus the log-likelihood, by enumeration; nodes may count differently on loopy graphs."""
     model = model_of(found, weights)
+    counts = np.ones(found.n_nodes) if node_weight is None else node_weight
     fitting = [y for y in labelings(model) if ((labels < 0) | (labels == y)).all()]
     if kind == "exact":
         part = np.logaddexp.reduce([score(model, y) for y in fitting])
@@ -53,7 +60,7 @@ def plain(found: TableField, labels: NDArray[np.int64], weights: Any, kind: Like
         total = 0.0
         for i in range(found.n_nodes):
             one = np.array([score(model, (*labels[:i], k, *labels[i + 1 :])) for k in range(3)])
-            total += float(np.logaddexp.reduce(one) - one[labels[i]])
+            total += counts[i] * float(np.logaddexp.reduce(one) - one[labels[i]])
         return total
     total = 0.0
     degree = np.bincount(model.edges.ravel(), minlength=found.n_nodes)
@@ -65,7 +72,8 @@ def plain(found: TableField, labels: NDArray[np.int64], weights: Any, kind: Like
         for axis, i in enumerate(piece):
             if labels[i] >= 0:
                 seen = np.take(seen, [labels[i]], axis)
-        total += float(np.logaddexp.reduce(table.ravel()) - np.logaddexp.reduce(seen.ravel()))
+        less = float(np.logaddexp.reduce(table.ravel()) - np.logaddexp.reduce(seen.ravel()))
+        total += counts[list(piece)].min() * less
     return total
 
 
@@ -92,6 +100,51 @@ def test_unknown_labels_are_summed_over(seed: int, kind: Likelihood) -> None:
     labels = np.random.default_rng(seed).integers(-1, 3, 5)
     value, _ = negative_log_likelihood(found, labels, weights, kind)
     assert value == pytest.approx(plain(found, labels, weights, kind), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["pseudo", "piecewise"])
+@pytest.mark.parametrize("seed", range(4))
+def test_terms_of_nodes_and_pairs_count_by_weight(seed: int, kind: Likelihood) -> None:
+    found = field(seed, forest=False)
+    weights, rng = weights_of(found, seed), np.random.default_rng(seed)
+    labels, counts = rng.integers(0, 3, 5), rng.integers(0, 4, 5).astype(float)
+    value, _ = negative_log_likelihood(found, labels, weights, kind, node_weight=counts)
+    assert value == pytest.approx(plain(found, labels, weights, kind, counts), abs=1e-9)
+
+
+@pytest.mark.parametrize("lowest", [0, -1])
+@pytest.mark.parametrize("seed", range(4))
+def test_connected_parts_count_by_weight_in_the_likelihood(seed: int, lowest: int) -> None:
+    parts = [field(seed + 10 * m, forest=True, n=4) for m in range(2)]
+    weights, rng = weights_of(parts[0], seed), np.random.default_rng(seed)
+    labels = [rng.integers(lowest, 3, 4) for _ in parts]
+    counts = np.repeat([0.5, 3.0], 4)
+    by = partial(_weighed, beside(parts), np.concatenate(labels), counts, "exact")
+    alone = [plain(f, y, weights, "exact") for f, y in zip(parts, labels, strict=True)]
+    assert by(weights)[0] == pytest.approx(0.5 * alone[0] + 3.0 * alone[1], abs=1e-9)
+    assert check_grad(*_parts(by), weights) < 1e-5
+
+
+def _weighed(found: TableField, labels: Any, counts: Any, kind: Likelihood, weights: Any) -> Any:
+    return negative_log_likelihood(found, labels, weights, kind, node_weight=counts)
+
+
+@pytest.mark.parametrize("kind", ["pseudo", "piecewise"])
+def test_gradients_follow_the_weights_of_nodes(kind: Likelihood) -> None:
+    for seed in range(4):
+        found = field(seed, forest=False)
+        rng = np.random.default_rng(seed)
+        labels, counts = rng.integers(-1, 3, 5), rng.random(5)
+        by = partial(_weighed, found, labels, counts, kind)
+        assert check_grad(*_parts(by), weights_of(found, seed)) < 1e-5
+
+
+def test_the_likelihood_refuses_different_weights_in_one_part() -> None:
+    found, labels = field(0, forest=True), np.zeros(5, np.int64)
+    with pytest.raises(InputError, match="one sample_weight per connected part"):
+        maximize_likelihood(found, labels, 1.0, node_weight=np.arange(5.0))
+    with pytest.raises(InputError, match="sample_weight is 0 at every labelled node"):
+        maximize_likelihood(found, labels, 1.0, kind="pseudo", node_weight=np.zeros(5))
 
 
 def _parts(function: Any) -> tuple[Any, Any]:
