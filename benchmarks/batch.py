@@ -6,15 +6,19 @@ other with the model and the kernels loaded: the sum of those is what a batch on
 compared with, which also starts a process and loads both. Each worker has one thread. The cluster
 is Dask's `LocalCluster` of two processes, then a scheduler and two workers started by themselves
 that speak TCP on 127.0.0.1.
-For the kills, a batch of a tenth of the maps on two processes is begun again and again; each time,
-after a while drawn by chance, the batch or one of its workers is killed (`kill -9`). A map is lost
-if it is not done in the end, and done twice if it is written again after it was complete.
+Processor time is that of all processes of the batch together, which other work on the machine
+changes little; that of a cluster's workers is not known here.
+For the kills, a batch of 60 smaller maps on two processes is begun again and again; each time, at a
+moment drawn by chance from twice the time that four maps take, the batch or one of its workers is
+killed (`kill -9`). A map is lost if it was complete and is not any more, or is not done in the end,
+and done twice if it is written again after it was complete.
 The stages can be run one at a time, such as `--stages single,1`; what a stage found is kept until
 all are done. `--maps 30` takes fewer maps than a thousand.
 """
 
 import argparse
 import json
+import os
 import random
 import shutil
 import subprocess
@@ -24,7 +28,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import psutil
@@ -45,19 +49,19 @@ from pgm_places.progress import Silent
 
 N_MAPS, N_MAPS_QUICK = 1000, 12
 N_KILLS, N_KILLS_QUICK = 50, 4
-KILLED_SHARE, LONGEST_S = 0.1, 8.0
-DIFFERENT, TILED_EVERY, PART_M = 20, 10, 3.0
+N_KILLED_MAPS, N_FIRST = 60, 4
+DIFFERENT, TILED_EVERY, PART_M, SMALL_PART_M = 20, 10, 3.0, 2.0
 OPTIONS = LabelOptions()
 
 
-def write_maps(folder: Path, n_maps: int) -> None:
+def write_maps(folder: Path, n_maps: int, part_m: float = PART_M) -> None:
     """Maps as files, each the left end of a small floor; every tenth twice that, side by side."""
     floors = [
         generate_building(seed, size="small", resolution_m=0.05).grid for seed in range(DIFFERENT)
     ]
     for number in range(n_maps):
         grid = floors[number % DIFFERENT]
-        cells = grid.cells[:, : round(PART_M / grid.resolution_m)]
+        cells = grid.cells[:, : round(part_m / grid.resolution_m)]
         if number % TILED_EVERY == TILED_EVERY - 1:
             cells = np.hstack([cells, cells])
         (folder / f"floor{number:04d}").mkdir(parents=True)
@@ -65,27 +69,49 @@ def write_maps(folder: Path, n_maps: int) -> None:
         save_map(made, folder / f"floor{number:04d}" / "map")
 
 
-def single_seconds(maps: Path, out: Path) -> float:
-    """Wall seconds of all maps, one after the other in this process."""
+class Taken(NamedTuple):
+    """Seconds of wall clock, and of processor time where it is known."""
+
+    wall_s: float
+    processor_s: float | None
+
+
+def single_seconds(maps: Path, out: Path) -> Taken:
+    """What all maps take, one after the other in this process."""
     sha256 = ready_model(OPTIONS).sha256
-    total = 0.0
+    wall_s = processor_s = 0.0
     for first, found in enumerate(find_maps([str(maps)], out).maps):
         task = MapTask(found.name, found.path, out / found.name, OPTIONS, sha256)
         if not first:  # compiles
             label_one(MapTask("warm", found.path, out / "warm", OPTIONS, sha256))
-        start = time.perf_counter()
+        start, before = time.perf_counter(), processor_seconds()
         assert isinstance(label_one(task), LabelledRow)
-        total += time.perf_counter() - start
-    return total
+        wall_s += time.perf_counter() - start
+        processor_s += processor_seconds() - before
+    return Taken(wall_s, processor_s)
 
 
-def batch_seconds(maps: Path, out: Path, workers: Workers) -> float:
-    """Wall seconds of a batch."""
-    start = time.perf_counter()
+def batch_seconds(maps: Path, out: Path, workers: Workers) -> Taken:
+    """What a batch takes."""
+    start, before = time.perf_counter(), processor_seconds()
     found = find_maps([str(maps)], out)
     done = label_batch(found.maps, out, OPTIONS, workers, progress=Silent())
     assert len(done.rows) == len(found.maps)
-    return time.perf_counter() - start
+    wall_s, ours = time.perf_counter() - start, isinstance(workers, LocalWorkers)
+    return Taken(wall_s, ended_processor_seconds() - before if ours else None)
+
+
+def processor_seconds() -> float:
+    """Processor time of this process, and of its children that have ended."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def ended_processor_seconds() -> float:
+    """The same, once the workers have ended."""
+    workers = psutil.Process().children()
+    psutil.wait_procs(workers, timeout=10)
+    return processor_seconds()
 
 
 @contextmanager
@@ -122,50 +148,70 @@ def tcp_cluster() -> Iterator[str]:
             process.wait()
 
 
-def kills(maps: Path, out: Path, n_kills: int, seconds: float) -> dict[str, Any]:
+def kills(folder: Path, n_kills: int) -> dict[str, Any]:
     """What is lost and what is done twice where a batch is killed again and again."""
-    rng = random.Random(0)
-    command = [sys.executable, "-m", "pgm_places", "label", str(maps), "--out", str(out), "-j", "2"]
-    n_maps, n_killed, n_begun, done_twice = len(list(maps.iterdir())), 0, 0, 0
+    maps, out, rng = folder / "small", folder / "out", random.Random(0)
+    write_maps(maps, N_KILLED_MAPS, SMALL_PART_M)
+    longest_s = 2 * seconds_of(sorted(maps.iterdir())[:N_FIRST], folder / "first")
+    n_killed, n_begun, lost, done_twice = 0, 0, 0, 0
     done: dict[Path, int] = {}
+    start = time.perf_counter()
     while n_killed < n_kills:
         n_begun += 1
         if n_begun % 10 == 0:  # so that there is work left for the kills that follow
-            for path in out.glob("floor*"):
-                subprocess.run(["rm", "-r", str(path)], check=True)
+            shutil.rmtree(out, ignore_errors=True)
             done = {}
-        with subprocess.Popen([*command, "-q"], stdout=subprocess.DEVNULL) as batch:
-            time.sleep(rng.uniform(0.0, seconds))
-            children = psutil.Process(batch.pid).children() if batch.poll() is None else []
-            victim = rng.choice([None, *children])
-            if batch.poll() is None:
-                n_killed += 1
-                (batch if victim is None else victim).kill()
+        n_killed += killed([maps], out, rng.uniform(0.0, longest_s), rng)
         now = {path: path.stat().st_mtime_ns for path in out.glob("*/manifest.json")}
-        done_twice += sum(now.get(path) != written for path, written in done.items())
+        lost += len(done.keys() - now.keys())
+        done_twice += sum(now[path] != done[path] for path in done.keys() & now.keys())
         done = now
-    subprocess.run([*command, "-q"], check=True, stdout=subprocess.DEVNULL)
-    lost = n_maps - len(list(out.glob("*/manifest.json")))
-    left = len(list(out.glob(".*.tmp")))
-    return {"kills": n_killed, "lost": lost, "done twice": done_twice, "left behind": left}
+    subprocess.run(command_of([maps], out), check=True, stdout=subprocess.DEVNULL)
+    return {
+        "kills": n_killed,
+        "drawn from (s)": longest_s,
+        "wall s": time.perf_counter() - start,
+        "lost": lost + N_KILLED_MAPS - len(list(out.glob("*/manifest.json"))),
+        "done twice": done_twice,
+        "left behind": len(list(out.glob(".*.tmp"))),
+    }
+
+
+def killed(maps: Sequence[Path], out: Path, after_s: float, rng: random.Random) -> bool:
+    """Begin a batch, and kill it or one of its workers; whether it was still at work."""
+    with subprocess.Popen(command_of(maps, out), stdout=subprocess.DEVNULL) as batch:
+        time.sleep(after_s)
+        children = psutil.Process(batch.pid).children() if batch.poll() is None else []
+        victim = rng.choice([None, *children])
+        if batch.poll() is not None:
+            return False
+        (batch if victim is None else victim).kill()
+    return True
+
+
+def command_of(maps: Sequence[Path], out: Path) -> list[str]:
+    """The command that labels maps on two processes."""
+    words = [sys.executable, "-m", "pgm_places", "label", *map(str, maps)]
+    return [*words, "--out", str(out), "-j", "2", "-q"]
+
+
+def seconds_of(maps: Sequence[Path], out: Path) -> float:
+    """Wall seconds of that command, from its start to its end."""
+    start = time.perf_counter()
+    subprocess.run(command_of(maps, out), check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start
 
 
 def stages(folder: Path, n_kills: int) -> dict[str, Callable[[], Any]]:
     """What is measured, each by itself."""
     maps, out = folder / "maps", folder / "out"
 
-    def on(workers: Workers) -> float:
+    def on(workers: Workers) -> Taken:
         return batch_seconds(maps, out, workers)
 
-    def on_cluster(cluster: Callable[[], Any]) -> float:
+    def on_cluster(cluster: Callable[[], Any]) -> Taken:
         with cluster() as address:
             return on(DaskWorkers(address))
-
-    def killed() -> dict[str, Any]:
-        some = sorted(maps.iterdir())
-        for path in some[: max(4, round(KILLED_SHARE * len(some)))]:
-            shutil.copytree(path, folder / "some" / path.name, dirs_exist_ok=True)
-        return kills(folder / "some", out, n_kills, LONGEST_S)
 
     return {
         "single": lambda: single_seconds(maps, out),
@@ -173,7 +219,7 @@ def stages(folder: Path, n_kills: int) -> dict[str, Callable[[], Any]]:
         "2": lambda: on(LocalWorkers(2)),
         "dask": lambda: on_cluster(local_cluster),
         "tcp": lambda: on_cluster(tcp_cluster),
-        "kills": killed,
+        "kills": lambda: kills(folder, n_kills),
     }
 
 
@@ -210,18 +256,19 @@ def measured(
 
 def rows_of(found: dict[str, Any], n_maps: int) -> list[dict[str, Any]]:
     """The rows of the tables."""
-    alone, one = found.get("single"), found.get("1")
+    taken = {name: Taken(*found[name]) for name in TITLES if name in found}
+    alone, one = taken.get("single"), taken.get("1")
     rows: list[dict[str, Any]] = [
         {
             "maps": n_maps,
-            "by": title,
-            "wall s": found[name],
-            "maps a second": n_maps / found[name],
-            "against 1 process": one and one / found[name],
-            "against the sum of single maps": alone and alone / found[name],
+            "by": TITLES[name],
+            "wall s": this.wall_s,
+            "maps a second": n_maps / this.wall_s,
+            "against 1 process": one and one.wall_s / this.wall_s,
+            "against the sum of single maps": alone and alone.wall_s / this.wall_s,
+            "processor s": this.processor_s,
         }
-        for name, title in TITLES.items()
-        if name in found
+        for name, this in taken.items()
     ]
     return rows + ([found["kills"]] if "kills" in found else [])
 
