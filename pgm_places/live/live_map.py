@@ -23,6 +23,10 @@ FEW_CELLS = 6
 """Where 2 % of the cells flicker at random, one in a hundred of them has five flickering ones
 beside it."""
 
+FEW_MAPS = 5
+"""Specks of noise are gone from some of five maps; that a chair's leg waits for so many costs
+nothing."""
+
 
 @dataclass(frozen=True, eq=False)
 class LiveLabels:
@@ -68,7 +72,7 @@ class LiveMap:
     time, because a door that appears anywhere may turn two places into others. So labels are the
     same, to the last bit, as those of the map labelled by itself.
 
-    A change of a few cells counts once a second map confirms it
+    A change of a few cells counts once five maps on end have shown it
     (:class:`~pgm_places.live.settled_map.SettledMap`), so the map that is labelled may differ from
     the one that has come by flickers: ``labels.grid`` is what was labelled.
 
@@ -86,7 +90,9 @@ class LiveMap:
     own_names : mapping of int to str, optional
         The user's names, by id.
     few_cells : int
-        Changes of fewer cells beside each other wait for the next map; 1 to take all at once.
+        Changes of fewer cells beside each other wait; 1 to take all at once.
+    few_maps : int
+        Until so many maps on end have shown them.
     n_threads : int, optional
 
     Raises
@@ -103,6 +109,7 @@ class LiveMap:
         rules: TopologyOptions | None = None,
         own_names: Mapping[int, str] | None = None,
         few_cells: int = FEW_CELLS,
+        few_maps: int = FEW_MAPS,
         n_threads: int | None = None,
     ) -> None:
         labeler.check_fitted()
@@ -115,7 +122,7 @@ class LiveMap:
                 [chosen.unary], node_features=uses_node_features(chosen.backend)
             )
             self._features = GrowingFeatures(model.sensor, columns, n_threads=n_threads)
-        self._settled, self._memory = SettledMap(few_cells), PlaceMemory()
+        self._settled, self._memory = SettledMap(few_cells, few_maps), PlaceMemory()
         self._current: LiveLabels | None = None
 
     @property

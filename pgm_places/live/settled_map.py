@@ -1,4 +1,6 @@
-"""SettledMap: changes of a few cells count once a second map confirms them."""
+"""SettledMap: changes of a few cells count once further maps have confirmed them."""
+
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,8 @@ from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 __all__ = ["SettledMap"]
 
+T = TypeVar("T", bound=np.generic)
+
 _AROUND = np.ones((3, 3), np.bool_)
 
 
@@ -17,61 +21,66 @@ class SettledMap:
 
     Where a sensor is noisy, single cells of a map change to and fro, and with them what a robot
     sees from everywhere around. A known cell that changes takes its new value at once if at least
-    ``few_cells`` cells beside each other have changed, and otherwise once the next map says the
-    same. Cells that were unknown are taken at once: the map grows. So a map that is sent twice is
-    taken as it is.
+    ``few_cells`` cells beside each other have changed, and otherwise once ``few_maps`` maps on end
+    have said the same. Cells that were unknown are taken at once: the map grows. So a map that is
+    sent again and again is taken as it is in the end.
 
     Parameters
     ----------
     few_cells : int
         Changes of fewer cells wait; 1 for none.
+    few_maps : int
+        For so many maps, the first that says so counted.
 
     Examples
     --------
-    >>> settled = SettledMap(2)
+    >>> settled = SettledMap(few_cells=2, few_maps=2)
     >>> empty = OccupancyGrid([[0, 0, 0, 0, 0]], 0.1)
     >>> flicker = OccupancyGrid([[0, 0, 100, 0, 0]], 0.1)
     >>> [settled(grid).cells[0, 2].item() for grid in (empty, flicker, empty, flicker, flicker)]
     [0, 0, 0, 0, 100]
     """
 
-    def __init__(self, few_cells: int) -> None:
-        self.few_cells = few_cells
+    def __init__(self, few_cells: int, few_maps: int) -> None:
+        self.few_cells, self.few_maps = few_cells, few_maps
         self._taken: OccupancyGrid | None = None
         self._sent: OccupancyGrid | None = None
+        self._times = np.zeros((0, 0), np.int32)
 
     def __call__(self, grid: OccupancyGrid) -> OccupancyGrid:
         """The map as it counts now, on the raster of the one that has come."""
-        taken, sent = self._taken, self._sent
-        self._sent = grid
+        taken, sent, times = self._taken, self._sent, self._times
+        self._sent, self._times = grid, np.ones(grid.shape, np.int32)
         if taken is not None and sent is not None and self.few_cells > 1:
             shift = raster_shift(taken, grid)
             if shift is not None:
-                cells = self._settled(_moved(taken, grid, shift), _moved(sent, grid, shift), grid)
+                again = _moved(sent.cells, grid, shift, UNKNOWN) == grid.cells
+                self._times += np.where(again, _moved(times, grid, shift, 0), 0)
+                cells = self._settled(_moved(taken.cells, grid, shift, UNKNOWN), grid)
                 grid = grid if cells is None else grid.with_cells(cells)
         self._taken = grid
         return grid
 
-    def _settled(
-        self, taken: NDArray[np.int8], sent: NDArray[np.int8], grid: OccupancyGrid
-    ) -> NDArray[np.int8] | None:
+    def _settled(self, taken: NDArray[np.int8], grid: OccupancyGrid) -> NDArray[np.int8] | None:
         """The cells that count; None where all of them are those of the map that has come."""
         changed = (taken != UNKNOWN) & (taken != grid.cells)
         if not changed.any():
             return None
         piece, n_pieces = label(changed, _AROUND)
         few = np.bincount(piece.ravel(), minlength=n_pieces + 1) < self.few_cells
-        waits = changed & few[piece] & (sent != grid.cells)
+        waits = changed & few[piece] & (self._times < self.few_maps)
         return np.where(waits, taken, grid.cells) if waits.any() else None
 
 
-def _moved(old: OccupancyGrid, new: OccupancyGrid, shift: NDArray[np.int64]) -> NDArray[np.int8]:
-    """(H, W) cells of the old map on the raster of the new one, unknown where it has none."""
-    cells = np.full(new.shape, UNKNOWN, np.int8)
+def _moved(
+    old: NDArray[T], new: OccupancyGrid, shift: NDArray[np.int64], missing: int
+) -> NDArray[T]:
+    """(H, W) an old map's raster on that of the new one, ``missing`` where it has none."""
+    cells = np.full(new.shape, missing, old.dtype)
     low = np.maximum(shift, 0)
     high = np.minimum(shift + old.shape, new.shape)
     if (high > low).all():
         part = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
         source = tuple(slice(a, b) for a, b in zip(low - shift, high - shift, strict=True))
-        cells[part] = old.cells[source]
+        cells[part] = old[source]
     return cells

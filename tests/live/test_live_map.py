@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pgm_places import trained_labeler
 from pgm_places.datasets import generate_building
 from pgm_places.errors import MapError
 from pgm_places.labelers.label_map import label_map
@@ -13,6 +14,7 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGri
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.unary.options import SpaceOptions
+from tests.live.loop_closure import bent
 
 
 @pytest.fixture(scope="module")
@@ -104,10 +106,37 @@ def test_noise_that_comes_and_goes_changes_no_place(
         assert found.update.n_changed < 0.1 * np.sum(noisy(building, seed).cells != building.cells)
 
 
-def test_a_map_that_comes_twice_is_taken_as_it_is(
+def test_the_same_noise_twice_leaves_every_place_its_id(
     labeler: PlaceLabeler, building: OccupancyGrid
 ) -> None:
-    live, sent = LiveMap(labeler, method="list"), noisy(building, 7)
+    live = LiveMap(labeler, method="places")
+    ids = {item.id for item in live.on_map(building).topology.regions}
+    for _ in range(2):
+        found = live.on_map(noisy(building, 3))
+        assert len(ids & {item.id for item in found.topology.regions}) >= 0.95 * len(ids)
+        assert sum(moved > 0.5 for moved in found.moved.values()) <= 0.05 * len(ids)
+
+
+def test_ids_and_anchors_stay_where_a_loop_is_closed() -> None:
+    shipped, n_kept, n_near, n_all = trained_labeler(), 0, 0, 0
+    for seed in (0, 5):
+        grid = generate_building(seed, size="small", resolution_m=0.05).grid
+        live = LiveMap(shipped)
+        before = live.on_map(grid)
+        cells = bent(grid.cells, 10, UNKNOWN)  # half a metre
+        found = live.on_map(OccupancyGrid(cells, grid.resolution_m, grid.origin_xy_m))
+        kept = names(before).keys() & names(found).keys()
+        n_all, n_kept = n_all + len(names(before)), n_kept + len(kept)
+        n_near += sum(found.moved.get(place, 0.0) <= 0.5 for place in kept)
+        assert all(names(before)[place] == names(found)[place] for place in kept)
+    assert n_near >= 0.95 * n_all
+    assert n_kept >= 0.95 * n_all
+
+
+def test_a_map_that_comes_again_and_again_is_taken_as_it_is(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    live, sent = LiveMap(labeler, method="list", few_maps=2), noisy(building, 7)
     live.on_map(building)
     live.on_map(sent)
     found = live.on_map(sent)

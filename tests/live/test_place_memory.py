@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from pgm_places.datasets import generate_building
 from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.topological_map import TopologicalMap
+from tests.live.loop_closure import bent
 
 NAMES = ("room", "corridor", "doorway")
 ROOM, CORRIDOR, DOORWAY, NONE = 0, 1, 2, -1
@@ -110,6 +112,23 @@ def test_a_place_that_has_lasted_wins_over_one_that_has_just_come() -> None:
     maps.take(narrow)
     assert maps.take(whole()).region[30, 50] == lasting
     assert maps.take(moved).region[30, 50] == lasting
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("most_m", [0.2, 0.5])
+def test_places_that_a_closed_loop_has_moved_are_the_same(seed: int, most_m: float) -> None:
+    made, maps = generate_building(seed, size="small", resolution_m=0.1), Maps()
+    labels = np.where(made.grid.free, made.labels, NONE).astype(np.int16)
+    before = maps.take(labels)
+    after = maps.take(bent(labels, round(most_m / 0.1), NONE))
+    anchors = {item.id: item.anchor_m for item in after.regions}
+    moved_m = [
+        np.hypot(*np.subtract(anchors[item.id], item.anchor_m))
+        for item in before.regions
+        if item.id in anchors
+    ]
+    assert len(moved_m) >= 0.95 * len(before.regions)
+    assert np.sum(np.array(moved_m) <= 0.5) >= 0.95 * len(before.regions)
 
 
 @pytest.mark.parametrize("seed", range(3))
