@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 import typer
 
-from pgm_places.cli.main import app, main
+from pgm_places.cli.app import app
+from pgm_places.cli.entry import main
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map

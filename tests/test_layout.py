@@ -59,7 +59,7 @@ def test_help_needs_nothing_heavy(heavy: str) -> None:
     code = (
         "import sys\n"
         "from typer.testing import CliRunner\n"
-        "from pgm_places.cli.main import app\n"
+        "from pgm_places.cli.app import app\n"
         "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
         f"sys.exit({heavy!r} in sys.modules)"
     )

@@ -20,8 +20,8 @@ import typer.testing
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import Field
 
+from pgm_places.cli.app import app
 from pgm_places.cli.flags import flag_of, option_flags
-from pgm_places.cli.main import app
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import parse_config
@@ -228,9 +228,9 @@ def test_flags_of_track_are_named_where_the_labeler_refuses(
 
 
 def test_flags_of_the_robot_show_its_own_defaults() -> None:
-    from pgm_places.cli import main
+    from pgm_places.cli import simulate as module
 
-    shown = inspect.signature(main.simulate).parameters
+    shown = inspect.signature(module.simulate).parameters
     robot = SimulatedRobot()
     assert (shown["speed"].default, shown["every"].default) == (robot.speed_m_s, robot.scan_every_s)
     assert shown["radius"].default == robot.radius_m
@@ -439,7 +439,7 @@ def _command(path: str, *, rules: TopologyOptions, quiet: bool = False) -> None:
 
 
 def test_the_command_line_starts_without_numpy_and_pydantic() -> None:
-    code = "import pgm_places.cli.main, sys; print(*{'numpy', 'pydantic'} & set(sys.modules))"
+    code = "import pgm_places.cli.app, sys; print(*{'numpy', 'pydantic'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 

@@ -5,7 +5,24 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["Cache", "Force", "Model", "Out", "Quiet", "Threads", "UnknownValue"]
+__all__ = [
+    "Cache",
+    "Config",
+    "Force",
+    "Model",
+    "Out",
+    "Place",
+    "Places",
+    "Quiet",
+    "Threads",
+    "UnknownValue",
+]
+
+Config = Annotated[
+    Path, typer.Argument(metavar="CONFIG.toml", help="Experiment configuration (TOML).")
+]
+Places = Annotated[Path, typer.Argument(metavar="DIR", help="Folder written by label or topology.")]
+Place = Annotated[str, typer.Argument(metavar="PLACE", help="Name or id of a place.")]
 
 Out = Annotated[
     Path, typer.Option("--out", "-o", help="Folder for the results; created if needed.")

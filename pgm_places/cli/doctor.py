@@ -1,17 +1,16 @@
 """``pgm-places doctor``: checks the installation, the cache of compiled code, and a map."""
 
-import importlib.metadata
-import importlib.util
 import platform
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from pgm_places._version import __version__
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
-from pgm_places.features.own import FEATURES
-from pgm_places.inference.backends import backend_names
 
-__all__ = ["run_doctor"]
+__all__ = ["doctor"]
 
 REQUIRED = (
     "numpy",
@@ -32,8 +31,15 @@ REQUIRED = (
 OPTIONAL = ("clarabel", "piqp", "ortools", "rosbags", "opencv-python-headless")
 
 
-def run_doctor(map_yaml: Path | None) -> None:
-    """Print what helps to find out why something does not work."""
+def doctor(
+    map_yaml: Annotated[
+        Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check.")
+    ] = None,
+) -> None:
+    """Check the installation and, optionally, a map file."""
+    from pgm_places.features.own import FEATURES
+    from pgm_places.inference.backends import backend_names
+
     rows = [["package", "version"], ["pgm-places", __version__]]
     rows += [["python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"]]
     rows += [[name, _version(name)] for name in REQUIRED]
@@ -47,9 +53,11 @@ def run_doctor(map_yaml: Path | None) -> None:
 
 
 def _version(name: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version  # slow to import, as help is not
+
     try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
+        return version(name)
+    except PackageNotFoundError:
         return "not installed"
 
 

@@ -78,7 +78,7 @@ def _run() -> None:
     # takes a tenth of a first run.
     gc.set_threshold(100_000, 50, 50)
     try:
-        importlib.import_module("pgm_places.cli.main").app()
+        importlib.import_module("pgm_places.cli.app").app()
     except PgmPlacesError as error:
         _end(str(error), EXIT_BAD_INPUT)
     except MemoryError:

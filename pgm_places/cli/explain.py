@@ -2,8 +2,11 @@
 
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from pgm_places.cli.arguments import Model, Quiet, Threads, UnknownValue
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.errors import InputError
@@ -11,23 +14,27 @@ from pgm_places.errors import InputError
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
 
-__all__ = ["run_explain"]
+__all__ = ["explain"]
 
 
-def run_explain(
-    map_yaml: Path,
-    x_m: float,
-    y_m: float,
-    *,
-    out: Path | None,
-    model: str,
-    method: str | None,
-    corrections: Path | None,
-    unknown_value: int | None,
-    n_threads: int | None,
-    quiet: bool,
+def explain(
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="A picture of it (PNG).")] = None,
+    model: Model = "default",
+    method: Annotated[
+        str | None, typer.Option(help="Method of the model; its last one by default.")
+    ] = None,
+    corrections: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png|FILE.geojson", help="Known labels, as label takes them."),
+    ] = None,
+    unknown_value: UnknownValue = None,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places explain``."""
+    """Explain the label at a position: what its scan and its place said, and the graph."""
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.persistence.stored import read
@@ -37,8 +44,8 @@ def run_explain(
     from pgm_places.teaching.teacher import Teacher
     from pgm_places.trained import model_folder
 
-    if not (isfinite(x_m) and isfinite(y_m)):
-        raise InputError(f"X and Y must be finite metres, got {x_m:g} and {y_m:g}")
+    if not (isfinite(x) and isfinite(y)):
+        raise InputError(f"X and Y must be finite metres, got {x:g} and {y:g}")
     progress = make_progress(quiet=quiet)
     stored = read(model_folder(model), "place-labeler")
     labeler: PlaceLabeler = stored.item
@@ -52,7 +59,7 @@ def run_explain(
     if corrections is not None:
         paint = Paint.read(corrections, loaded.grid, teacher.classes)
     taught = teacher.label(paint, progress=progress)
-    found = explain_cell(taught, x_m, y_m)
+    found = explain_cell(taught, x, y)
     for line in explanation_lines(found):
         say(line)
     if found.region is not None:

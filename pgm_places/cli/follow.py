@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
-from pgm_places.cli.track import (
+from pgm_places.cli.track_log import write
+from pgm_places.cli.track_options import (
     Seen,
     TrackOptions,
     labelled_map,
@@ -17,7 +18,6 @@ from pgm_places.cli.track import (
     seen_objects,
     stored_model,
     track_labeler,
-    write,
 )
 from pgm_places.errors import ConfigError, LogError
 

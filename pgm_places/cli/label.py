@@ -3,17 +3,18 @@
 import glob
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
-from pgm_places.cli.workers import WorkerOptions, make_workers
+from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,21 +22,70 @@ if TYPE_CHECKING:
     from pgm_places.batch.ready_model import ReadyModel
     from pgm_places.progress import Progress
 
-__all__ = ["run_label"]
+__all__ = ["label"]
 
 
-def run_label(
-    maps: Sequence[str],
-    out: Path,
-    options: "LabelOptions",
-    workers: WorkerOptions,
-    *,
-    corrections: Path | None,
-    force: bool,
-    n_threads: int | None,
-    quiet: bool,
+def label(
+    maps: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MAP.yaml...",
+            help="map_server maps, folders to look through, or quoted patterns.",
+        ),
+    ],
+    out: Out,
+    model: Model = "default",
+    method: Annotated[
+        str | None, typer.Option(help="Method of the model; its last one by default.")
+    ] = None,
+    doorways: Annotated[
+        str | None,
+        typer.Option(
+            metavar="gates|labels",
+            help="What separates places: gates, if the model finds any, or cells labelled as "
+            "doorways; by default, as set in the model's [topology].",
+        ),
+    ] = None,
+    halls: Annotated[
+        str | None,
+        typer.Option(
+            metavar="corridor|room|hall",
+            help="What lobbies, foyers and other halls are labelled, if the model knows them; by "
+            "default, as set in the model's [labels].",
+        ),
+    ] = None,
+    corrections: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.png|FILE.geojson",
+            help="Labels of a single map that are known: a label image of its size, or polygons "
+            "and lines in metres with a property 'class'. Every method keeps them.",
+        ),
+    ] = None,
+    unknown_value: UnknownValue = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    memory: Memory = None,
+    force: Force = False,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places label``."""
+    """Label every free cell of a map, or of many.
+
+    One map is labelled into the folder itself. Several, or a folder, or any of --jobs, --scheduler
+    and --memory, make a batch: each map gets a folder of its own, those that are done are kept, and
+    index.html lists them all. The exit code is 3 if some map could not be labelled.
+    """
+    from pgm_places.batch.label_options import LabelOptions
+
+    options = LabelOptions(
+        model=model,
+        method=method,
+        doorways=doorways,
+        halls=halls,
+        unknown_value=unknown_value,
+    )
+    workers = WorkerOptions(jobs, scheduler, memory)
     progress = make_progress(quiet=quiet)
     if len(maps) == 1 and not workers.given and not _names_many(maps[0]):
         _label_one(

@@ -1,14 +1,18 @@
 """``pgm-places live``: the place of a robot as it drives, and its map as it grows."""
 
-import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from pgm_places._extras import needed
+from pgm_places.cli.arguments import Force, Model, Quiet, Threads
+from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
+from pgm_places.errors import ConfigError
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.node_options import NodeOptions
 
@@ -19,12 +23,83 @@ if TYPE_CHECKING:
     from pgm_places.live.replay import Replay
     from pgm_places.progress import Progress
 
-__all__ = ["run_live", "run_robot"]
+__all__ = ["live"]
 
 PLACES_FILE = "places.jsonl"
 
 
-def run_live(
+@option_flags("node", NodeOptions)
+@option_flags("options", LiveOptions)
+def live(
+    replay: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
+    ] = None,
+    dds: Annotated[
+        bool, typer.Option("--dds", help="Speak to a robot with ROS 2, without ROS on this side.")
+    ] = False,
+    local: Annotated[
+        bool, typer.Option("--local", help="With --dds: speak to this machine only.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(min=0, help="With --dds: end after so many seconds.")
+    ] = None,
+    model: Model = "default",
+    method: Annotated[
+        str | None, typer.Option(help="Method that labels the map; the model's last by default.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="With --replay: folder for the place of each scan and the last map."
+        ),
+    ] = None,
+    max_range: Annotated[
+        float | None,
+        typer.Option(
+            min=0, help="With --replay: readings of this range or more (m) count as no return."
+        ),
+    ] = None,
+    *,
+    node: NodeOptions,
+    options: LiveOptions,
+    jsonl: Annotated[bool, typer.Option("--jsonl", help="Each line as a JSON object.")] = False,
+    force: Force = False,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Label the places of a robot as it drives and maps. One line for each change of place."""
+    if dds == (replay is not None):
+        raise ConfigError("live needs a log or a robot: pass --replay LOG, or --dds")
+    if replay is None:
+        _run_robot(
+            node,
+            options,
+            model=model,
+            method=method,
+            local_only=local,
+            seconds=seconds,
+            json_lines=jsonl,
+            n_threads=n_threads,
+            quiet=quiet,
+        )
+        return
+    _run_replay(
+        replay,
+        out,
+        model=model,
+        method=method,
+        map_topic=node.map_topic,
+        max_range_m=max_range,
+        options=options,
+        json_lines=jsonl,
+        force=force,
+        n_threads=n_threads,
+        quiet=quiet,
+    )
+
+
+def _run_replay(
     replay: Path,
     out: Path | None,
     *,
@@ -54,7 +129,7 @@ def run_live(
         say_written(files)
 
 
-def run_robot(
+def _run_robot(
     node: NodeOptions,
     options: LiveOptions,
     *,
@@ -154,7 +229,7 @@ def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
                 say(_map_line(item, json_lines))
                 continue
             if lines is not None:
-                lines.write(json.dumps(item.record(), ensure_ascii=False) + "\n")
+                lines.write(_json(item.record()) + "\n")
             if item.changed:
                 say(_place_line(item, json_lines))
     if folder is not None and last is not None:
@@ -163,7 +238,7 @@ def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:
 
 def _place_line(found: "FoundPlace", json_lines: bool) -> str:
     if json_lines:
-        return json.dumps(found.record(), ensure_ascii=False)
+        return _json(found.record())
     x, y, _ = found.pose
     region = "-" if found.region is None else found.region.name
     return f"{found.time_s:.3f} {x:.3f} {y:.3f} {found.label} {found.probability:.3f} {region}"
@@ -179,7 +254,7 @@ def _map_line(found: "LiveLabels", json_lines: bool) -> str:
             "appeared": list(found.appeared),
             "vanished": list(found.vanished),
         }
-        return json.dumps(record)
+        return _json(record)
     names = {region.id: region.name for region in found.topology.regions}
     parts = [f"map {found.map_seq}: {n_places} places"]
     parts += _listed("new", (names[place] for place in found.appeared))
@@ -191,3 +266,9 @@ def _map_line(found: "LiveLabels", json_lines: bool) -> str:
 def _listed(word: str, names: Iterable[str]) -> list[str]:
     text = ", ".join(names)
     return [f"{word}: {text}"] if text else []
+
+
+def _json(record: Mapping[str, Any]) -> str:
+    import json  # only here: help does without it
+
+    return json.dumps(record, ensure_ascii=False)

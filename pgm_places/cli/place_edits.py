@@ -1,19 +1,26 @@
 """``pgm-places rename``, ``merge`` and ``split``: places of a folder, changed by hand."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from pgm_places.cli.arguments import Place, Places
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
     from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["run_merge", "run_rename", "run_split"]
+__all__ = ["merge", "rename", "split"]
 
 
-def run_rename(folder: Path, place: str, name: str) -> None:
-    """``pgm-places rename``."""
+def rename(
+    folder: Places,
+    place: Place,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What to call it.")],
+) -> None:
+    """Give a place a name of your own, in place_names.yaml."""
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
     from pgm_places.topology.place_edits import renamed
 
@@ -24,16 +31,27 @@ def run_rename(folder: Path, place: str, name: str) -> None:
     say(f"place {number} is called {name!r} (in {path})")
 
 
-def run_merge(folder: Path, first: str, second: str) -> None:
-    """``pgm-places merge``."""
+def merge(
+    folder: Places,
+    first: Place,
+    second: Annotated[str, typer.Argument(metavar="OTHER", help="The place that becomes part.")],
+) -> None:
+    """Make two places one, which keeps the id and the name of the first."""
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import merged
 
     _write(folder, merged(load_named_topology(folder), _key(first), _key(second)), "merge")
 
 
-def run_split(folder: Path, place: str, points: list[float]) -> None:
-    """``pgm-places split``."""
+def split(
+    folder: Places,
+    place: Place,
+    points: Annotated[
+        list[float],
+        typer.Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
+    ],
+) -> None:
+    """Split a place across a line, or at a point across its narrowest way there."""
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import split_across, split_at
 

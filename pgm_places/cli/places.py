@@ -4,11 +4,12 @@ import re
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pgm_places.cli.flags import named_as_flags
+from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
+from pgm_places.cli.flags import named_as_flags, option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
@@ -17,22 +18,36 @@ from pgm_places.topology.rules import TopologyOptions
 if TYPE_CHECKING:
     from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["run_export", "run_topology", "run_where"]
+__all__ = ["export", "topology", "where"]
 
 
-def run_topology(
-    labels_path: Path,
-    map_yaml: Path,
-    out: Path,
+@option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"}, without=("doorways",))
+def topology(
+    labels_png: Annotated[
+        Path,
+        typer.Argument(metavar="LABELS.png", help="Label image, with its names file next to it."),
+    ],
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map it belongs to.")],
+    out: Out,
+    names_file: Annotated[
+        Path | None,
+        typer.Option("--names", help="Names file; LABELS.yaml or labels.yaml by default."),
+    ] = None,
     *,
-    names_path: Path | None,
-    unknown_value: int | None,
     rules: TopologyOptions,
-    propose_splits_m: float,
-    force: bool,
-    quiet: bool,
+    propose_splits_m: Annotated[
+        float,
+        typer.Option(
+            "--propose-splits",
+            min=0,
+            help="List the places that --split-rooms would split, without splitting.",
+        ),
+    ] = 0.0,
+    unknown_value: UnknownValue = None,
+    force: Force = False,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places topology``."""
+    """Find the places in a labelled map and their connections."""
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
@@ -43,20 +58,20 @@ def run_topology(
     progress = make_progress(quiet=quiet)
     with progress.stage("map and labels"):
         loaded = load_map(map_yaml, unknown_value=unknown_value)
-        names = listed_names(labels_path, names_path)
-        labels = load_labels(labels_path, names, grid=loaded.grid, names_path=names_path)
+        names = listed_names(labels_png, names_file)
+        labels = load_labels(labels_png, names, grid=loaded.grid, names_path=names_file)
     for message in loaded.warnings:
         progress.warn(message)
     with (
         output_set(out, "topology", names=PLACES, force=force) as files,
         progress.stage("places"),
     ):
-        topology = write_places(
+        found = write_places(
             files, map_yaml.stem, rules, grid=loaded.grid, labels=labels, label_names=names
         )
-    say(places_summary(topology))
+    say(places_summary(found))
     if propose_splits_m:
-        for line in _proposals(topology, propose_splits_m):
+        for line in _proposals(found, propose_splits_m):
             say(line)
     say_written(files)
 
@@ -75,27 +90,44 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
     return lines or [f"no split proposed: no constriction is narrower than {narrower_than_m:g} m"]
 
 
-def run_export(
-    folder: Path,
-    to: str,
-    out: Path | None,
-    values: Sequence[str],
-    *,
-    robot_radius_m: float | None = None,
-    force: bool,
+def export(
+    folder: Places,
+    to: Annotated[
+        str,
+        typer.Option(
+            help="nav2-route, regions, zones, keepout, speed-percent, speed-m-s, binary, graphml, "
+            "node-link, dot, geotiff or mcap."
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder for the files; DIR by default.")
+    ] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
+    ] = None,
+    robot_radius_m: Annotated[
+        float | None,
+        typer.Option(
+            "--robot-radius",
+            min=0,
+            help="For nav2-route: leave out passages too narrow for this radius (m).",
+        ),
+    ] = None,
+    force: Force = False,
 ) -> None:
-    """``pgm-places export``."""
+    """Write the places for Nav2, QGIS, Foxglove and other tools."""
     from pgm_places.io.output_set import output_set
-    from pgm_places.io.places.exports import export
+    from pgm_places.io.places.exports import export as write_export
     from pgm_places.io.places.topology_files import load_named_topology
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        export(
+        write_export(
             topology,
             to,
             files.stage,
-            values=_values(values) or None,
+            values=_values(values or ()) or None,
             robot_radius_m=robot_radius_m,
             lies_in=out or folder,
         )
@@ -113,14 +145,18 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
     return values
 
 
-def run_where(folder: Path, x_m: float, y_m: float) -> None:
-    """``pgm-places where``."""
+def where(
+    folder: Places,
+    x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
+    y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
+) -> None:
+    """Show the place at a position. The exit code is 1 if there is none."""
     from pgm_places.io.places.topology_files import load_named_topology
 
-    if not (isfinite(x_m) and isfinite(y_m)):
-        raise InputError(f"X and Y must be finite metres, got {x_m:g} and {y_m:g}")
+    if not (isfinite(x) and isfinite(y)):
+        raise InputError(f"X and Y must be finite metres, got {x:g} and {y:g}")
     topology = load_named_topology(folder)
-    region = topology.region_at(x_m, y_m)
+    region = topology.region_at(x, y)
     if region is None:
         say("no place at this position")
         raise typer.Exit(1)

@@ -1,38 +1,50 @@
 """``pgm-places reproduce``: the paper's experiments, section by section."""
 
 from pathlib import Path
+from typing import Annotated
 
+import typer
+
+from pgm_places.cli.arguments import Force, Out, Quiet, Threads
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
 from pgm_places.cli.warm_up import WarmUp
 
-__all__ = ["run_reproduce"]
+__all__ = ["reproduce"]
 
 
-def run_reproduce(
-    names: tuple[str, ...],
-    out: Path,
-    *,
-    again: bool,
-    force: bool,
-    n_threads: int | None,
-    quiet: bool,
+def reproduce(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SECTION]...",
+            help="Sections such as 7.1 7.5, ablations, buildings; 7.1 to 7.6 by default.",
+        ),
+    ] = None,
+    out: Out = Path("reproduced"),
+    again: Annotated[
+        bool, typer.Option("--again", help="Rerun sections that have already been run.")
+    ] = False,
+    force: Force = False,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Run the sections, say what each found as soon as it is known, and the whole table last."""
+    """Reproduce the experiments of the paper. Writes a page comparing its figures with ours."""
     from pgm_places.io.output_set import claim
     from pgm_places.reproduce.overview import STAND_IN_WARNING, overview_table
-    from pgm_places.reproduce.run import data_for, reproduce
+    from pgm_places.reproduce.run import data_for
+    from pgm_places.reproduce.run import reproduce as run_sections
     from pgm_places.reproduce.sections import SECTIONS, chosen_sections
 
     progress = make_progress(quiet=quiet)
-    ids = chosen_sections(names)
+    ids = chosen_sections(tuple(names or ()))
     claim(out, force=force)
     if any(data_for(key) is None for key in ids):
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
     found = []
     with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
-        sections = reproduce(
+        sections = run_sections(
             ids, out, again=again, force=force, progress=progress, n_threads=n_threads
         )
         for section in sections:

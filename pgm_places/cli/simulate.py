@@ -1,10 +1,11 @@
 """``pgm-places simulate``: a simulated robot drives through a map and writes its log."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
+import typer
 
+from pgm_places.cli.arguments import Force, Quiet, Threads, UnknownValue
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
@@ -25,17 +26,19 @@ FLAGS = {
 }
 """The flags of the robot's options."""
 
-__all__ = ["beams", "robot_of", "run_simulate"]
+__all__ = ["simulate"]
 
 
-def beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
+def _beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
     """A forward-looking laser with a number of beams and a field of view."""
+    import numpy as np
+
     from pgm_places.trajectories.scan import ScanGeometry
 
     return ScanGeometry.ahead(n_beams, np.deg2rad(view_degrees), range_max_m=range_m)
 
 
-def robot_of(
+def _robot(
     geometry: "ScanGeometry",
     *,
     speed_m_s: float,
@@ -61,22 +64,69 @@ def robot_of(
         )
 
 
-def run_simulate(
-    map_yaml: Path | None,
-    out: Path,
-    robot: "SimulatedRobot",
-    *,
-    demo: bool,
-    labels: Path | None,
-    length_m: float | None,
-    seed: int,
-    wheels_only: bool,
-    unknown_value: int | None,
-    force: bool,
-    n_threads: int | None,
-    quiet: bool,
+def simulate(
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            help="The log: NAME.log, NAME.log.gz (CARMEN), NAME.bag (ROS 1), NAME.mcap, NAME (a "
+            "ROS 2 bag's folder) or NAME.csv (poses only).",
+        ),
+    ],
+    map_yaml: Annotated[
+        Path | None, typer.Argument(metavar="MAP.yaml", help="The map_server map to drive in.")
+    ] = None,
+    demo: Annotated[
+        bool, typer.Option("--demo", help="Drive in a generated building and write its map too.")
+    ] = False,
+    labels: Annotated[
+        Path | None, typer.Option(help="Label image of the map, for the true place of every step.")
+    ] = None,
+    beams: Annotated[int, typer.Option(min=1, max=100_000, help="Number of laser beams.")] = 180,
+    view: Annotated[
+        float, typer.Option(min=1, max=360, help="Field of view of the laser (degrees).")
+    ] = 180,
+    reach: Annotated[
+        float, typer.Option("--range", min=0.1, help="Maximum range of the laser (m).")
+    ] = 30.0,
+    noise: Annotated[float, typer.Option(help="Standard deviation of the range noise (m).")] = 0.02,
+    odometry_noise: Annotated[
+        float, typer.Option(min=0, help="Odometry noise scale (1 = typical).")
+    ] = 1.0,
+    wheels_only: Annotated[
+        bool, typer.Option("--wheels-only", help="Record odometry only, without the true poses.")
+    ] = False,
+    length_m: Annotated[
+        float | None,
+        typer.Option(
+            "--length",
+            min=0.5,
+            help="Distance to drive (m); by default, far enough to pass every place.",
+        ),
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Driving speed (m/s).")] = 0.4,
+    every: Annotated[float, typer.Option(help="Time between scans (s).")] = 0.2,
+    radius: Annotated[float, typer.Option(help="Radius of the robot (m).")] = 0.25,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the starting point, the noise and the building.")
+    ] = 0,
+    unknown_value: UnknownValue = None,
+    force: Force = False,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places simulate``."""
+    """Drive a simulated robot through a map and write its log."""
+    geometry = _beams(beams, view, reach)
+    robot = _robot(
+        geometry,
+        speed_m_s=speed,
+        scan_every_s=every,
+        radius_m=radius,
+        range_noise_m=noise,
+        odometry_noise=odometry_noise,
+        seed=seed,
+    )
     from pgm_places.io.logs.trajectories import check_name
     from pgm_places.io.output_set import output_set
 
@@ -133,6 +183,8 @@ def _users_map(
     map_yaml: Path, labels: Path | None, unknown_value: int | None
 ) -> "tuple[LabelledMap, tuple[str, ...], tuple[str, ...]]":
     """The map, the names of its labels (none without labels), and warnings."""
+    import numpy as np
+
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
@@ -177,6 +229,8 @@ def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
 
 
 def _picture(place: "LabelledMap", names: tuple[str, ...], driven: "Trajectory") -> bytes:
+    import numpy as np
+
     from pgm_places.report.path_pictures import path_map
 
     labels = np.full(len(driven), -1) if driven.labels is None else driven.labels
@@ -193,6 +247,8 @@ def _picture(place: "LabelledMap", names: tuple[str, ...], driven: "Trajectory")
 
 
 def _summary(driven: "Trajectory") -> str:
+    import numpy as np
+
     from pgm_places.cli.tables import text_table
 
     seconds = driven.times_s[-1] - driven.times_s[0]

@@ -1,33 +1,41 @@
 """``pgm-places simulate-map``: robot-like maps of a labelled plan."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
+import typer
+
+from pgm_places.cli.arguments import Force, Out, Quiet, UnknownValue
+from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say_written
+from pgm_places.datasets.map_simulation import MapSimulation
 
-if TYPE_CHECKING:
-    from pgm_places.datasets.map_simulation import MapSimulation
-
-__all__ = ["run_simulate_map"]
+__all__ = ["simulate_map"]
 
 _ENDS = (".yaml", ".png", "_labels.png", "_labels.yaml")
 
 
-def run_simulate_map(
-    plan_yaml: Path,
-    labels: Path,
-    out: Path,
+@option_flags("options", MapSimulation)
+def simulate_map(
+    plan_yaml: Annotated[
+        Path, typer.Argument(metavar="PLAN.yaml", help="A clean map, such as one from CAD.")
+    ],
+    labels: Annotated[Path, typer.Option(help="Label image of the plan.")],
+    out: Out,
     *,
-    seeds: Sequence[int],
-    options: "MapSimulation",
-    force: bool,
-    unknown_value: int | None,
-    quiet: bool,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first map.")] = 0,
+    copies: Annotated[int, typer.Option(min=1, help="Number of maps, a seed for each.")] = 1,
+    options: MapSimulation,
+    unknown_value: UnknownValue = None,
+    force: Force = False,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places simulate-map``."""
-    from pgm_places.datasets.simulated_map import simulate_map
+    """Turn a labelled plan into maps like those a robot would make.
+
+    Options written LOW,HIGH are ranges; each map draws a value from them.
+    """
+    from pgm_places.datasets.simulated_map import simulate_map as simulated
     from pgm_places.io.maps.label_image import load_labels, save_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map, save_map
@@ -42,15 +50,16 @@ def run_simulate_map(
         names = tuple(listed_names(labels, None))
         raster = load_labels(labels, names, grid=loaded.grid)
         plan = LabelledMap(loaded.grid, raster, name=plan_yaml.stem)
-    stems = {seed: f"{plan_yaml.stem}_{seed}" for seed in seeds}
+    seeds = range(seed, seed + copies)
+    stems = {number: f"{plan_yaml.stem}_{number}" for number in seeds}
     listed = [f"{stem}{end}" for stem in stems.values() for end in _ENDS]
     by = f"simulate-map {plan_yaml.stem} {seeds[0]}-{seeds[-1]}"
     with (
         output_set(out, by, names=listed, force=force, shared=True) as files,
         progress.stage("maps"),
     ):
-        for seed, stem in stems.items():
-            made = simulate_map(plan, names, seed=seed, options=options)
+        for number, stem in stems.items():
+            made = simulated(plan, names, seed=number, options=options)
             save_map(made.grid, files.stage / stem)
             save_labels(files.stage / f"{stem}_labels.png", made.labels, names)
     say_written(files)

@@ -1,10 +1,12 @@
 """The command studio: reads the files it is given, then serves the map to a browser."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from pgm_places._extras import needed
+from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 
@@ -12,23 +14,47 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["run_studio"]
+__all__ = ["studio"]
 
 
-def run_studio(
-    map_yaml: Path,
-    out: Path | None,
-    *,
-    labels: Sequence[Path],
-    model: str,
-    drive: Path | None,
-    port: int,
-    browser: bool,
-    unknown_value: int | None,
-    n_threads: int | None,
-    quiet: bool,
+def studio(
+    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    labels: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Label image to compare with, such as the truth; may be given several times."
+        ),
+    ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            "-m",
+            help="Folder written by 'train', or the name of a shipped model; none to learn from "
+            "nothing but the paint.",
+        ),
+    ] = "default",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder for the paint and the exports; MAP-studio by default."
+        ),
+    ] = None,
+    drive: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any that is free.")
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address without opening it.")
+    ] = False,
+    unknown_value: UnknownValue = None,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places studio``."""
+    """Teach the labels of a map in the browser."""
     for module in ("starlette", "uvicorn"):
         needed(module, extra="studio", purpose="the studio")
     from pgm_places.experiment.config import NO_MODEL
@@ -48,7 +74,7 @@ def run_studio(
     for message in loaded.warnings:
         progress.warn(message)
     given: list[GivenLabels] = []
-    for path in labels:
+    for path in labels or ():
         names = tuple(listed_names(path))
         title = path.name if all(path.name != item.title for item in given) else str(path)
         given.append(GivenLabels(title, load_labels(path, names, grid=loaded.grid), names))
@@ -63,7 +89,9 @@ def run_studio(
         n_threads=n_threads,
     )
     try:
-        serve(desk, port=port, on_address=lambda address: _announce(address, browser=browser))
+        serve(
+            desk, port=port, on_address=lambda address: _announce(address, browser=not no_browser)
+        )
     finally:
         desk.close()
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
-from pgm_places.cli.track import TrackOptions, folder_for, read_log, summary, with_truth, write
+from pgm_places.cli.track_log import folder_for, read_log, summary, write
+from pgm_places.cli.track_options import TrackOptions, with_truth
 from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:

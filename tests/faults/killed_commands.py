@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from pgm_places.cli.main import main
+from pgm_places.cli.entry import main
 from pgm_places.datasets import generate_building
 from pgm_places.io.atomic import tidy
 from pgm_places.io.logs.trajectories import write_trajectory

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places.cli.main import main
+from pgm_places.cli.entry import main
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
 from pgm_places.io.maps.label_image import load_labels

@@ -3,20 +3,23 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
-from pgm_places.cli.workers import WorkerOptions, make_workers
+from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
     from pgm_places.labelers.place_labeler import PlaceMethod
 
-__all__ = ["run_compare", "run_demo", "run_train"]
+__all__ = ["compare", "demo", "train"]
 
 
 @contextmanager
@@ -44,18 +47,30 @@ def _experiment(
         yield experiment
 
 
-def run_compare(
-    config_path: Path,
-    out: Path,
-    *,
-    by_building: bool,
-    workers: WorkerOptions,
-    cache: Path | None,
-    force: bool,
-    n_threads: int | None,
-    quiet: bool,
+def compare(
+    config_path: Config,
+    out: Out,
+    by_building: Annotated[
+        bool,
+        typer.Option(
+            "--by-building",
+            help="Leave out each building of [[train]] in turn, train on the others and test on "
+            "it; [[test]] is not used.",
+        ),
+    ] = False,
+    cache: Cache = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    memory: Memory = None,
+    force: Force = False,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places compare``."""
+    """Train and evaluate every method of a configuration. Writes tables and a report.
+
+    --jobs, --scheduler and --memory are for --by-building: each building is a task of its own.
+    """
+    workers = WorkerOptions(jobs, scheduler, memory)
     if workers.given and not by_building:
         raise InputError("--jobs, --scheduler and --memory are for compare --by-building")
     from pgm_places.io.output_set import output_set
@@ -76,11 +91,11 @@ def _compare(experiment: "Experiment", folder: Path, shared_out: WorkerOptions |
 
     With workers, each building of the training maps is left out in turn.
     """
-    from pgm_places.experiment.runs import compare
+    from pgm_places.experiment.runs import compare as compare_methods
     from pgm_places.report.comparison_files import write_comparison
 
     if shared_out is None:
-        comparison = compare(experiment)
+        comparison = compare_methods(experiment)
     else:
         from pgm_places.batch.left_out import compare_buildings
 
@@ -92,8 +107,14 @@ def _compare(experiment: "Experiment", folder: Path, shared_out: WorkerOptions |
     return comparison_table(comparison)
 
 
-def run_demo(out: Path, *, seed: int, force: bool, n_threads: int | None, quiet: bool) -> None:
-    """``pgm-places demo``: writes a building as files, then compares methods as on any map."""
+def demo(
+    out: Out = Path("demo-report"),
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the generated building.")] = 0,
+    force: Force = False,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Train and label on a generated building; needs no data."""
     from pgm_places.datasets.demo import write_demo
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import DEMO
@@ -113,10 +134,14 @@ def run_demo(out: Path, *, seed: int, force: bool, n_threads: int | None, quiet:
     )
 
 
-def run_train(
-    config_path: Path, out: Path, *, cache: Path | None, n_threads: int | None, quiet: bool
+def train(
+    config_path: Config,
+    out: Out,
+    cache: Cache = None,
+    n_threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """``pgm-places train``."""
+    """Train a model on labelled maps and save it as a folder."""
     with _experiment(config_path, cache=cache, n_threads=n_threads, quiet=quiet) as experiment:
         from pgm_places.persistence.model_folder import check_target
 
@@ -124,14 +149,14 @@ def run_train(
         if experiment.config.nodes != "cells":
             _train_steps(experiment, out)
             return
-        from pgm_places.experiment.runs import train
+        from pgm_places.experiment.runs import train as train_labeler
         from pgm_places.experiment.setup import make_labeler
         from pgm_places.persistence.place_labeler import check_savable
         from pgm_places.persistence.stored import save
 
         if experiment.config.base_model is None:
             check_savable(make_labeler(experiment.config))  # not after hours of training
-        experiment, labeler = train(experiment)
+        experiment, labeler = train_labeler(experiment)
         save(labeler, out, record=_training_record(experiment, labeler.methods_))
     methods = ", ".join(labeler.methods_)
     say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")

@@ -1,0 +1,134 @@
+"""``pgm-places track`` of a whole log: labelled, written, summed up."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import text_table
+from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.track_options import (
+    Seen,
+    TrackOptions,
+    labelled_map,
+    map_of,
+    seen_objects,
+    track_labeler,
+    with_truth,
+)
+from pgm_places.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pgm_places.io.logs.loaded_log import LoadedLog
+    from pgm_places.labelers.tracking import Track
+    from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
+    from pgm_places.persistence.map_prior import LabelledMapFolder
+    from pgm_places.persistence.stored import Stored
+    from pgm_places.progress import Progress
+
+__all__ = ["folder_for", "read_log", "run_track", "summary", "write"]
+
+
+def run_track(
+    stored: "Stored",
+    log: Path,
+    out: Path | None,
+    options: TrackOptions,
+    *,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Label a complete log with a model of drives, or one of maps."""
+    from pgm_places.io.output_set import output_set
+    from pgm_places.report.file_names import TRACK
+
+    out, progress = folder_for(log, out), make_progress(quiet=quiet)
+    labeler = track_labeler(stored, options, progress)
+    grid, known = map_of(options), labelled_map(options, labeler)
+    counts = seen_objects(options, labeler, progress)
+    with output_set(out, "track", names=TRACK, force=force) as files:
+        read = read_log(log, options, progress)
+        track = _track(read, labeler, grid, known, counts, options, progress)
+        with progress.stage("writing files"):
+            write(track, grid, files.stage)
+    say(summary(track))
+    say_written(files)
+
+
+def folder_for(log: Path, out: Path | None) -> Path:
+    """The folder for the results of a complete log; without one, or a log, the command ends."""
+    if out is None:
+        raise ConfigError("track needs a folder for its results: pass --out DIR")
+    if str(log) == "-":
+        raise ConfigError("standard input requires --follow; without it, name a log file")
+    return out
+
+
+def read_log(log: Path, options: TrackOptions, progress: "Progress") -> "LoadedLog":
+    """A complete log, with its warnings on standard error."""
+    from pgm_places.io.logs.trajectories import read_trajectory
+
+    with progress.stage("log"):
+        read = read_trajectory(log, range_max_m=options.max_range_m)
+    for message in read.warnings:
+        progress.warn(message)
+    return read
+
+
+def _track(
+    read: "LoadedLog",
+    labeler: "TrajectoryLabeler",
+    grid: "OccupancyGrid | None",
+    known: "LabelledMapFolder | None",
+    counts: "Seen | None",
+    options: TrackOptions,
+    progress: "Progress",
+) -> "Track":
+    """The labelled log, with all warnings about it."""
+    from pgm_places.labelers.tracking import Track
+
+    trajectory = with_truth(read.trajectory, options, tuple(labeler.label_names))
+    warnings = list(read.warnings)
+    extra = None
+    if counts is not None:
+        extra = counts.columns(trajectory.times_s)
+        warnings += counts.complaints(trajectory.times_s)
+    for message in warnings[len(read.warnings) :]:
+        progress.warn(message)
+    labeling = labeler.label(
+        trajectory,
+        known_map=grid,
+        map_prior=None if known is None else known.prior,
+        extra=extra,
+        progress=progress,
+    )
+    impossible = labeling.info.get("impossible", [])
+    if impossible:
+        warnings.append(
+            f"{len(impossible)} observations (first at step {impossible[0]}) have probability 0 in "
+            "this model and were skipped"
+        )
+    return Track(trajectory, labeling, tuple(labeler.label_names), tuple(warnings))
+
+
+def write(track: "Track", grid: "OccupancyGrid | None", out: Path) -> None:
+    """All files of a track, drawn on the map or on one of its scans."""
+    from pgm_places.labelers.tracking import map_of_scans
+    from pgm_places.report.track_files import write_track
+
+    drawn_on = map_of_scans(track.trajectory) if grid is None else grid
+    write_track(track, drawn_on, out)
+
+
+def summary(track: "Track") -> str:
+    """The visits, steps and metres of each place."""
+    total = max(len(track.trajectory), 1)
+    rows = [["place", "visits", "steps", "share", "metres"]]
+    rows += [
+        [name, f"{visits}", f"{steps}", f"{100 * steps / total:.1f} %", f"{metres:.1f}"]
+        for name, visits, steps, metres in track.totals()
+    ]
+    lines = [text_table(rows)]
+    if track.accuracy is not None:
+        lines.append(f"{100 * track.accuracy:.1f} % of the labels are correct")
+    return "\n".join(lines)
