@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.serialize import loads
 
 from pgm_places.kernels.cache import tell_once
+from pgm_places.kernels.code_constants import as_plain, pickles_in
 from pgm_places.kernels.deferred import Deferred
 from pgm_places.kernels.machine_code import ObjectCode, source_stamps
 
@@ -86,8 +88,14 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
         (_, kind, (content, *_)), _, environment, *_ = state
         if kind != "object" or not all(isinstance(value, np.dtype) for value in environment.consts):
             return None
+        try:
+            objects = {
+                sha1.hex(): as_plain(loads(pickled)) for sha1, pickled in pickles_in(content)
+            }
+        except ValueError:
+            return None
         wrapper = description.llvm_cpython_wrapper_name
-        return ObjectCode(wrapper, description.env_name, environment.consts, content)
+        return ObjectCode(wrapper, description.env_name, environment.consts, objects, content)
 
 
 class _CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]

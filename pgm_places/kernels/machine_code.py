@@ -19,12 +19,11 @@ import importlib.metadata
 import importlib.util
 import json
 import os
-import pickle  # noqa: TID251  what compiled code itself holds of array types and exceptions
 import platform
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -33,12 +32,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pgm_places.kernels.cache import cache_folder, tell_once
+from pgm_places.kernels.code_constants import as_object
 from pgm_places.kernels.deferred import Deferred, reachable
 
 __all__ = ["ObjectCode", "load_code", "save_code", "source_stamps"]
 
-_FORMAT = 1
+_FORMAT = 2
 _DIGEST_BYTES = 32
+_SHA1_BYTES = 20
 _HARMLESS = {"NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS", "NUMBA_THREADING_LAYER"}
 """Variables of numba that do not change the code; with any other, numba itself is asked."""
 
@@ -51,6 +52,8 @@ class ObjectCode(NamedTuple):
     environment: str
     """Name of the pointer to the constants that it uses."""
     constants: Sequence[np.dtype[Any]]
+    objects: Mapping[str, Any]
+    """Python objects by the SHA-1 that the code asks for, as plain data."""
     content: bytes
     """The object file."""
 
@@ -83,8 +86,11 @@ def load_code(kernel: Deferred, kinds: str) -> Callable[..., Any] | None:
     if found["sources"] != source_stamps(kernel):
         return None
     constants = [np.dtype(name) for name in found["constants"]]
-    code = ObjectCode(found["wrapper"], found["environment"], constants, body)
-    return _linker().function(kernel, code)
+    code = ObjectCode(found["wrapper"], found["environment"], constants, found["objects"], body)
+    try:
+        return _linker().function(kernel, code)
+    except (TypeError, ValueError):  # it asks for more than exceptions and arrays
+        return None
 
 
 def save_code(kernel: Deferred, kinds: str, code: ObjectCode) -> None:
@@ -97,6 +103,7 @@ def save_code(kernel: Deferred, kinds: str, code: ObjectCode) -> None:
         "wrapper": code.wrapper,
         "environment": code.environment,
         "constants": [kind.str for kind in code.constants],
+        "objects": code.objects,
     }
     content = json.dumps(header).encode() + b"\n" + code.content
     try:
@@ -188,7 +195,8 @@ class _Linker:
         unpickle = ctypes.PYFUNCTYPE(
             ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p
         )
-        self._unpickle = unpickle(_constant)
+        self._objects: dict[bytes, Any] = {}
+        self._unpickle = unpickle(self._object)
         pointer = ctypes.cast(self._unpickle, ctypes.c_void_p).value
         assert pointer is not None
         binding.add_symbol("numba_unpickle", pointer)
@@ -202,7 +210,9 @@ class _Linker:
 
     def function(self, kernel: Deferred, code: ObjectCode) -> Callable[..., Any]:
         """The code as a function of Python objects."""
+        objects = {bytes.fromhex(sha1): as_object(item) for sha1, item in code.objects.items()}
         with self._lock:
+            self._objects |= objects
             self._engine.add_object_file(self._binding.ObjectFileRef.from_data(code.content))
             self._engine.finalize_object()
             address = self._engine.get_function_address(code.wrapper)
@@ -220,6 +230,10 @@ class _Linker:
             (self, environment),  # kept as long as the function
         )
         return made
+
+    def _object(self, _: int, __: int, sha1: int) -> Any:
+        """What compiled code holds of a Python object: the array type, exceptions to raise."""
+        return self._objects[ctypes.string_at(sha1, _SHA1_BYTES)]
 
 
 @functools.cache
@@ -241,13 +255,3 @@ def _extension(name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-@functools.cache
-def _constant_of(content: bytes) -> Any:
-    return pickle.loads(content)  # noqa: S301  a part of the code, which is run as well
-
-
-def _constant(address: int, size: int, _: int) -> Any:
-    """What compiled code holds of a Python object: the array type, exceptions that it raises."""
-    return _constant_of(ctypes.string_at(address, size))

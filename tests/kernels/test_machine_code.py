@@ -1,5 +1,7 @@
 """Machine code that is called without numba gives what numba gives, or numba is asked."""
 
+import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -153,6 +155,31 @@ def test_damaged_code_is_never_run(damage: Callable[[bytes], bytes], folder: Pat
     out, warned = run(folder)
     assert out == COMPILED[0]
     assert warned.count("RuntimeWarning: compiled kernels in") == 1
+    assert run(folder) == STORED
+
+
+@only_where_tried
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        ["eval", ["1"], None],
+        ["SystemExit", None, None],
+        ["os.system", ["true"], None],
+        ["ValueError", [["nested"]], None],
+        ["ValueError"],
+        "int",
+        5,
+    ],
+)
+def test_code_that_asks_for_other_objects_is_compiled_anew(foreign: Any, folder: Path) -> None:
+    stored = sorted((folder / "cache" / "code").glob("checked-*"))
+    for path in stored:
+        header, _, body = path.read_bytes()[:-32].partition(b"\n")
+        told = json.loads(header)
+        told["objects"] = dict.fromkeys(told["objects"], foreign)
+        content = json.dumps(told).encode() + b"\n" + body
+        path.write_bytes(content + hashlib.sha256(content).digest())
+    assert run(folder) == COMPILED
     assert run(folder) == STORED
 
 
