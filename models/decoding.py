@@ -21,7 +21,15 @@ if TYPE_CHECKING:
     from pgm_places.solvers.mean_field import MeanField
     from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["DECODERS", "FOREST_DECODERS", "Decoder", "decode", "decode_as", "require_decoder"]
+__all__ = [
+    "DECODERS",
+    "FOREST_DECODERS",
+    "GIVING_BELIEFS",
+    "Decoder",
+    "decode",
+    "decode_as",
+    "require_decoder",
+]
 
 Decoder = Literal[
     "graph-cut", "lp", "trw-s", "icm", "mean-field", "max-product", "sum-product", "exact"
@@ -30,6 +38,9 @@ Decoder = Literal[
 
 FOREST_DECODERS: tuple[Decoder, ...] = ("exact",)
 """Decoders of graphs without cycles only."""
+
+GIVING_BELIEFS: tuple[Decoder, ...] = ("mean-field", "sum-product", "exact")
+"""Decoders that also say how probable each label is at each node."""
 
 ROUNDING = 1e-12
 """A gap below this share of the score and of the problem's size is rounding: it is closed."""

@@ -13,8 +13,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
+from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_with_cliques
-from pgm_places.models.decoding import Decoder, decode_as
+from pgm_places.models.decoding import GIVING_BELIEFS, Decoder, decode_as
 from pgm_places.options import AtLeastZero, Whole, check_options
 
 __all__ = ["PottsField"]
@@ -55,6 +56,10 @@ class PottsField:
         :mod:`pgm_places.models.cliques`.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
+    temperature : float or "auto"
+        What divides the logarithms of the beliefs that a decoder gives; labels never change.
+        ``"auto"`` is 1 until a labeler of maps has scores of cells by lists that had not seen them:
+        it then takes the temperature that makes their true labels likeliest.
 
     Examples
     --------
@@ -74,9 +79,15 @@ class PottsField:
     clique_weight: AtLeastZero = 0.5
     clique_dissent: Annotated[float, Gt(0), Le(1)] = 0.5
     max_iterations: Whole | None = None
+    temperature: Temperature = "auto"
 
     def __post_init__(self) -> None:
         check_options(self)
+
+    @property
+    def gives_beliefs(self) -> bool:
+        """Whether its decoder says how probable each label is."""
+        return self.inference in GIVING_BELIEFS
 
     def chosen_on(
         self,
@@ -126,6 +137,9 @@ class PottsField:
             are wanted, or the decoder cannot take the weight (a graph cut wants it to be at least
             0).
         """
+        return tempered(self._decoded(problem), self.temperature)
+
+    def _decoded(self, problem: LabelingProblem) -> Labeling:
         unary = evident_unary(problem, "potts", with_cliques=True)
         weight = _by_degree(problem.graph) if self.weight == "auto" else self.weight
         potentials = Potentials.potts(unary, weight)

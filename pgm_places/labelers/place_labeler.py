@@ -260,7 +260,8 @@ class PlaceLabeler(Labeler):
             progress=progress,
         )
         nodes = LabelledNodes.of_maps(maps, self.connectivity, names, unary.scores)
-        fitted, seconds = learn_methods(methods, nodes, progress)
+        held_out = unary.scores is not None and self.learn_on == "out-of-fold"
+        fitted, seconds = learn_methods(methods, nodes, held_out, progress)
         self.set_learned(
             unary_model_=unary.model,
             methods_=fitted,

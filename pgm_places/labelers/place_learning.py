@@ -16,6 +16,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.method import PlaceMethod, labels_spaces
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.labelers.space_problem import space_problem
@@ -103,9 +104,12 @@ def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
 
 
 def learn_methods(
-    methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, progress: Progress
+    methods: Mapping[str, PlaceMethod], nodes: LabelledNodes, held_out: bool, progress: Progress
 ) -> tuple[dict[str, PlaceMethod], dict[str, float]]:
-    """The methods fitted, those that learn nothing as they are; and how long each took, in s."""
+    """The methods fitted, those that learn nothing as they are; and how long each took, in s.
+
+    With scores that were held out, beliefs are calibrated, too.
+    """
     fitted, seconds = dict(methods), {}
     for name, method in methods.items():
         if isinstance(method.backend, Learnable):
@@ -115,7 +119,14 @@ def learn_methods(
                 backend = _fitted(method.backend, problems, nodes.truths, stage)
                 seconds[name] = time.perf_counter() - start
             fitted[name] = replace(method, backend=backend)
+    if held_out:
+        fitted = {name: _calibrated(method, nodes) for name, method in fitted.items()}
     return fitted, seconds
+
+
+def _calibrated(method: PlaceMethod, nodes: LabelledNodes) -> PlaceMethod:
+    backend = calibrated(method.backend, nodes.problems(method.unary), nodes.truths)
+    return replace(method, backend=backend)
 
 
 def without_halls(

@@ -11,6 +11,7 @@ from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, InputError, LabelError, ModelFileError, NotFittedError
 from pgm_places.labelers.place_labeler import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.mrf import PottsField
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, read, save
 
@@ -29,6 +30,7 @@ def labeler(known: LabelledMap) -> PlaceLabeler:
         "adaboost": PlaceMethod("independent", "laser"),
         "relaxation": PlaceMethod("relaxation", "laser"),
         "amn": PlaceMethod("amn", "context"),
+        "potts": PlaceMethod(PottsField(0.25, inference="mean-field"), "laser"),
     }
     unfitted = PlaceLabeler(
         NAMES,
@@ -48,6 +50,31 @@ def test_labels_the_map_it_learned_from(
     truth = known.truth(known.graph())
     assert len(labeling.labels) == known.grid.free.sum()
     assert evaluate(truth, labeling.labels, NAMES).balanced_accuracy > 0.75
+
+
+def test_held_out_scores_calibrate_the_beliefs_of_a_potts_field(
+    labeler: PlaceLabeler, known: LabelledMap
+) -> None:
+    chosen = labeler.methods_["potts"]
+    assert 1.05 < chosen.backend.temperature < 20
+    graph, scores = labeler.scores(known.grid, methods=["potts"])
+    found = labeler.infer(graph, scores, method="potts")
+    surer = dataclasses.replace(chosen.backend, temperature=1.0).infer(
+        labeler.problem_of(graph, scores, chosen)
+    )
+    np.testing.assert_array_equal(found.labels, surer.labels)
+    assert found.beliefs is not None
+    assert surer.beliefs is not None
+    assert found.beliefs.max(axis=1).mean() < surer.beliefs.max(axis=1).mean()
+
+
+def test_scores_of_lists_that_saw_the_cells_calibrate_nothing(known: LabelledMap) -> None:
+    field = PottsField(0.25, inference="mean-field")
+    methods = {"amn": PlaceMethod("amn", "laser"), "potts": PlaceMethod(field, "laser")}
+    unfitted = PlaceLabeler(
+        NAMES, methods, classifier=DecisionListClassifier(n_rounds=5), learn_on="in-sample"
+    )
+    assert unfitted.fit([known]).methods_["potts"].backend == field
 
 
 def test_adaboost_alone_is_the_argmax_of_its_histogram(
