@@ -22,7 +22,7 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.refinement import refine
-from pgm_places.reproduce.building_lists import DOORWAY, RECIPES, WHOLE, Scored, scored_maps
+from pgm_places.reproduce.building_lists import AVERAGE, DOORWAY, RECIPES, Scored, scored_maps
 from pgm_places.reproduce.building_maps import (
     CELLS_M,
     GENERATED,
@@ -55,6 +55,7 @@ PER_KIND, FIRST_SEED = 2, 5000
 CELLS_TRIED_M = (0.02, 0.03, 0.04, 0.05, 0.075, 0.1)
 ROBOT = MapSimulation(scale=(0.8, 1.25), coverage=(0.6, 1.0))
 CLEAN = "drawn"
+_RECIPES = {name: RECIPES[name] for name in (*RECIPES[AVERAGE].mean_of, AVERAGE)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ def scored_unseen(setting: Setting) -> list[Scored]:
     ]
     fold += [fold_of[each.known.kind] for each in samples[len(training) :]]
     learned = np.arange(len(samples)) < len(training)
-    found = scored_maps(setting, samples, np.array(fold), {WHOLE: RECIPES[WHOLE]}, learned=learned)
+    found = scored_maps(setting, samples, np.array(fold), _RECIPES, learned=learned)
     return [item for item in found if item.sample.known.source != GENERATED]
 
 

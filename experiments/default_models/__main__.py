@@ -29,10 +29,10 @@ Table = dict[str, str | int | bool]
 
 def robot_maps() -> Iterator[Table]:
     """The floors that robots mapped, and the one that was redrawn."""
-    for folder, name, building in (
-        ("freiburg079", "building 79", "Freiburg 79"),
-        ("freiburg079_drawn", "building 79, redrawn", "Freiburg 79"),
-        ("freiburg052", "building 52", "Freiburg 52"),
+    for folder, name, building, domain in (
+        ("freiburg079", "building 79", "Freiburg 79", {}),
+        ("freiburg079_drawn", "building 79, redrawn", "Freiburg 79", {"domain": "drawn"}),
+        ("freiburg052", "building 52", "Freiburg 52", {}),
     ):
         yield {
             "map": f"{DATA}/{folder}/map.yaml",
@@ -40,6 +40,7 @@ def robot_maps() -> Iterator[Table]:
             "classes": PLAIN_CLASSES,
             "name": name,
             "building": building,
+            **domain,
         }
     for town, building, count in (
         ("freiburg", "Freiburg 79", 3),
@@ -68,9 +69,11 @@ def floors() -> Iterator[Table]:
             "classes": FLOOR_CLASSES,
             "name": row["floor"],
             "building": row["building"],
+            "domain": "drawn",
         }
         yield drawn
-        yield {**drawn, "name": f"{row['floor']}, simulated", "simulated": number}
+        name = f"{row['floor']}, simulated"
+        yield {**drawn, "name": name, "domain": "simulated", "simulated": number}
 
 
 def generated(styles: Sequence[str], per_style: int) -> Iterator[Table]:
@@ -85,6 +88,12 @@ def generated(styles: Sequence[str], per_style: int) -> Iterator[Table]:
             yield drawn
             seed += 1
 
+
+ROUNDS = """
+[space]
+n_rounds = 66
+"""
+"""Of each of the three lists whose mean it is: together as many trees as 200 kB hold."""
 
 METHODS = """\
 [[methods]]
@@ -102,8 +111,8 @@ max_iterations = 20
 """
 
 
-def configuration(title: str, maps: Iterator[Table], examples: int) -> str:
-    """The TOML text of a model."""
+def configuration(title: str, maps: Iterator[Table], examples: int, space: str = "") -> str:
+    """The TOML text of a model; ``space`` are options of the list with spaces."""
     tables = []
     for item in maps:
         lines = [f"{key} = {_value(key, value)}" for key, value in item.items()]
@@ -122,7 +131,7 @@ min_width_m = 0.3
 [classifier]
 max_examples_per_map = {examples}
 n_folds = 3
-"""
+{space}"""
     return "\n\n".join([head.rstrip(), *tables, METHODS])
 
 
@@ -134,9 +143,10 @@ def _value(key: str, value: str | int | bool) -> str:
 
 def main() -> None:
     """Write both files."""
-    everything = [*robot_maps(), *floors(), *generated(STYLES + MORE_STYLES, 4)]
+    made = [{**item, "domain": "generated"} for item in generated(STYLES + MORE_STYLES, 4)]
+    everything = iter([*robot_maps(), *floors(), *made])
     (HERE / "default.toml").write_text(
-        configuration("All labelled buildings", iter(everything), 1500), encoding="utf-8"
+        configuration("All labelled buildings", everything, 1500, ROUNDS), encoding="utf-8"
     )
     (HERE / "generated.toml").write_text(
         configuration("Generated buildings", generated(STYLES, 4), 1500), encoding="utf-8"

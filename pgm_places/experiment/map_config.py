@@ -38,6 +38,8 @@ class MapConfig:
     ``simulated`` is a seed: a map that a robot would make of the one described is taken instead of
     it, as ``simulation`` says (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building``
     are held out together; by default, parts of the same map are, and what was simulated from it.
+    ``domain`` names where maps of this kind come from, such as "drawn" or "simulated": of several
+    domains, the list with spaces is the mean of lists that each leave one of them out.
     """
 
     map: str | None = None
@@ -48,6 +50,7 @@ class MapConfig:
     corrections: str | None = None
     name: str | None = None
     building: str | None = None
+    domain: str | None = None
     half: Literal["left", "right"] | None = None
     style: StyleName | None = None
     halls: HallsAs | None = None

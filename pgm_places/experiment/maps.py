@@ -53,7 +53,8 @@ def load_map_of(experiment: Experiment, source: MapConfig, where: str) -> Labell
             limits["columns"] = (0, split) if source.half == "left" else (split, None)
     name = source.name or _default_name(source, origin)
     window = window_mask(grid, **limits)
-    found = LabelledMap(grid, labels, window, name, source.building or str(origin))
+    building = source.building or str(origin)
+    found = LabelledMap(grid, labels, window, name, building, source.domain)
     adapt = _coarsened if source.simulated is None else _simulated
     found = adapt(experiment, source, found)
     if not found.labelled_cells.any():
@@ -93,7 +94,7 @@ def _simulated(experiment: Experiment, source: MapConfig, plan: LabelledMap) -> 
         options=source.simulation,
         resolution_m=config.resolution_m,
     )
-    return made if source.name is None else replace(made, name=source.name)
+    return replace(made, name=source.name or made.name, domain=source.domain)
 
 
 def load_grid(experiment: Experiment, source: MapConfig) -> LabelledMap:

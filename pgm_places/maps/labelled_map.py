@@ -31,6 +31,10 @@ class LabelledMap:
     building : str, optional
         Maps of one building share it: they are never on both sides of a cross-validation. By
         default each map is a building of its own.
+    domain : str, optional
+        Where maps of this kind come from, such as "drawn" or "simulated". Where training maps are
+        of several domains, the list with spaces is the mean of lists each of which has learned
+        without one of them; maps without a domain are learned from by all.
     """
 
     grid: OccupancyGrid
@@ -38,6 +42,7 @@ class LabelledMap:
     window: NDArray[np.bool_] | None = None
     name: str = "map"
     building: str | None = None
+    domain: str | None = None
 
     def __post_init__(self) -> None:
         labels = np.asarray(self.labels)

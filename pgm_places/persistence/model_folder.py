@@ -69,13 +69,21 @@ def save_folder(path: Path | str, manifest: Mapping[str, Any], arrays: Arrays) -
         "content": dict(manifest),
     }
     try:
-        text = json.dumps(record, indent=1, allow_nan=False) + "\n"
+        text = _json_lines(record, levels=4) + "\n"
     except (TypeError, ValueError, RecursionError) as error:
         raise ModelFileError(f"{folder}: the manifest must be plain JSON data: {error}") from None
     with atomic_folder(folder, replaces=is_model) as temporary:
         (temporary / ARRAYS).write_bytes(data)
         (temporary / MANIFEST).write_text(text, encoding="utf-8", newline="\n")
     return folder
+
+
+def _json_lines(value: Any, levels: int) -> str:
+    """JSON with a line per key of the outermost objects: to be read, compared and yet small."""
+    if not levels or not isinstance(value, dict) or not value:
+        return json.dumps(value, allow_nan=False)
+    lines = [f"{json.dumps(key)}: {_json_lines(item, levels - 1)}" for key, item in value.items()]
+    return "{\n" + ",\n".join(lines) + "\n}"
 
 
 def load_folder(path: Path | str) -> tuple[dict[str, Any], Arrays]:

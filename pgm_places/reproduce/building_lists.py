@@ -1,7 +1,7 @@
 """Lists learned without a fold of buildings, and their scores for the maps of that fold."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from pgm_places._version import __version__
 from pgm_places.graph.layout import GridLayout
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.boosted_trees import BoostedTrees
+from pgm_places.models.list_average import list_average
 from pgm_places.progress import Progress, Stage
-from pgm_places.reproduce.building_maps import GENERATED, NAMES, SIMULATED, Sample
+from pgm_places.reproduce.building_maps import DRAWN, GENERATED, NAMES, SIMULATED, Sample
 from pgm_places.reproduce.kept import Arrays, KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import match_doors
@@ -24,12 +26,15 @@ from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import gate_list
 from pgm_places.unary.space_model import MapSpaces, gate_probabilities
 
-__all__ = ["DOORWAY", "RECIPES", "WHOLE", "Scored", "folded", "scored_maps"]
+__all__ = ["AVERAGE", "DOORWAY", "RECIPES", "WHOLE", "Recipe", "Scored", "folded", "scored_maps"]
 
 CORRIDOR, DOORWAY = NAMES.index("corridor"), NAMES.index("doorway")
 N_LASER, N_SEGMENTS = 321, 321 + 121
 _CONTENT = ("scores", "at gate", "gate", "place")
 """What is kept of a map."""
+
+_ROUNDS_AVERAGED = 66
+"""Of each list that is averaged, so that three have as many trees as two lists."""
 
 
 @dataclass(frozen=True)
@@ -46,23 +51,34 @@ class Recipe:
         Maps of this source are not learned from.
     halls : bool
         Whether halls are learned as a class of their own, which belongs to corridors afterwards.
+    mean_of : tuple of str
+        Nothing is learned: it is the mean of the lists by these recipes, of their first rounds.
     """
 
     n_columns: int | None = None
     learner: Literal["stumps", "trees"] = "trees"
     without: str | None = None
     halls: bool = True
+    mean_of: tuple[str, ...] = ()
 
 
-WHOLE = "halls as a class"
+WHOLE, AVERAGE = "halls as a class", "average of lists"
+_WITHOUT = {
+    f"without {words}": Recipe(without=source)
+    for source, words in (
+        (SIMULATED, "robot-like copies"),
+        (GENERATED, "generated buildings"),
+        (DRAWN, "drawn floors"),
+    )
+}
 RECIPES: Mapping[str, Recipe] = {
     "laser, stumps": Recipe(N_LASER, "stumps", halls=False),
     "laser, trees": Recipe(N_LASER, halls=False),
     "segments": Recipe(N_SEGMENTS, halls=False),
     "halls as corridors": Recipe(halls=False),
     WHOLE: Recipe(),
-    "without robot-like copies": Recipe(without=SIMULATED),
-    "without generated buildings": Recipe(without=GENERATED),
+    **_WITHOUT,
+    AVERAGE: Recipe(mean_of=tuple(_WITHOUT)),
 }
 
 
@@ -250,7 +266,11 @@ class _Rows:
         values = np.concatenate([self.values, self.of_places[number]], axis=1)
         lists = {}
         for count, (name, recipe) in enumerate(recipes.items(), start=1):
-            lists[name] = self._learned(recipe, values, number, n_threads)
+            if recipe.mean_of:
+                parts = [_first_rounds(lists[part]) for part in recipe.mean_of]
+                lists[name] = list_average(parts)
+            else:
+                lists[name] = self._learned(recipe, values, number, n_threads)
             stage.update(count / (len(recipes) + 1), name)
         judge = self.gates.without({number}, n_threads)
         found: dict[str, NDArray[Any]] = {}
@@ -264,19 +284,27 @@ class _Rows:
         self, recipe: Recipe, values: NDArray[np.float32], number: int, n_threads: int | None
     ) -> BoostedList:
         source = np.array([each.known.source for each in self.samples])
-        seen = ((self.fold != number) & (source != recipe.without))[self.map]
-        truth = self.truth[seen]
+        others = self.fold != number
+        seen = (others & (source != recipe.without))[self.map]
+        truth = self.truth
         if not recipe.halls:
             truth = np.where(truth == len(NAMES), CORRIDOR, truth)
         trees = recipe.learner == "trees"
         unfitted = SpaceOptions().classifier() if trees else ClassifierOptions().classifier(NAMES)
         unfitted.set_params(n_threads=n_threads, calibration="none")  # that comes later
-        learner = with_explicit_order(unfitted, truth)
+        # One order for all sources, or their lists could not be averaged.
+        learner = with_explicit_order(unfitted, truth[others[self.map]])
         some = np.ascontiguousarray(values[seen, : recipe.n_columns])
         fitted: BoostedList = learner.fit(
-            some, truth, groups=self.fold[self.map][seen]
+            some, truth[seen], groups=self.fold[self.map][seen]
         ).boosted_list_
         return fitted
+
+
+def _first_rounds(item: BoostedList) -> BoostedList:
+    """The list as it was after some rounds; boosting never looks ahead."""
+    trees = [part for part in item.classifiers if isinstance(part, BoostedTrees)]
+    return replace(item, classifiers=tuple(part[:_ROUNDS_AVERAGED] for part in trees))
 
 
 def folded(log_z: NDArray[np.float64]) -> NDArray[np.float64]:

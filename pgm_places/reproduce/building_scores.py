@@ -14,7 +14,7 @@ from pgm_places.inference.problem import LabelingProblem
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.list_training import platt, temperature
 from pgm_places.models.mrf import PottsField
-from pgm_places.reproduce.building_lists import DOORWAY, RECIPES, WHOLE, Scored, folded
+from pgm_places.reproduce.building_lists import AVERAGE, DOORWAY, RECIPES, WHOLE, Scored, folded
 from pgm_places.reproduce.building_maps import LATTICE_STEP, NAMES
 from pgm_places.spaces.door_truth import DoorScores, match_doors
 from pgm_places.spaces.gates import gate_candidates
@@ -22,6 +22,7 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.space_model import with_gates
 
 __all__ = [
+    "AVERAGED",
     "GATES",
     "POTTS",
     "RESCALED",
@@ -35,7 +36,7 @@ __all__ = [
     "rescaled",
 ]
 
-GATES, SHIPPED = "gates on doorways", "temperature"
+GATES, AVERAGED, SHIPPED = "gates on doorways", "average", "temperature"
 RESCALED = ("platt", SHIPPED)
 """The calibrations of the list to compare."""
 
@@ -124,6 +125,7 @@ def _result(scored: Scored, scaled: Mapping[str, NDArray[np.float64]]) -> MapRes
         if recipe.without is not None:
             steps[name] = with_gates(steps[name], scored.at_gate, DOORWAY)
     steps[GATES] = with_gates(steps[WHOLE], scored.at_gate, DOORWAY)
+    steps[AVERAGED] = with_gates(steps.pop(AVERAGE), scored.at_gate, DOORWAY)
     for name, log_z in scaled.items():
         steps[name] = with_gates(log_z, scored.at_gate, DOORWAY)
     evaluations = {
@@ -207,8 +209,8 @@ def rescaled(scored: Sequence[Scored], how: str) -> list[NDArray[np.float64]]:
     ``how`` is one of ``RESCALED``. Every map weighs the same, as when lists are learned.
     """
     fold = np.array([item.fold for item in scored])
-    order = _ORDER[scored[0].log_z[WHOLE].shape[1]]
-    logits = [_logits(item.log_z[WHOLE], order) for item in scored]
+    order = _ORDER[scored[0].log_z[AVERAGE].shape[1]]
+    logits = [_logits(item.log_z[AVERAGE], order) for item in scored]
     scales = {}
     for number in np.unique(fold).tolist():
         others = [k for k in range(len(scored)) if fold[k] != number]

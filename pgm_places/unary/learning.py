@@ -11,6 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.features.context import window_means
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.models.list_average import list_average
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
@@ -34,6 +35,7 @@ __all__ = [
     "held_out_lists",
     "held_out_scores",
     "with_explicit_order",
+    "without_a_domain",
 ]
 
 
@@ -173,6 +175,7 @@ def fit_unary(
             found.columns,
             "all" if with_scores else "none",
             space.max_examples_per_map,
+            learner.cells.domain,
         )
         of_spaces = spaces.of_all
         if halls is not None:
@@ -239,25 +242,28 @@ class _Learner:
         extra: Extra | None = None,
         scored: Literal["all", "examples", "none"] = "all",
         limit: int | None = None,
+        domain: NDArray[np.int64] | None = None,
     ) -> _Learned:
         """A list fitted on the examples, and the scores of all cells, of the examples, or none.
 
-        With ``limit`` it is fitted on at most that many examples of each map.
+        With ``limit`` it is fitted on at most that many examples of each map; with the ``domain``
+        (N,) of all cells it is the mean of lists that were fitted without one.
         """
         cells, examples = self.cells, self.cells.examples
         some = slice(None) if limit is None else cells.some_examples(limit)
         values = _beside(cells.features[some], examples[some], extra)
         truth, groups = cells.truth[examples[some]], cells.groups[examples[some]]
+        domain = None if domain is None else domain[examples[some]]
         tempered = unfitted.calibration == "temperature"
         if tempered:
             unfitted = _like(unfitted, calibration="none")
         with self.progress.stage(name):
-            learned = _like(unfitted).fit(values, truth, groups=groups)
-            fitted: BoostedList = learned.boosted_list_
+            fitted = _fitted_list(unfitted, values, truth, groups, domain)
         lists = {}
         if tempered or (self.held_out and scored != "none"):
             stage = f"held-out scores: {name}"
-            lists = held_out_lists(learned, values, truth, groups, self.progress, stage)
+            ordered = _like(unfitted, order=fitted.classes[fitted.order].tolist())
+            lists = held_out_lists(ordered, values, truth, groups, self.progress, stage, domain)
         if tempered:
             fitted, lists = with_temperatures(fitted, lists, values, truth, groups)
         empty = np.empty((0, self.n_labels))
@@ -343,28 +349,69 @@ def with_explicit_order(
     return _like(classifier, order=order)
 
 
+def _fitted_list(
+    unfitted: "DecisionListClassifier",
+    values: NDArray[np.float32],
+    truth: NDArray[np.int64],
+    groups: NDArray[np.int64] | None,
+    domain: NDArray[np.int64] | None,
+) -> BoostedList:
+    """The list that learned from all rows, or the mean of those that leave one domain out.
+
+    What one list believes because of where a map comes from, those that have not seen such maps
+    contradict: whole spaces flip between lists, and rarely in most of them at once.
+    """
+    lists = []
+    for seen in without_a_domain(truth, domain):
+        some = None if groups is None else groups[seen]
+        lists.append(_like(unfitted).fit(values[seen], truth[seen], groups=some).boosted_list_)
+    return list_average(lists)
+
+
+def without_a_domain(
+    truth: NDArray[np.int64], domain: NDArray[np.int64] | None
+) -> list[NDArray[np.bool_]]:
+    """The rows that remain without each domain, where all labels do; all rows if that is one."""
+    everything = np.ones(len(truth), np.bool_)
+    if domain is None:
+        return [everything]
+    remaining = [domain != number for number in np.unique(domain[domain >= 0])]
+    n_labels = len(np.unique(truth))
+    whole = [seen for seen in remaining if len(np.unique(truth[seen])) == n_labels]
+    return whole if len(whole) > 1 else [everything]
+
+
 def held_out_lists(
-    fitted: "DecisionListClassifier",
+    unfitted: "DecisionListClassifier",
     features: NDArray[np.float32],
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
     progress: Progress,
     name: str,
+    domain: NDArray[np.int64] | None = None,
 ) -> dict[int, BoostedList]:
-    """For each group a list of the same order that has not seen it."""
+    """For each group a list that has not seen it, in the order, of labels, of the one given.
+
+    With domains (n,), each is the mean of lists that leave one of them out.
+    """
     lists = {}
     folds = np.unique(groups).tolist()
     with progress.stage(name) as stage:
         for count, fold in enumerate(folds, start=1):
             seen = groups != fold
-            order = [label for label in fitted.order_ if (truth[seen] == label).any()]
+            order = [label for label in unfitted.order if (truth[seen] == label).any()]
             if len(order) < 2:
                 raise InputError(
                     "out-of-fold scores need at least two labels outside every group; "
                     "use fewer folds or learn_on='in-sample'"
                 )
-            part = _like(fitted, order=order).fit(features[seen], truth[seen])
-            lists[fold] = part.boosted_list_
+            lists[fold] = _fitted_list(
+                _like(unfitted, order=order),
+                features[seen],
+                truth[seen],
+                None,
+                None if domain is None else domain[seen],
+            )
             stage.update(count / len(folds))
     return lists
 
@@ -379,7 +426,8 @@ def held_out_scores(
     name: str,
 ) -> NDArray[np.float64]:
     """(N, K) log z of every row from a list of the same order that did not see its group."""
-    lists = held_out_lists(fitted, features, truth, groups, progress, name)
+    ordered = _like(fitted, order=list(fitted.order_))
+    lists = held_out_lists(ordered, features, truth, groups, progress, name)
     return _scores_of(lists, features, groups, n_labels)
 
 

@@ -94,6 +94,13 @@ class TrainingCells:
         return [int(item.labelled_cells.sum()) for item in self.maps]
 
     @property
+    def domain(self) -> NDArray[np.int64]:
+        """(N,) the number of each cell's domain, -1 on maps that name none."""
+        names = sorted({item.domain for item in self.maps if item.domain is not None})
+        number = [-1 if item.domain is None else names.index(item.domain) for item in self.maps]
+        return np.repeat(number, self.sizes).astype(np.int64)
+
+    @property
     def examples(self) -> NDArray[np.int64]:
         """(n,) numbers of the examples, ascending."""
         return np.flatnonzero(self.chosen)

@@ -1,5 +1,6 @@
 """Learning from spaces: gates judged without their building, and a labeler that sees spaces."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from pgm_places.errors import ConfigError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.map_model import UNARIES
+from pgm_places.unary.learning import fit_unary, without_a_domain
+from pgm_places.unary.map_model import UNARIES, UnaryModel
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
 from pgm_places.unary.training_cells import TrainingCells
@@ -121,3 +123,47 @@ def test_a_method_that_wants_spaces_needs_their_options() -> None:
         from pgm_places import PlaceMethod
 
         PlaceLabeler(NAMES, {"a": PlaceMethod("independent", "space")}, space=None).check_options()
+
+
+def test_of_several_domains_the_list_is_the_mean_of_those_without_each(
+    known: list[LabelledMap],
+) -> None:
+    def learned(maps: list[LabelledMap]) -> UnaryModel:
+        few = ClassifierOptions(n_rounds=5).classifier(NAMES)
+        space = SpaceOptions(n_rounds=5, calibration="none")
+        return fit_unary(
+            maps,
+            len(NAMES),
+            sensor=Sensor(),
+            classifier=few,
+            space=space,
+            doorway=2,
+            learn_on="in-sample",
+            max_examples_per_map=500,
+            with_scores=False,
+        ).model
+
+    names = ["drawn", "mapped", None]
+    named = [replace(item, domain=name) for item, name in zip(known, names, strict=True)]
+    assert sizes(learned(known)) == [5, 5]
+    assert sizes(learned(named)) == [10, 10]
+    # One domain alone is left out by no list.
+    assert sizes(learned([named[0], named[2]])) == [5, 5]
+
+
+def test_a_domain_without_which_a_label_has_no_example_is_left_out_by_no_list() -> None:
+    truth = np.array([0, 1, 0, 1, 0, 0, 1])
+    domain = np.array([0, 0, 1, 1, 2, 2, -1])
+    without = [seen.tolist() for seen in without_a_domain(truth, domain)]
+    assert without == [(domain != number).tolist() for number in (0, 1, 2)]
+    needed = np.array([0, 2, 0, 1, 0, 1, 1])
+    without = [seen.tolist() for seen in without_a_domain(needed, domain)]
+    assert without == [(domain != number).tolist() for number in (1, 2)]
+    only = np.array([0, 2, 0, 1, 0, 0, 0])
+    assert [seen.all() for seen in without_a_domain(only, domain)] == [True]
+    assert [seen.all() for seen in without_a_domain(truth, None)] == [True]
+
+
+def sizes(model: UnaryModel) -> list[int]:
+    assert model.space is not None
+    return [item.n_rounds for item in model.space.classifier.classifiers]
