@@ -264,7 +264,7 @@ class _Rows:
     ) -> dict[str, NDArray[Any]]:
         """The scores of a fold's maps by some recipes, from lists trained without them."""
         values = np.concatenate([self.values, self.of_places[number]], axis=1)
-        lists = {}
+        lists: dict[str, BoostedList] = {}
         for count, (name, recipe) in enumerate(recipes.items(), start=1):
             if recipe.mean_of:
                 parts = [_first_rounds(lists[part]) for part in recipe.mean_of]
