@@ -3,16 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import inlined, njit
+from pgm_places.kernels.jit import fused, inlined, njit
 
-__all__ = ["find_saddles", "mark_narrow", "shortest_chords"]
+__all__ = ["find_saddles", "mark_narrow", "shortest_chords", "write_chords"]
 
 
 @inlined
 def _reach(
     blocked: NDArray[np.bool_], row: float, column: float, dr: float, dc: float, longest: float
 ) -> float:
-    """The free distance from a cell's centre to a blocked cell, in quarters of a cell."""
+    """The free distance from a cell's centre to a blocked cell, in quarters of a cell.
+
+    Where it is longer than ``longest``, it is only known to be.
+    """
     length = 0.0
     while length <= longest:
         length += 0.25
@@ -23,8 +26,8 @@ def _reach(
     return length
 
 
-@njit
-def shortest_chords(
+@fused
+def write_chords(
     blocked: NDArray[np.bool_],
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
@@ -44,14 +47,31 @@ def shortest_chords(
         length[d] = np.inf
         dr, dc = directions[d]
         for k in range(len(rows)):
-            ahead = _reach(blocked, rows[k], columns[k], dr, dc, longest)
-            behind = _reach(blocked, rows[k], columns[k], -dr, -dc, longest)
+            limit = min(longest, length[d])
+            ahead = _reach(blocked, rows[k], columns[k], dr, dc, limit)
+            if ahead > limit:
+                continue
+            behind = _reach(blocked, rows[k], columns[k], -dr, -dc, limit - ahead)
             if ahead + behind <= longest and ahead + behind < length[d]:
                 length[d] = ahead + behind
                 chord[d, 0] = rows[k] + ahead * dr
                 chord[d, 1] = columns[k] + ahead * dc
                 chord[d, 2] = rows[k] - behind * dr
                 chord[d, 3] = columns[k] - behind * dc
+
+
+@njit
+def shortest_chords(
+    blocked: NDArray[np.bool_],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    directions: NDArray[np.float64],
+    longest: float,
+    length: NDArray[np.float64],
+    chord: NDArray[np.float64],
+) -> None:
+    """Write the shortest chord through any of the cells for each direction."""
+    write_chords(blocked, rows, columns, directions, longest, length, chord)
 
 
 @njit
@@ -69,7 +89,7 @@ def mark_narrow(
         for d in range(len(directions)):
             dr, dc = directions[d]
             ahead = _reach(blocked, rows[k], columns[k], dr, dc, longest)
-            behind = _reach(blocked, rows[k], columns[k], -dr, -dc, longest)
+            behind = _reach(blocked, rows[k], columns[k], -dr, -dc, longest - ahead)
             if ahead + behind <= longest:
                 narrow[k] = True
                 break

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Chord", "has_short_chord", "shortest_chords"]
+__all__ = ["Chord", "chord_directions", "has_short_chord", "shortest_chords"]
 
 N_DIRECTIONS = 36
 
@@ -79,7 +79,7 @@ def shortest_chords(blocked: ArrayLike, cells_rc: ArrayLike, longest: float) -> 
         np.ascontiguousarray(blocked, np.bool_),
         np.ascontiguousarray(cells[:, 0]),
         np.ascontiguousarray(cells[:, 1]),
-        _directions(),
+        chord_directions(),
         float(longest),
         length,
         ends,
@@ -96,11 +96,11 @@ def has_short_chord(
 
     narrow = np.empty(len(cells_rc), np.bool_)
     rows, columns = (np.ascontiguousarray(axis) for axis in cells_rc.T)
-    mark_narrow(blocked, rows, columns, _directions(), float(longest), narrow)
+    mark_narrow(blocked, rows, columns, chord_directions(), float(longest), narrow)
     return narrow
 
 
-def _directions() -> NDArray[np.float64]:
+def chord_directions() -> NDArray[np.float64]:
     """(36, 2) row and column steps of length 1 over half a turn."""
     angles = np.arange(N_DIRECTIONS) * np.pi / N_DIRECTIONS
     # Make straight up exact, whatever the library's cosine of 90 degrees.

@@ -1,53 +1,29 @@
 """Corrections beyond the paper's: too wide or leaking doorways, and rooms to be split."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.topology.borders import contacts
-from pgm_places.topology.chords import Chord, has_short_chord, shortest_chords
+from pgm_places.topology.chords import has_short_chord
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.components import Components, connected_components
 from pgm_places.topology.corrections import Correction, CorrectionRules
+from pgm_places.topology.parting import Parting, Split
 
-__all__ = ["Split", "close_leaks", "find_splits", "split_rooms", "trim_doorways"]
+__all__ = ["close_leaks", "find_splits", "split_rooms", "trim_doorways"]
 
-DOORWAY_DEPTH_M = 0.3
-"""Depth of a doorway drawn across a passage, within the range of hand-made labels."""
+MOST_SADDLES = 100_000
+CELLS_AT_ONCE = 1_000_000
+"""Cells around saddles that are listed at a time."""
 
 LEAST_RATIO = 1.2
 """The parts on both sides of a narrow passage are wider by at least this factor."""
 
 NEAR_M = 0.2
 """Chords through cells up to this far from a saddle are tried as well."""
-
-MOST_SADDLES = 100_000
-EIGHT = np.ones((3, 3), bool)
-
-
-@dataclass(frozen=True, eq=False)
-class Split:
-    """A place where a doorway could split a region in two.
-
-    Parameters
-    ----------
-    chord : Chord
-        From wall to wall across the narrowest point.
-    cells : (n, 2) int64
-        Row and column of the cells that would be the doorway.
-    label : int
-        Label of the region.
-    areas_m2 : (float, float)
-        Areas of the larger and the smaller part.
-    """
-
-    chord: Chord
-    cells: NDArray[np.int64]
-    label: int
-    areas_m2: tuple[float, float]
 
 
 def trim_doorways(
@@ -85,9 +61,10 @@ def trim_doorways(
     pieces = connected_components(marked)
     length = contacts(pieces.piece, pieces.count).matrix(pieces.count)
     table = np.append(pieces.label, np.int16(-1))
-    cells_of = _cells_of_pieces(pieces, pieces.label == len(label_names))
+    wanted = pieces.label == len(label_names)
+    members, start = _cells_of_pieces(pieces, wanted)
     log = []
-    for number, members in cells_of.items():
+    for k, number in enumerate(np.flatnonzero(wanted).tolist()):
         around = length[[number]]
         others = [
             (-float(share), int(other))
@@ -96,8 +73,10 @@ def trim_doorways(
         ]
         table[number] = pieces.label[min(others)[1]] if others else doorway
         if others:
+            first = divmod(int(members[start[k]]), labels.shape[1])
+            area_m2 = int(pieces.size[number]) * resolution_m**2
             became = label_names[table[number]]
-            log.append(_entry(members, resolution_m, rules.doorway_label, became, "too wide"))
+            log.append(Correction(first, area_m2, rules.doorway_label, became, "too wide"))
     return table[pieces.piece].astype(np.int16, copy=False), log
 
 
@@ -115,14 +94,10 @@ def close_leaks(
     """
     doorway = _doorway(label_names, rules)
     doors = connected_components(np.where(labels == doorway, labels, np.int16(-1)))
-    parting = _Parting(labels, doorway, resolution_m, rules.min_part_m2)
-    longest = rules.close_leaks_m / resolution_m
-    blocked = labels < 0
-    log = []
-    for cells in _cells_of_pieces(doors, np.ones(doors.count, np.bool_)).values():
-        split = parting.split(shortest_chords(blocked, cells, longest))
-        if split is not None:
-            log.append(_filled(split, label_names, resolution_m, rules, "leak"))
+    parting = Parting(labels, doorway, resolution_m, rules.min_part_m2)
+    cells, start = _cells_of_pieces(doors, np.ones(doors.count, np.bool_))
+    splits = parting.draw(cells, start, rules.close_leaks_m / resolution_m)
+    log = [_filled(split, label_names, resolution_m, rules, "leak") for split in splits]
     return parting.labels, log
 
 
@@ -154,7 +129,7 @@ def _splits(
     from pgm_places.topology._refinement_kernels import find_saddles
 
     doorway = _doorway(label_names, rules)
-    parting = _Parting(labels, doorway, resolution_m, rules.min_part_m2)
+    parting = Parting(labels, doorway, resolution_m, rules.min_part_m2)
     piece = parting.pieces.piece
     inside = np.flatnonzero(piece >= 0)
     order = inside[np.argsort(-clearance.ravel()[inside], kind="stable")]
@@ -164,13 +139,12 @@ def _splits(
     saddles = np.empty(MOST_SADDLES, np.int64)
     parent = np.full(labels.size, -1, np.int32)
     count = find_saddles(piece, clearance, order, widest, LEAST_RATIO**2, parent, saddles)
-    blocked = labels < 0
+    reach = round(NEAR_M / resolution_m)
+    at_once = max(1, CELLS_AT_ONCE // (2 * reach + 1) ** 2)
     found = []
-    for cell in saddles[: min(count, MOST_SADDLES)].tolist():
-        near = _around(divmod(cell, labels.shape[1]), piece, resolution_m)
-        split = parting.split(shortest_chords(blocked, near, longest))
-        if split is not None:
-            found.append(split)
+    for first in range(0, min(count, MOST_SADDLES), at_once):
+        some = saddles[first : min(first + at_once, count)]
+        found += parting.draw(*_around(some, piece, reach), longest)
     return found, parting.labels
 
 
@@ -201,102 +175,31 @@ def _doorway(label_names: Sequence[str], rules: CorrectionRules) -> int:
 
 
 def _around(
-    cell: tuple[int, int], piece: NDArray[np.int32], resolution_m: float
-) -> NDArray[np.int64]:
-    """(n, 2) the cells of a cell's piece within ``NEAR_M`` in rows and columns."""
-    reach = round(NEAR_M / resolution_m)
-    row, column = cell
-    low = max(0, row - reach), max(0, column - reach)
-    near = piece[low[0] : row + reach + 1, low[1] : column + reach + 1] == piece[row, column]
-    return np.argwhere(near) + np.array(low)
+    centres: NDArray[np.int64], piece: NDArray[np.int32], reach: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The cells of each centre's piece up to ``reach`` rows and columns away, and where they begin.
+
+    Cells are numbered row by row, and so are those of each centre ordered.
+    """
+    height, width = piece.shape
+    steps = np.arange(-reach, reach + 1)
+    rows = (centres // width)[:, None, None] + steps[:, None]
+    columns = (centres % width)[:, None, None] + steps
+    near = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    cells = np.where(near, rows * width + columns, 0)
+    near &= piece.ravel()[cells] == piece.ravel()[centres][:, None, None]
+    return cells[near], np.append(0, np.cumsum(near.sum(axis=(1, 2))))
 
 
-class _Parting:
-    """Labels that doorways are drawn into if they split a region in two."""
-
-    def __init__(
-        self, labels: NDArray[np.int16], doorway: int, resolution_m: float, min_part_m2: float
-    ) -> None:
-        from scipy.ndimage import find_objects
-
-        self.labels, self.doorway = labels.copy(), doorway
-        self.resolution_m, self.min_part_m2 = resolution_m, min_part_m2
-        self.pieces = connected_components(np.where(labels == doorway, np.int16(-1), labels))
-        self.windows = find_objects(self.pieces.piece + 1)
-
-    def split(self, chords: Sequence[Chord]) -> Split | None:
-        """Draw a doorway along the first chord that splits a region; None if none does."""
-        for chord in chords:
-            split = self._along(chord)
-            if split is not None:
-                self.labels[split.cells[:, 0], split.cells[:, 1]] = self.doorway
-                return split
-        return None
-
-    def _along(self, chord: Chord) -> Split | None:
-        cells = self._gap(chord)
-        cells = cells[self.labels[cells[:, 0], cells[:, 1]] != self.doorway]
-        if not len(cells):
-            return None
-        numbers, counts = np.unique(self.pieces.piece[cells[:, 0], cells[:, 1]], return_counts=True)
-        number = int(numbers[counts.argmax()])
-        areas = self._areas_m2(number, cells)
-        if len(areas) < 2 or areas[1] < self.min_part_m2:
-            return None
-        return Split(chord, cells, int(self.pieces.label[number]), (areas[0], areas[1]))
-
-    def _areas_m2(self, number: int, cells: NDArray[np.int64]) -> list[float]:
-        """Areas of the parts adjacent to the cells once these are removed, largest first."""
-        from scipy.ndimage import label as components
-
-        rows, columns = self.windows[number]
-        left = self.pieces.piece[rows, columns] == number
-        left &= self.labels[rows, columns] != self.doorway  # drawn earlier
-        taken = np.zeros_like(left)
-        local = cells - np.array([rows.start, columns.start])
-        local = local[((local >= 0) & (local < left.shape)).all(axis=1)]
-        taken[local[:, 0], local[:, 1]] = True
-        parts, _ = components(left & ~taken, EIGHT)
-        touching = np.unique(parts[_grown(taken)])
-        sizes = np.bincount(parts.ravel())[touching[touching > 0]]
-        areas: list[float] = (np.sort(sizes)[::-1] * self.resolution_m**2).tolist()
-        return areas
-
-    def _gap(self, chord: Chord) -> NDArray[np.int64]:
-        """(n, 2) the labelled cells near a chord that are connected to its middle."""
-        from scipy.ndimage import label as components
-
-        # With 0.75 cells on both sides, no step between cells, even a diagonal one, crosses it.
-        reach = max(0.75, DOORWAY_DEPTH_M / self.resolution_m / 2)
-        rows, columns, near = chord.band(reach, self.labels.shape)
-        near &= self.labels[rows, columns] >= 0
-        corner = np.array([rows.start, columns.start])
-        cells = np.argwhere(near)
-        if not len(cells):
-            return cells
-        parts, _ = components(near, EIGHT)
-        home = cells[((cells + corner - chord.middle) ** 2).sum(axis=1).argmin()]
-        return np.argwhere(parts == parts[tuple(home)]) + corner
-
-
-def _grown(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The cells and their eight neighbours."""
-    from scipy.ndimage import binary_dilation
-
-    grown: NDArray[np.bool_] = binary_dilation(mask, EIGHT)
-    return grown
-
-
-def _cells_of_pieces(pieces: Components, wanted: NDArray[np.bool_]) -> dict[int, NDArray[np.int64]]:
-    """(n, 2) row and column of the cells of each wanted piece, by its number."""
-    from scipy.ndimage import find_objects
-
-    found = {}
-    for number, (rows, columns) in enumerate(find_objects(pieces.piece + 1)):
-        if wanted[number]:
-            inside = pieces.piece[rows, columns] == number
-            found[number] = np.argwhere(inside) + np.array([rows.start, columns.start])
-    return found
+def _cells_of_pieces(
+    pieces: Components, wanted: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The cells of each wanted piece, numbered row by row, and where each one's begin."""
+    numbers = np.append(wanted, False)[pieces.piece].ravel()  # the last is for cells without one
+    cells = np.flatnonzero(numbers)
+    numbers = pieces.piece.ravel()[cells]
+    cells = cells[np.argsort(numbers, kind="stable")]
+    return cells, np.append(0, np.cumsum(pieces.size[wanted]))
 
 
 def _filled(
@@ -306,11 +209,7 @@ def _filled(
     rules: CorrectionRules,
     reason: str,
 ) -> Correction:
-    return _entry(split.cells, resolution_m, label_names[split.label], rules.doorway_label, reason)
-
-
-def _entry(
-    cells: NDArray[np.int64], resolution_m: float, was: str, became: str, reason: str
-) -> Correction:
-    row, column = cells[0].tolist()
-    return Correction((row, column), len(cells) * resolution_m**2, was, became, reason)
+    row, column = split.cells[0].tolist()
+    area_m2 = len(split.cells) * resolution_m**2
+    was = label_names[split.label]
+    return Correction((row, column), area_m2, was, rules.doorway_label, reason)

@@ -8,8 +8,8 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.topology.chords import Chord, shortest_chords
 from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.parting import DOORWAY_DEPTH_M
 from pgm_places.topology.proposals import propose_splits
-from pgm_places.topology.refinements import DOORWAY_DEPTH_M
 from pgm_places.topology.topological_map import TopologicalMap
 
 NAMES = ("corridor", "room", "doorway")

@@ -1,0 +1,53 @@
+"""Doorways drawn across regions, slow and obvious: all parts found anew for every chord."""
+
+import numpy as np
+from scipy import ndimage
+
+from pgm_places.topology.chords import Chord, shortest_chords
+from tests.reference.topology import flood_fill
+
+EIGHT = np.ones((3, 3), bool)
+
+
+class SlowParting:
+    """Labels that doorways are drawn into, and the regions as they were."""
+
+    def __init__(self, labels: np.ndarray, doorway: int, reach: float, least_cells: int) -> None:
+        self.labels, self.doorway = labels.copy(), doorway
+        self.blocked = labels < 0
+        self.reach, self.least_cells = reach, least_cells
+        # Of two regions with as many cells in a gap, the one that is met first is split.
+        self.piece = flood_fill(np.where(labels == doorway, -1, labels), 8)
+
+    def draw(
+        self, cells_rc: np.ndarray, longest: float
+    ) -> tuple[Chord, np.ndarray, int, list[int]] | None:
+        """The first chord that leaves two parts, its cells, their piece, the two largest sizes."""
+        for chord in shortest_chords(self.blocked, cells_rc, longest):
+            gap = self._gap(chord)
+            if gap.any():
+                piece = int(np.bincount(self.piece[gap]).argmax())
+                sizes = self._sizes(piece, gap)
+                if len(sizes) > 1 and sizes[1] >= self.least_cells:
+                    self.labels[gap] = self.doorway
+                    return chord, np.argwhere(gap), piece, sizes[:2]
+        return None
+
+    def _gap(self, chord: Chord) -> np.ndarray:
+        near = np.zeros(self.labels.shape, bool)
+        rows, columns, near_chord = chord.band(self.reach, self.labels.shape)
+        near[rows, columns] = near_chord
+        near &= ~self.blocked
+        cells = np.argwhere(near)
+        if not len(cells):
+            return near
+        home = cells[((cells - chord.middle) ** 2).sum(axis=1).argmin()]
+        parts, _ = ndimage.label(near, EIGHT)
+        return (parts == parts[tuple(home)]) & (self.labels != self.doorway)
+
+    def _sizes(self, piece: int, gap: np.ndarray) -> list[int]:
+        left = (self.piece == piece) & (self.labels != self.doorway) & ~gap
+        parts, count = ndimage.label(left, EIGHT)
+        beside = ndimage.binary_dilation(gap, EIGHT)
+        touching = [part for part in range(1, count + 1) if (beside & (parts == part)).any()]
+        return sorted((int((parts == part).sum()) for part in touching), reverse=True)
