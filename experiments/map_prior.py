@@ -6,13 +6,11 @@ from numpy.typing import NDArray
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.label_map import label_map
 from pgm_places.labelers.map_prior import MapPrior
-from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.persistence.stored import read
 from pgm_places.reproduce.building79 import PLACES, Building79
-from pgm_places.trained import model_folder
+from pgm_places.trained import trained_labeler
 
 WEIGHTS = (0.03, 0.1, 0.3, 1.0)
 METHODS = {
@@ -24,9 +22,7 @@ METHODS = {
 
 def labelled_map(data: Building79) -> MapPrior:
     """The whole map as the shipped model ``generated``, which saw no real building, labels it."""
-    labeler = read(model_folder("generated"), "place-labeler").item
-    assert isinstance(labeler, PlaceLabeler)
-    found = label_map(labeler, data.map.grid)
+    found = label_map(trained_labeler("generated"), data.map.grid)
     assert found.label_names == PLACES
     return MapPrior.of_places(found)
 

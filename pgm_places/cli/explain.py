@@ -37,17 +37,16 @@ def explain(
     """Explain the label at a position: what its scan and its place said, and the graph."""
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.maps.map_server import load_map
-    from pgm_places.persistence.stored import read
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
     from pgm_places.teaching.explanation import explain_cell, explain_region
     from pgm_places.teaching.paint import Paint
     from pgm_places.teaching.teacher import Teacher
-    from pgm_places.trained import model_folder
+    from pgm_places.trained import stored_labeler
 
     if not (isfinite(x) and isfinite(y)):
         raise InputError(f"X and Y must be finite metres, got {x:g} and {y:g}")
     progress = make_progress(quiet=quiet)
-    stored = read(model_folder(model), "place-labeler")
+    stored = stored_labeler(model)
     labeler: PlaceLabeler = stored.item
     if method is not None:
         labeler.method(method)  # an unknown method shows before the work

@@ -116,9 +116,10 @@ def _run_replay(
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import LIVE
+    from pgm_places.trained import trained_labeler
 
     progress = make_progress(quiet=quiet)
-    labeler = _labeler(model)
+    labeler = trained_labeler(model)
     run = _replay(replay, labeler, method, map_topic, max_range_m, options, n_threads, progress)
     with ExitStack() as stack:
         files = None
@@ -148,10 +149,11 @@ def _run_robot(
     from pgm_places.live.dds_node import DdsNode
     from pgm_places.live.map_process import MapProcess
     from pgm_places.live.place_finder import PlaceFinder
+    from pgm_places.trained import trained_labeler
 
     progress = make_progress(quiet=quiet)
     with progress.stage("model"):
-        finder = PlaceFinder(TrajectoryLabeler.from_places(_labeler(model)), options)
+        finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(model)), options)
         finder.warm_up()
 
     def show(found: "FoundPlace") -> None:
@@ -169,14 +171,6 @@ def _run_robot(
             complain("stopped")
     finally:
         desk.close()
-
-
-def _labeler(model: str) -> "PlaceLabeler":
-    from pgm_places.persistence.stored import read
-    from pgm_places.trained import model_folder
-
-    found: PlaceLabeler = read(model_folder(model), "place-labeler").item
-    return found
 
 
 def _replay(

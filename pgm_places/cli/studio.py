@@ -61,14 +61,13 @@ def studio(
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
-    from pgm_places.persistence.stored import read
     from pgm_places.studio.desk import Desk
     from pgm_places.studio.given_labels import GivenLabels
     from pgm_places.studio.server import serve
-    from pgm_places.trained import model_folder
+    from pgm_places.trained import stored_labeler
 
     progress = make_progress(quiet=quiet)
-    stored = None if model == NO_MODEL else read(model_folder(model), "place-labeler")
+    stored = None if model == NO_MODEL else stored_labeler(model)
     with progress.stage("map"):
         loaded = load_map(map_yaml, unknown_value=unknown_value)
     for message in loaded.warnings:

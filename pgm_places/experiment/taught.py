@@ -8,10 +8,9 @@ from pgm_places.experiment.maps import load_maps
 from pgm_places.io.checks import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.persistence.model_folder import MANIFEST
-from pgm_places.persistence.stored import read
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.teacher import Teacher
-from pgm_places.trained import NAMES, model_folder
+from pgm_places.trained import NAMES, model_folder, trained_labeler
 
 __all__ = ["taught_labeler"]
 
@@ -55,6 +54,6 @@ def _base_model(experiment: Experiment) -> PlaceLabeler | None:
     if name == NO_MODEL:
         return None
     folder = model_folder(name if name in NAMES else experiment.resolve(name))
-    found: PlaceLabeler = read(folder, "place-labeler").item
+    found = trained_labeler(folder)
     experiment.inputs[f"{name}/{MANIFEST}"] = sha256_of(folder / MANIFEST)
     return found

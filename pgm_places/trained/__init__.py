@@ -9,8 +9,17 @@ from pgm_places.errors import ModelFileError
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+    from pgm_places.persistence.stored import Stored
 
-__all__ = ["DEFAULT", "NAMES", "TRACKING", "model_folder", "trained_labeler", "trained_tracker"]
+__all__ = [
+    "DEFAULT",
+    "NAMES",
+    "TRACKING",
+    "model_folder",
+    "stored_labeler",
+    "trained_labeler",
+    "trained_tracker",
+]
 
 NAMES = ("default", "generated")
 """``default`` was trained on real and generated office buildings, ``generated`` on generated ones
@@ -53,10 +62,15 @@ def trained_labeler(name: str | Path = DEFAULT) -> "PlaceLabeler":
     >>> labeler.label_names_
     ('corridor', 'room', 'doorway')
     """
+    found: PlaceLabeler = stored_labeler(name).item
+    return found
+
+
+def stored_labeler(name: str | Path = DEFAULT) -> "Stored":
+    """Such a labeler with its record and its rules of places."""
     from pgm_places.persistence.stored import read
 
-    found: PlaceLabeler = read(model_folder(name), "place-labeler").item
-    return found
+    return read(model_folder(name), "place-labeler")
 
 
 def trained_tracker(name: str | Path = TRACKING) -> "TrajectoryLabeler":
