@@ -42,7 +42,9 @@ from pgm_places.options import (
     plain_values,
     wanted,
 )
+from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.odometry_noise import OdometryNoise
+from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.topology.rules import TopologyOptions
@@ -58,7 +60,7 @@ TABLES = {
 }
 """The classes that a table of a configuration fills."""
 
-OTHERS = (OdometryNoise, SimulatedRobot, BeamOptions, MapSimulation)
+OTHERS = (OdometryNoise, LaserOptions, SimulatedRobot, BeamOptions, MapSimulation)
 """Classes of options that no table fills."""
 
 FREE = {(name, option) for name in ("amn", "crf") for option in ("node_features", "edge_features")}
@@ -200,13 +202,22 @@ def test_the_flag_of_label_refuses_what_the_class_refuses() -> None:
 
 
 @pytest.mark.parametrize(
-    ("flag", "option"),
-    [("--speed", "speed_m_s"), ("--every", "scan_every_s"), ("--radius", "radius_m")],
+    ("flag", "cls", "option"),
+    [
+        ("--speed", SimulatedRobot, "speed_m_s"),
+        ("--every", SimulatedRobot, "scan_every_s"),
+        ("--radius", SimulatedRobot, "radius_m"),
+        ("--beams", LaserOptions, "n_beams"),
+        ("--view", LaserOptions, "view_degrees"),
+        ("--range", LaserOptions, "range_m"),
+    ],
 )
-def test_flags_of_the_robot_are_named_where_it_refuses(flag: str, option: str) -> None:
+def test_flags_of_simulate_refuse_what_the_classes_refuse(
+    flag: str, cls: type[Any], option: str
+) -> None:
     arguments = ["simulate", "map.yaml", "--out", "a.log", flag, "0"]
     found = typer.testing.CliRunner().invoke(app, arguments)
-    message = in_python(SimulatedRobot, option, 0.0)
+    message = in_python(cls, option, 0)
     assert str(found.exception) == message.replace(option, flag, 1)
 
 
@@ -227,15 +238,14 @@ def test_flags_of_track_are_named_where_the_labeler_refuses(
     assert str(found.exception).startswith(message)
 
 
-def test_flags_of_the_robot_show_its_own_defaults() -> None:
-    from pgm_places.cli import simulate as module
-
-    shown = inspect.signature(module.simulate).parameters
+def test_a_robot_has_the_laser_that_flags_and_configurations_give_it() -> None:
     robot = SimulatedRobot()
-    assert (shown["speed"].default, shown["every"].default) == (robot.speed_m_s, robot.scan_every_s)
-    assert shown["radius"].default == robot.radius_m
-    assert shown["beams"].default == robot.geometry.n_beams
-    assert shown["reach"].default == robot.geometry.range_max_m
+    given = SimulatedRobot.of(RobotMotion(speed_m_s=0.8), LaserOptions(noise_m=0.0))
+    assert given.speed_m_s == 0.8
+    assert given.radius_m == robot.radius_m
+    assert given.sensor_noise is None
+    assert given.geometry.range_max_m == robot.geometry.range_max_m
+    np.testing.assert_array_equal(given.geometry.angles_rad, robot.geometry.angles_rad)
 
 
 # ---------------------------------------------------------------------- defaults and words

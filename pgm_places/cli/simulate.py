@@ -1,69 +1,30 @@
 """``pgm-places simulate``: a simulated robot drives through a map and writes its log."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pgm_places.cli.arguments import Force, Quiet, Threads, UnknownValue
-from pgm_places.cli.flags import named_as_flags
+from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
+from pgm_places.sensing.laser_options import LaserOptions
+from pgm_places.sensing.robot_motion import RobotMotion
 
 if TYPE_CHECKING:
     from pgm_places.maps.labelled_map import LabelledMap
-    from pgm_places.sensing.simulated_robot import SimulatedRobot
-    from pgm_places.trajectories.scan import ScanGeometry
     from pgm_places.trajectories.trajectory import Trajectory
-
-FLAGS = {
-    "radius_m": "--radius",
-    "speed_m_s": "--speed",
-    "scan_every_s": "--every",
-    "sigma_m": "--noise",
-    "seed": "--seed",
-}
-"""The flags of the robot's options."""
 
 __all__ = ["simulate"]
 
-
-def _beams(n_beams: int, view_degrees: float, range_m: float) -> "ScanGeometry":
-    """A forward-looking laser with a number of beams and a field of view."""
-    import numpy as np
-
-    from pgm_places.trajectories.scan import ScanGeometry
-
-    return ScanGeometry.ahead(n_beams, np.deg2rad(view_degrees), range_max_m=range_m)
+LASER_FLAGS = {"n_beams": "--beams", "view_degrees": "--view"}
 
 
-def _robot(
-    geometry: "ScanGeometry",
-    *,
-    speed_m_s: float,
-    scan_every_s: float,
-    radius_m: float,
-    range_noise_m: float,
-    odometry_noise: float,
-    seed: int,
-) -> "SimulatedRobot":
-    """The robot that the options describe."""
-    from pgm_places.sensing.odometry_noise import OdometryNoise
-    from pgm_places.sensing.sensor import SensorNoise
-    from pgm_places.sensing.simulated_robot import SimulatedRobot
-
-    with named_as_flags(FLAGS):
-        return SimulatedRobot(
-            geometry,
-            radius_m=radius_m,
-            speed_m_s=speed_m_s,
-            scan_every_s=scan_every_s,
-            sensor_noise=SensorNoise(sigma_m=range_noise_m, seed=seed),
-            odometry_noise=OdometryNoise(seed=seed).scaled(odometry_noise),
-        )
-
-
+@option_flags("laser", LaserOptions, LASER_FLAGS, without=("seed",))
+@option_flags("motion", RobotMotion, {"scan_every_s": "--every"}, without=("turn_rad_s",))
 def simulate(
     out: Annotated[
         Path,
@@ -83,14 +44,8 @@ def simulate(
     labels: Annotated[
         Path | None, typer.Option(help="Label image of the map, for the true place of every step.")
     ] = None,
-    beams: Annotated[int, typer.Option(min=1, max=100_000, help="Number of laser beams.")] = 180,
-    view: Annotated[
-        float, typer.Option(min=1, max=360, help="Field of view of the laser (degrees).")
-    ] = 180,
-    reach: Annotated[
-        float, typer.Option("--range", min=0.1, help="Maximum range of the laser (m).")
-    ] = 30.0,
-    noise: Annotated[float, typer.Option(help="Standard deviation of the range noise (m).")] = 0.02,
+    *,
+    laser: LaserOptions,
     odometry_noise: Annotated[
         float, typer.Option(min=0, help="Odometry noise scale (1 = typical).")
     ] = 1.0,
@@ -105,11 +60,9 @@ def simulate(
             help="Distance to drive (m); by default, far enough to pass every place.",
         ),
     ] = None,
-    speed: Annotated[float, typer.Option(help="Driving speed (m/s).")] = 0.4,
-    every: Annotated[float, typer.Option(help="Time between scans (s).")] = 0.2,
-    radius: Annotated[float, typer.Option(help="Radius of the robot (m).")] = 0.25,
+    motion: RobotMotion,
     seed: Annotated[
-        int, typer.Option(help="Seed of the starting point, the noise and the building.")
+        int, typer.Option(min=0, help="Seed of the starting point, the noise and the building.")
     ] = 0,
     unknown_value: UnknownValue = None,
     force: Force = False,
@@ -117,22 +70,16 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Drive a simulated robot through a map and write its log."""
-    geometry = _beams(beams, view, reach)
-    robot = _robot(
-        geometry,
-        speed_m_s=speed,
-        scan_every_s=every,
-        radius_m=radius,
-        range_noise_m=noise,
-        odometry_noise=odometry_noise,
-        seed=seed,
-    )
     from pgm_places.io.logs.trajectories import check_name
     from pgm_places.io.output_set import output_set
+    from pgm_places.sensing.odometry_noise import OdometryNoise
+    from pgm_places.sensing.simulated_robot import SimulatedRobot
 
     if (map_yaml is None) is not demo:
         raise InputError("simulate needs a map, or --demo for a generated building, but not both")
     check_name(out)  # a name that cannot be written shows before the work, not after
+    odometry = OdometryNoise(seed=seed).scaled(odometry_noise)
+    robot = SimulatedRobot.of(motion, replace(laser, seed=seed), odometry)
     progress = make_progress(quiet=quiet)
     listed = _file_names(out, demo=demo)
     with output_set(
@@ -221,8 +168,6 @@ def _stem(out: Path) -> str:
 
 def _as_recorded(driven: "Trajectory", wheels_only: bool) -> "Trajectory":
     """What gets recorded: the true poses together with odometry, or odometry alone."""
-    from dataclasses import replace
-
     if wheels_only and driven.odometry is not None:
         return replace(driven, poses=driven.odometry, odometry=None)
     return driven

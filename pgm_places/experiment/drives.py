@@ -9,16 +9,14 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError, LogError
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_grid, load_map_of
-from pgm_places.experiment.source_config import DriveConfig, LaserConfig, SourceConfig
+from pgm_places.experiment.source_config import DriveConfig, SourceConfig
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.logs.truth_table import translated, with_truth
 from pgm_places.labelers.map_prior import MapPrior
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
-from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot, scans_along
-from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["SourceDrive", "load_drives"]
@@ -101,13 +99,7 @@ def load_drives(experiment: Experiment, part: str) -> list[SourceDrive]:
 
 def _simulated(experiment: Experiment, drive: DriveConfig, where: str) -> SourceDrive:
     known = load_map_of(experiment, drive, f"{where}.drive")
-    robot = SimulatedRobot(
-        _geometry(drive.laser),
-        radius_m=drive.radius_m,
-        speed_m_s=drive.speed_m_s,
-        scan_every_s=drive.scan_every_s,
-        sensor_noise=_noise(drive.laser),
-    )
+    robot = SimulatedRobot.of(drive, drive.laser)
     path = robot.explore(
         known.grid,
         spacing_m=drive.spacing_m,
@@ -164,8 +156,8 @@ def _recorded(experiment: Experiment, source: SourceConfig, where: str) -> Sourc
         path = scans_along(
             known.grid,
             path,
-            _geometry(source.laser),
-            noise=_noise(source.laser),
+            source.laser.geometry(),
+            noise=source.laser.noise(),
             n_threads=experiment.n_threads,
         )
     building = str(log) if known is None else known.building
@@ -197,12 +189,3 @@ def _windowed(source: SourceConfig, found: SourceDrive, where: str) -> SourceDri
     path = path.with_labels(labels, path.label_names)
     named = replace(path, name=source.name or path.name, building=source.building or path.building)
     return replace(found, trajectory=named)
-
-
-def _geometry(laser: LaserConfig) -> ScanGeometry:
-    view = float(np.deg2rad(laser.view_degrees))
-    return ScanGeometry.ahead(laser.n_beams, view, range_max_m=laser.range_m)
-
-
-def _noise(laser: LaserConfig) -> SensorNoise | None:
-    return SensorNoise(laser.noise_m, seed=laser.seed) if laser.noise_m else None

@@ -4,45 +4,20 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.map_config import MapConfig
-from pgm_places.options import AtLeastZero, Positive, Seed, Whole, check_options
+from pgm_places.options import Positive, Seed, check_options
+from pgm_places.sensing.laser_options import LaserOptions
+from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.trajectories.similarity import Similarity
 
-__all__ = ["DriveConfig", "LaserConfig", "SourceConfig"]
+__all__ = ["DriveConfig", "SourceConfig"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaserConfig:
-    """A simulated laser that looks ahead.
-
-    Parameters
-    ----------
-    n_beams : int
-    view_degrees : float
-        Its field of view.
-    range_m : float
-        Its maximum range.
-    noise_m : float
-        Standard deviation of its readings.
-    seed : int
-        Of the noise.
-    """
-
-    n_beams: Whole = 180
-    view_degrees: Annotated[float, Gt(0), Le(360)] = 180.0
-    range_m: Positive = 30.0
-    noise_m: AtLeastZero = 0.02
-    seed: Seed = 0
-
-    def __post_init__(self) -> None:
-        check_options(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriveConfig(MapConfig):
+class DriveConfig(MapConfig, RobotMotion):
     """A simulated robot's tour of a labelled map.
 
     The map is described as any other: ``map`` and ``labels``, ``generated``, ... The robot visits
@@ -56,19 +31,14 @@ class DriveConfig(MapConfig):
         The tour ends after this distance.
     spacing_m : float
         Largest distance of any place from the nearest stop of the tour.
-    laser : LaserConfig
+    laser : LaserOptions
         Its laser.
-    speed_m_s, scan_every_s, radius_m : float
-        Its speed, the time between two scans, and its size.
     """
 
     seed: Seed = 0
     length_m: Positive | None = None
     spacing_m: Positive = 3.0
-    laser: LaserConfig = field(default_factory=LaserConfig)
-    speed_m_s: Positive = 0.4
-    scan_every_s: Positive = 0.2
-    radius_m: Positive = 0.25
+    laser: LaserOptions = field(default_factory=LaserOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +63,7 @@ class SourceConfig(MapConfig):
         From the log's frame to the map's.
     range_max_m : float, optional
         Readings of at least this count as no return.
-    laser : LaserConfig, optional
+    laser : LaserOptions, optional
         Simulate the scans of this laser in the map along the log's path, instead of the log's own.
     resample_m : float, optional
         Take positions this far apart, on straight lines between those recorded; for logs without
@@ -114,7 +84,7 @@ class SourceConfig(MapConfig):
     label_column: str | None = None
     frame: Similarity | None = None
     range_max_m: Positive | None = None
-    laser: LaserConfig | None = None
+    laser: LaserOptions | None = None
     resample_m: Positive | None = None
     from_step: Annotated[int, Ge(0)] | None = None
     to_step: Annotated[int, Ge(0)] | None = None

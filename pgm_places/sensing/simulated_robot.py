@@ -1,6 +1,7 @@
 """A simulated robot that drives through a map and records what a real one would."""
 
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,10 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
-from pgm_places.options import Positive, check_options
+from pgm_places.options import option_hints
+from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.odometry_noise import OdometryNoise
 from pgm_places.sensing.path_planning import PathPlanner
 from pgm_places.sensing.ray_casting import cast_poses
+from pgm_places.sensing.robot_motion import RobotMotion
 from pgm_places.sensing.sensor import SensorNoise
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
@@ -22,19 +25,16 @@ _PIECE_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedRobot:
+class SimulatedRobot(RobotMotion):
     """A round robot with a laser in its middle.
+
+    Its other options are those of
+    :class:`~pgm_places.sensing.robot_motion.RobotMotion`.
 
     Parameters
     ----------
     geometry : ScanGeometry
         The laser's beams; by default 180 over the half circle ahead, up to 30 m.
-    radius_m : float
-        It keeps so far from walls and unknown space.
-    speed_m_s, turn_rad_s : float
-        How fast it drives and how fast it turns.
-    scan_every_s : float
-        Time between two scans.
     sensor_noise : SensorNoise or None
         Errors of the laser; None for exact ranges.
     odometry_noise : OdometryNoise or None
@@ -42,7 +42,7 @@ class SimulatedRobot:
 
     Raises
     ------
-    InputError
+    ConfigError
         A size, speed or time is not positive.
 
     Examples
@@ -54,15 +54,16 @@ class SimulatedRobot:
     """
 
     geometry: ScanGeometry = field(default_factory=ScanGeometry.half_circle)
-    radius_m: Positive = 0.25
-    speed_m_s: Positive = 0.4
-    turn_rad_s: Positive = 1.0
-    scan_every_s: Positive = 0.2
     sensor_noise: SensorNoise | None = None
     odometry_noise: OdometryNoise | None = None
 
-    def __post_init__(self) -> None:
-        check_options(self)
+    @classmethod
+    def of(
+        cls, motion: RobotMotion, laser: LaserOptions, odometry_noise: OdometryNoise | None = None
+    ) -> Self:
+        """A robot that moves so, with that laser."""
+        moves = {name: getattr(motion, name) for name in option_hints(RobotMotion)}
+        return cls(laser.geometry(), laser.noise(), odometry_noise, **moves)
 
     def drive(
         self,

@@ -1,0 +1,66 @@
+"""A simulated laser that looks ahead, in numbers."""
+
+from dataclasses import dataclass
+from math import radians
+from typing import TYPE_CHECKING, Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from pgm_places.options import AtLeastZero, Positive, Seed, check_options
+
+if TYPE_CHECKING:  # the flags that these options become do without NumPy
+    from pgm_places.sensing.sensor import SensorNoise
+    from pgm_places.trajectories.scan import ScanGeometry
+
+__all__ = ["LaserOptions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserOptions:
+    """A simulated laser that looks ahead.
+
+    Parameters
+    ----------
+    n_beams : int
+        Number of laser beams.
+    view_degrees : float
+        Field of view of the laser (degrees).
+    range_m : float
+        Maximum range of the laser (m).
+    noise_m : float
+        Standard deviation of the range noise (m).
+    seed : int
+        Seed of the range noise.
+
+    Raises
+    ------
+    ConfigError
+        A number out of range.
+
+    Examples
+    --------
+    >>> LaserOptions(view_degrees=360.0).geometry().is_full_circle
+    True
+    """
+
+    n_beams: Annotated[int, Ge(1), Le(100_000)] = 180
+    view_degrees: Annotated[float, Gt(0), Le(360)] = 180.0
+    range_m: Positive = 30.0
+    noise_m: AtLeastZero = 0.02
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        check_options(self)
+
+    def geometry(self) -> "ScanGeometry":
+        """Its beams."""
+        from pgm_places.trajectories.scan import ScanGeometry
+
+        view_rad = radians(self.view_degrees)
+        return ScanGeometry.ahead(self.n_beams, view_rad, range_max_m=self.range_m)
+
+    def noise(self) -> "SensorNoise | None":
+        """Its errors; None without any."""
+        from pgm_places.sensing.sensor import SensorNoise
+
+        return SensorNoise(self.noise_m, seed=self.seed) if self.noise_m else None

@@ -1,0 +1,42 @@
+"""How a simulated robot moves."""
+
+from dataclasses import dataclass
+
+from pgm_places.options import Positive, check_options
+
+__all__ = ["RobotMotion"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotMotion:
+    """How a round robot moves.
+
+    Parameters
+    ----------
+    speed_m_s : float
+        Driving speed (m/s).
+    turn_rad_s : float
+        Turning speed (rad/s).
+    scan_every_s : float
+        Time between scans (s).
+    radius_m : float
+        Radius of the robot (m). It keeps this far from walls and unknown space.
+
+    Raises
+    ------
+    ConfigError
+        A number is not positive.
+
+    Examples
+    --------
+    >>> RobotMotion(speed_m_s=0.8).radius_m
+    0.25
+    """
+
+    speed_m_s: Positive = 0.4
+    turn_rad_s: Positive = 1.0
+    scan_every_s: Positive = 0.2
+    radius_m: Positive = 0.25
+
+    def __post_init__(self) -> None:
+        check_options(self)
