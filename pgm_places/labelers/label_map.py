@@ -18,6 +18,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.refinement import refine
 from pgm_places.progress import Progress, Silent
 from pgm_places.spaces.doorways import Doorways
+from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.map_model import CellScores
 
 __all__ = ["LabelledPlaces", "at_model_resolution", "label_map", "on_own_raster"]
@@ -83,7 +84,7 @@ def label_map(
     *,
     method: str | None = None,
     known: ArrayLike | None = None,
-    features_of: Callable[[OccupancyGrid], NDArray[np.float32]] | None = None,
+    features_of: Callable[[OccupancyGrid], KeptTable] | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
@@ -104,8 +105,8 @@ def label_map(
         method keeps these labels and labels the other cells by them. Gates take part: one that is
         known to be a doorway, or not to be one, parts places accordingly.
     features_of : callable, optional
-        Gives the laser and custom features (N, F) of a map's free cells, where something is known
-        of them from before: called with the map at the model's resolution.
+        Gives the laser features of a map's free cells, where something is known of them from
+        before: called with the map at the model's resolution.
     n_threads, progress
         Threads, and where stages are announced.
 
@@ -164,7 +165,7 @@ def _labelled(
     grid: OccupancyGrid,
     name: str,
     known: KnownCells | None,
-    features_of: Callable[[OccupancyGrid], NDArray[np.float32]] | None,
+    features_of: Callable[[OccupancyGrid], KeptTable] | None,
     n_threads: int | None,
     progress: Progress,
 ) -> tuple[GridLayout, Labeling, Doorways | None]:

@@ -38,6 +38,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.halls import HallNames
+from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.learning import LearnedUnary, fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
@@ -292,15 +293,15 @@ class PlaceLabeler(Labeler):
         mask: ArrayLike | None = None,
         methods: Sequence[str] | None = None,
         known: NDArray[np.int16] | None = None,
-        own: NDArray[np.float32] | None = None,
+        own: NDArray[np.float32] | KeptTable | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> tuple[LabelGraph, CellScores]:
         """The graph of the map's free cells (inside ``mask``) and what the lists say of each.
 
         Only what the methods want is computed. ``known`` (H, W), labels or -1, tells which gates
-        are doorways where it covers them; ``own`` (N, F) holds the nodes' laser and custom
-        features if they are known from before.
+        are doorways where it covers them; ``own`` holds the nodes' laser and custom features
+        (N, F), or a table of them, if they are known from before.
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]

@@ -13,6 +13,7 @@ from pgm_places.live._stale_kernels import mark_stale
 from pgm_places.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.unary.kept_table import KeptTable
 
 __all__ = ["GrowingFeatures", "Update", "raster_shift"]
 
@@ -39,11 +40,10 @@ class Update(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """The map before, with the features of its free cells and how far their beams reached."""
+    """The map before, and the row of each of its free cells."""
 
     grid: OccupancyGrid
-    features: NDArray[np.float32]
-    reach: NDArray[np.float32]
+    row_of: NDArray[np.int64]
 
 
 class GrowingFeatures:
@@ -57,20 +57,20 @@ class GrowingFeatures:
 
     Maps must share resolution, yaw and raster (origins that differ by whole cells); one that does
     not is begun anew, as is every map of a noisy sensor, whose noise depends on a cell's number.
-    It takes 1.6 kB per free cell.
+    Rows of features stay where they are; all columns take 1.6 kB per free cell.
 
     Parameters
     ----------
     sensor : Sensor
     columns : (n,) int, optional
-        The features that are wanted, ascending; all by default. The others are 0.
+        The features that are wanted, ascending; all by default.
     n_threads : int, optional
 
     Examples
     --------
     >>> features = GrowingFeatures(Sensor(n_beams=36))
     >>> grid = OccupancyGrid([[0, 0, 100, 0, 0]], resolution_m=0.1)
-    >>> features(grid).shape
+    >>> features(grid).take(np.arange(4), features.columns).shape
     (4, 321)
     >>> _ = features(grid.with_cells([[0, 0, 100, 0, -1]]))
     >>> features.last
@@ -87,10 +87,13 @@ class GrowingFeatures:
         self.sensor, self.n_threads = sensor, n_threads
         self.columns = np.arange(n_columns(())) if columns is None else columns
         self.last = Update(0, 0, 0)
+        self._table = KeptTable(self.columns)
+        self._reach = np.empty((0, min(sensor.n_beams, MOST_SECTORS)), np.float32)
+        self._farthest = np.empty(0, np.float32)
         self._seen: _Seen | None = None
 
-    def __call__(self, grid: OccupancyGrid) -> NDArray[np.float32]:
-        """(N, F) laser features of the free cells, in row-major order; read-only.
+    def __call__(self, grid: OccupancyGrid) -> KeptTable:
+        """The laser features of the free cells, in row-major order; one table for all maps.
 
         Raises
         ------
@@ -100,84 +103,86 @@ class GrowingFeatures:
         cells_rc = np.argwhere(grid.free)
         if not len(cells_rc):
             raise InputError("the map has no free cell whose features could be computed")
-        n_sectors = min(self.sensor.n_beams, MOST_SECTORS)
-        features = np.zeros((len(cells_rc), n_columns(())), np.float32)
-        reach = np.empty((len(cells_rc), n_sectors), np.float32)
-        before, n_changed = self._unchanged(grid, cells_rc)
-        kept = np.flatnonzero(before >= 0)
-        if len(kept):
-            assert self._seen is not None  # there were scans to keep
-            features[kept] = self._seen.features[before[kept]]
-            reach[kept] = self._seen.reach[before[kept]]
-        self._cast(grid, cells_rc, np.flatnonzero(before < 0), features, reach)
-        features.setflags(write=False)
-        self._seen = _Seen(grid, features, reach)
-        self.last = Update(len(cells_rc), len(cells_rc) - len(kept), n_changed)
-        return features
+        kept_row, n_changed = self._unchanged(grid, cells_rc)
+        self._seen = (
+            None  # if casting fails, some rows are neither of this map nor of the one before
+        )
+        fresh = self._table.assign(kept_row)
+        self._make_room()
+        self._cast(grid, cells_rc, fresh)
+        self._seen = _Seen(grid, self._table.row_of)
+        self.last = Update(len(cells_rc), len(fresh), n_changed)
+        return self._table
+
+    def _make_room(self) -> None:
+        """As many rows of ranges as there are of features."""
+        missing = self._table.n_rows - len(self._reach)
+        if missing:
+            self._reach = np.pad(self._reach, ((0, missing), (0, 0)))
+            self._farthest = np.pad(self._farthest, (0, missing))
 
     def _unchanged(
         self, grid: OccupancyGrid, cells_rc: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], int]:
-        """(N,) the former node of each cell whose scan is the same, else -1; and changed cells."""
-        nothing = np.full(len(cells_rc), -1, np.int64)
+        """(N,) the row of each cell whose scan is the same, else -1; and changed cells."""
+        found = np.full(len(cells_rc), -1, np.int64)
         seen = self._seen
         shift = None if seen is None else raster_shift(seen.grid, grid)
         if seen is None or shift is None or self.sensor.noise is not None:
-            return nothing, grid.cells.size
+            return found, grid.cells.size
         old_rc = np.argwhere(seen.grid.free)
         entered, n_changed = _changed(seen.grid, grid, shift, self.sensor)
         stale = np.zeros(len(old_rc), np.bool_)
         if len(entered):
-            self._mark(old_rc + shift, seen.reach, _squares(entered), stale)
-        number = np.full(seen.grid.shape, -1, np.int64)
-        number[tuple(old_rc[~stale].T)] = np.flatnonzero(~stale)
+            self._mark(old_rc + shift, seen.row_of, _squares(entered), stale)
+        row = np.full(seen.grid.shape, -1, np.int64)
+        row[tuple(old_rc[~stale].T)] = seen.row_of[~stale]
         there = cells_rc - shift
         inside = ((there >= 0) & (there < seen.grid.shape)).all(axis=1)
-        nothing[inside] = number[tuple(there[inside].T)]
-        return nothing, n_changed
+        found[inside] = row[tuple(there[inside].T)]
+        return found, n_changed
 
     def _mark(
         self,
         cells_rc: NDArray[np.int64],
-        reach: NDArray[np.float32],
+        row_of: NDArray[np.int64],
         squares: NDArray[np.float64],
         stale: NDArray[np.bool_],
     ) -> None:
-        farthest, n_beams = reach.max(axis=1), self.sensor.n_beams
+        reached = (row_of, self._reach, self._farthest)
 
         def work(task: int) -> None:
             first = task * _CELLS_PER_TASK
             end = min(first + _CELLS_PER_TASK, len(cells_rc))
-            mark_stale(cells_rc, reach, farthest, squares, n_beams, first, end, stale)
+            mark_stale(cells_rc, *reached, squares, self.sensor.n_beams, first, end, stale)
 
         run_tasks(work, -(-len(cells_rc) // _CELLS_PER_TASK), n_threads=self.n_threads)
 
     def _cast(
-        self,
-        grid: OccupancyGrid,
-        cells_rc: NDArray[np.int64],
-        nodes: NDArray[np.int64],
-        features: NDArray[np.float32],
-        reach: NDArray[np.float32],
+        self, grid: OccupancyGrid, cells_rc: NDArray[np.int64], nodes: NDArray[np.int64]
     ) -> None:
         """Cast from some cells, and fill in their rows."""
         if not len(nodes):
             return
         mask = np.zeros(grid.shape, np.bool_)
         mask[tuple(cells_rc[nodes].T)] = True
-        starts = -(-np.arange(reach.shape[1]) * self.sensor.n_beams // reach.shape[1])
+        n_sectors = self._reach.shape[1]
+        starts = -(-np.arange(n_sectors) * self.sensor.n_beams // n_sectors)
         for block in iter_cast(grid, self.sensor, mask=mask, n_threads=self.n_threads):
             for first in range(0, len(block.nodes), _AT_ONCE):
                 some = nodes[block.nodes[first : first + _AT_ONCE]]
                 ranges = block.ranges[first : first + _AT_ONCE]
-                features[some[:, np.newaxis], self.columns] = feature_values(
+                values = feature_values(
                     ranges,
                     columns=self.columns,
                     max_range_m=self.sensor.max_range_m,
                     n_threads=self.n_threads,
                 )
+                self._table.write(some, values)
                 longest = np.maximum.reduceat(ranges, starts, axis=1)
-                reach[some] = longest / np.float32(grid.resolution_m) + 1  # one cell for rounding
+                rows = self._table.row_of[some]
+                reach = longest / np.float32(grid.resolution_m) + 1  # one cell for rounding
+                self._reach[rows], self._farthest[rows] = reach, reach.max(axis=1)
 
 
 def raster_shift(old: OccupancyGrid, new: OccupancyGrid) -> NDArray[np.int64] | None:

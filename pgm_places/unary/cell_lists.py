@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
 __all__ = [
@@ -50,6 +51,9 @@ class CellList(Protocol):
     ) -> None:
         """Score some nodes by the expected columns (n, F)."""
 
+    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
+        """Score some nodes of a table, as :meth:`take` does, where they are not known."""
+
 
 class LaserList:
     """The list on laser and custom features."""
@@ -63,13 +67,23 @@ class LaserList:
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
-        self.part = self.fitted.restricted(columns)
+        self.expected, self.part = columns, self.fitted.restricted(columns)
 
     def take(
         self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
     ) -> None:
         """Score some nodes."""
         self.found[nodes] = aligned_log_proba(self.part, values, self.n_labels, n_threads)
+
+    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
+        """Score the nodes that are not known."""
+
+        def score(some: NDArray[np.int64]) -> NDArray[np.float64]:
+            values = table.take(nodes[some], self.expected)
+            return aligned_log_proba(self.part, values, self.n_labels, n_threads)
+
+        table.prepare(self.unary, 0, self.n_labels)
+        self.found[nodes] = table.scores(self.unary, nodes, _nothing(len(nodes)), score)
 
 
 class ContextPart:
@@ -89,7 +103,7 @@ class ContextPart:
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
-        self.part = self.fitted.part(columns)
+        self.expected, self.part = columns, self.fitted.part(columns)
 
     def take(
         self, nodes: NDArray[np.int64], values: NDArray[np.float32], n_threads: int | None
@@ -97,6 +111,18 @@ class ContextPart:
         """Let the stumps vote on some nodes."""
         votes = self.part.scores(values, n_threads=n_threads)
         self.found[nodes, : len(votes)] = votes.T
+
+    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
+        """Let the stumps vote on the nodes that are not known."""
+
+        def votes(some: NDArray[np.int64]) -> NDArray[np.float64]:
+            values = table.take(nodes[some], self.expected)
+            return self.part.scores(values, n_threads=n_threads).T
+
+        n_votes = len(self.fitted.classes) - 1
+        table.prepare(self.unary, 0, n_votes)
+        found = table.scores(self.unary, nodes, _nothing(len(nodes)), votes)
+        self.found[nodes, :n_votes] = found
 
 
 class SpaceList:
@@ -139,15 +165,41 @@ class SpaceList:
 
         run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
 
+    def take_kept(self, table: KeptTable, nodes: NDArray[np.int64], n_threads: int | None) -> None:
+        """Score the nodes whose row or spaces are not those of before; weigh all by their gates."""
+
+        def score(task: int) -> None:
+            some = nodes[task * _CELLS_PER_TASK : (task + 1) * _CELLS_PER_TASK]
+            self.found[some] = self._weighed(some, self._kept(table, some))
+
+        table.prepare(self.unary, len(self.of_spaces), self._n_classes)
+        run_tasks(score, -(-len(nodes) // _CELLS_PER_TASK), n_threads=n_threads)
+
     def _scores(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> NDArray[np.float64]:
         """(n, K) what the list says of a few nodes, on one thread; notes which are halls."""
         n_own = len(self.places)
         both = np.empty((len(nodes), n_own + len(self.of_spaces)), np.float32)
         both[:, :n_own] = values if n_own == values.shape[1] else values[:, self.places]
-        cells = self.layout.cells_rc[nodes]
-        self.features.write(cells, self.of_spaces, both, n_own, n_threads=1)
-        n_classes = self.n_labels + (self.corridor is not None)
-        found = aligned_log_proba(self.part, both, n_classes, 1)
+        self.features.write(self.layout.cells_rc[nodes], self.of_spaces, both, n_own, n_threads=1)
+        return self._weighed(nodes, aligned_log_proba(self.part, both, self._n_classes, 1))
+
+    def _kept(self, table: KeptTable, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n, K) what the list said, or says, of a few nodes, halls and gates aside."""
+        spaces = np.empty((len(nodes), len(self.of_spaces)), np.float32)
+        self.features.write(self.layout.cells_rc[nodes], self.of_spaces, spaces, n_threads=1)
+
+        def score(some: NDArray[np.int64]) -> NDArray[np.float64]:
+            both = np.hstack([table.take(nodes[some], self.columns), spaces[some]])
+            return aligned_log_proba(self.part, both, self._n_classes, 1)
+
+        return table.scores(self.unary, nodes, spaces, score)
+
+    @property
+    def _n_classes(self) -> int:
+        return self.n_labels + (self.corridor is not None)
+
+    def _weighed(self, nodes: NDArray[np.int64], found: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, K) the scores with halls among corridors, which are noted, and gates."""
         if self.corridor is not None:
             found, share = without_halls(found, self.corridor)
             if self.hall is not None:
@@ -155,6 +207,11 @@ class SpaceList:
         if self.at_gates is None or self.doorway is None:
             return found
         return with_gates(found, self.at_gates.of(nodes), self.doorway)
+
+
+def _nothing(n_rows: int) -> NDArray[np.float32]:
+    """(n, 0) for lists that look at nothing beside a row."""
+    return np.empty((n_rows, 0), np.float32)
 
 
 def aligned_log_proba(

@@ -19,6 +19,7 @@ from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
+from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel
 
 __all__ = ["UNARIES", "CellScores", "UnaryModel"]
@@ -118,7 +119,7 @@ class UnaryModel:
         with_node_features: bool = True,
         with_halls: bool = False,
         known: NDArray[np.int16] | None = None,
-        own: NDArray[np.float32] | None = None,
+        own: NDArray[np.float32] | KeptTable | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
     ) -> CellScores:
@@ -140,8 +141,9 @@ class UnaryModel:
             Whether halls are told apart, if the model can do so.
         known : (H, W) int16, optional
             Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
-        own : (N, F) float32, optional
-            All laser and custom features of the nodes, where they are known from before.
+        own : (N, F) float32 or KeptTable, optional
+            All laser and custom features of the nodes, where they are known from before; or a
+            table of those that are needed, which also keeps the scores.
         """
         layout, n = _grid_layout(graph), graph.n_nodes
         progress = progress or Silent()
@@ -176,6 +178,11 @@ class UnaryModel:
         with progress.stage("scans, features and list") as stage:
             if own is None:
                 self._stream(grid, layout, needed, take, n_threads, stage)
+            elif isinstance(own, KeptTable):
+                for item in lists:
+                    item.take_kept(own, np.arange(n), n_threads)
+                if features is not None:
+                    features[:] = own.take(np.arange(n), handed)
             else:
                 _from_table(own, needed, take, stage)
         found = {item.unary: item.found for item in lists}

@@ -1,0 +1,140 @@
+"""KeptTable: features of the cells of map after map, and what lists have said of them."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["KeptTable"]
+
+T = TypeVar("T", bound=np.generic)
+
+
+class KeptTable:
+    """Rows of features that stay in place while maps change, with the scores that follow from them.
+
+    A cell keeps its row for as long as its scan is the same; a list is asked again only about rows
+    that have been written since, or where something beside the row has changed. A table belongs to
+    one model, as it does not know what a list looks like.
+
+    Parameters
+    ----------
+    columns : (C,) int
+        The laser and custom columns that the table holds, ascending.
+
+    Attributes
+    ----------
+    values : (R, C) float32
+        More rows than cells, as a rule.
+    row_of : (N,) int64
+        The row of each node of the map that was looked at last.
+    """
+
+    def __init__(self, columns: NDArray[np.int64]) -> None:
+        self.columns = columns
+        self.values = np.empty((0, len(columns)), np.float32)
+        self.row_of = np.empty(0, np.int64)
+        self._written = np.zeros(0, np.int64)
+        self._n_writings = 0
+        self._said: dict[str, _Said] = {}
+
+    @property
+    def n_rows(self) -> int:
+        """R."""
+        return len(self.values)
+
+    def assign(self, kept_row: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Give every node a row: its own (N,) from before, or a free one where that is -1.
+
+        The nodes with free rows are returned; :meth:`write` is to follow for each of them.
+        """
+        is_free = np.ones(self.n_rows, np.bool_)
+        is_free[kept_row[kept_row >= 0]] = False
+        fresh = np.flatnonzero(kept_row < 0)
+        free = np.flatnonzero(is_free)
+        if len(free) < len(fresh):
+            first = self.n_rows
+            self._grow(max(first + len(fresh) - len(free), first + first // 4))
+            free = np.append(free, np.arange(first, self.n_rows))
+        self.row_of = kept_row.copy()
+        self.row_of[fresh] = free[: len(fresh)]
+        return fresh
+
+    def write(self, nodes: NDArray[np.int64], values: NDArray[np.float32]) -> None:
+        """The features (n, C) of some nodes."""
+        rows = self.row_of[nodes]
+        self.values[rows] = values
+        self._n_writings += 1
+        self._written[rows] = self._n_writings
+
+    def take(self, nodes: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(n, F) some of the columns of nodes."""
+        places = np.searchsorted(self.columns, columns)
+        return self.values[self.row_of[nodes][:, np.newaxis], places]
+
+    def prepare(self, name: str, n_beside: int, n_scores: int) -> None:
+        """Make room for what the list of that name says; :meth:`scores` may then run in threads."""
+        said = self._said.get(name)
+        if said is None or said.kind != (n_beside, n_scores):
+            said = self._said[name] = _Said(n_beside, n_scores)
+        said.grow(self.n_rows)
+
+    def scores(
+        self,
+        name: str,
+        nodes: NDArray[np.int64],
+        beside: NDArray[np.float32],
+        score: Callable[[NDArray[np.int64]], NDArray[np.float64]],
+    ) -> NDArray[np.float64]:
+        """(n, K) what a list says of nodes: ``score`` is called with the positions it is new for.
+
+        Parameters
+        ----------
+        name : str
+            Of the list, as it was prepared.
+        nodes : (n,) int64
+        beside : (n, B) float32
+            What the list looks at beside the row.
+        score : callable
+            From positions (m,) among ``nodes`` to scores (m, K), each by its own row and what is
+            beside it.
+        """
+        said, rows = self._said[name], self.row_of[nodes]
+        stale = said.of_writing[rows] != self._written[rows]
+        stale |= (said.beside[rows] != beside).any(axis=1)
+        renewed = np.flatnonzero(stale)
+        if len(renewed):
+            some = rows[renewed]
+            said.scores[some], said.beside[some] = score(renewed), beside[renewed]
+            said.of_writing[some] = self._written[some]
+        return said.scores[rows]
+
+    def _grow(self, n_rows: int) -> None:
+        self.values = _grown(self.values, n_rows)
+        self._written = _grown(self._written, n_rows)
+
+
+class _Said:
+    """What a list has said of each row, when the row was written, and what was beside it."""
+
+    def __init__(self, n_beside: int, n_scores: int) -> None:
+        self.kind = (n_beside, n_scores)
+        self.beside = np.empty((0, n_beside), np.float32)
+        self.scores = np.empty((0, n_scores))
+        self.of_writing = np.empty(0, np.int64)
+
+    def grow(self, n_rows: int) -> None:
+        """Room for so many rows."""
+        first = len(self.scores)
+        if first < n_rows:
+            self.beside, self.scores = _grown(self.beside, n_rows), _grown(self.scores, n_rows)
+            self.of_writing = _grown(self.of_writing, n_rows)
+            self.of_writing[first:] = -1
+
+
+def _grown(values: NDArray[T], n_rows: int) -> NDArray[T]:
+    """The rows, with zeros behind them."""
+    found = np.zeros((n_rows, *values.shape[1:]), values.dtype)
+    found[: len(values)] = values
+    return found
