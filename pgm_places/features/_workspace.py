@@ -1,6 +1,10 @@
 """The planes that one thread works in while it extracts features."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places.features._fourier_kernels import SUM_ROWS, WORK_ROWS
 from pgm_places.features._polygon_kernels import SHAPE_ROWS
@@ -14,7 +18,8 @@ class Workspace:
     """Planes for a number of tiles; a tenth of a megabyte for each and a little more.
 
     ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
-    the features; the others are room for single kernels.
+    the features; the others are room for single kernels. ``calls`` are what fills ``values``, ready
+    to be made again, for the plan and the number of tiles that ``calls_for`` holds.
     """
 
     def __init__(self, n_tiles: int) -> None:
@@ -30,3 +35,12 @@ class Workspace:
         self.rows = np.tile(np.arange(LANES), 2)
         self.places = np.arange(LANES)
         self.beams = np.zeros(N_BEAMS + 1, np.intp)
+        self.calls_for: Any = None
+        self.calls: list[Callable[[], None]] = []
+        self._blocks: dict[Any, NDArray[Any]] = {}
+
+    def block(self, dtype: Any) -> NDArray[Any]:
+        """(16, 16) room for a block of scans of a type."""
+        if dtype not in self._blocks:
+            self._blocks[dtype] = aligned_planes(LANES, dtype)
+        return self._blocks[dtype]

@@ -1,7 +1,7 @@
 """The laser features of scans, computed for any choice of columns."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,8 @@ from pgm_places.features.beams import (
 )
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.features.plan import FeaturePlan, plan_features
-from pgm_places.kernels.lanes import LANES, aligned_planes
+from pgm_places.kernels.jit import ready
+from pgm_places.kernels.lanes import LANES
 from pgm_places.kernels.threads import run_tasks
 
 Columns = Sequence[int] | NDArray[np.integer[Any]]
@@ -58,6 +59,7 @@ def _chords() -> NDArray[np.float64]:
     return 4.0 * np.sin(np.pi * np.arange(N_BEAMS + 1) / (2.0 * N_BEAMS)) ** 2
 
 
+ALL_COLUMNS = tuple(range(len(LASER_FEATURES)))
 DIRECTIONS = _directions()
 CHORDS = _chords()
 
@@ -217,50 +219,62 @@ def _extract_part(
     space: Workspace,
     rows: NDArray[np.float32],
 ) -> None:
-    block = aligned_planes(LANES, scans.dtype)
+    block = space.block(scans.dtype)
     for start in range(0, len(scans), SCANS_PER_GROUP):
         stop = min(start + SCANS_PER_GROUP, len(scans))
-        n_tiles = -(-(stop - start) // LANES)
         load_tiles(scans, start, stop, limit, space.rows, block, space.rho)
-        _beam_families(plan, space, n_tiles)
-        _polygon_families(plan, space, n_tiles)
+        for call in _calls(plan, space, -(-(stop - start) // LANES)):
+            call()
         write_rows(space.values, plan.columns, start, stop, space.rows, space.places, rows)
 
 
-def _beam_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
+def _calls(plan: FeaturePlan, space: Workspace, n_tiles: int) -> list[Callable[[], None]]:
+    """What computes the features of a plan in these planes, once the beams are there."""
+    if space.calls_for != (plan, n_tiles):
+        calls = [*_beam_families(plan, space, n_tiles), *_polygon_families(plan, space, n_tiles)]
+        space.calls_for, space.calls = (plan, n_tiles), calls
+    return space.calls
+
+
+def _beam_families(
+    plan: FeaturePlan, space: Workspace, n_tiles: int
+) -> Iterator[Callable[[], None]]:
     rho, values = space.rho, space.values
     if plan.spread:
-        spread_features(rho, n_tiles, values)
+        yield ready(spread_features, rho, n_tiles, values)
     if plan.cuts is not None:
-        cut_features(rho, n_tiles, plan.cuts.parameters, plan.cuts.columns, values)
+        yield ready(cut_features, rho, n_tiles, plan.cuts.parameters, plan.cuts.columns, values)
     if plan.gaps is not None:
-        gap_features(rho, n_tiles, plan.gaps.parameters, plan.gaps.columns, space.kept, values)
+        gaps = plan.gaps
+        yield ready(gap_features, rho, n_tiles, gaps.parameters, gaps.columns, space.kept, values)
     if plan.ratios is not None:
-        bounds = plan.ratios
-        ratio_features(rho, n_tiles, bounds.parameters, bounds.columns, space.kept, values)
+        bounds, columns = plan.ratios
+        yield ready(ratio_features, rho, n_tiles, bounds, columns, space.kept, values)
     if plan.minima is not None:
         room = MinimaRoom(space.few, space.ahead, space.kept, space.beams)
-        minima_features(rho, n_tiles, plan.minima, CHORDS, room, values)
+        yield ready(minima_features, rho, n_tiles, plan.minima, CHORDS, room, values)
 
 
-def _polygon_families(plan: FeaturePlan, space: Workspace, n_tiles: int) -> None:
+def _polygon_families(
+    plan: FeaturePlan, space: Workspace, n_tiles: int
+) -> Iterator[Callable[[], None]]:
     rho, values, shape = space.rho, space.values, space.shape
     if plan.outline:
-        outline_features(rho, n_tiles, DIRECTIONS, space.edges, shape, values)
+        yield ready(outline_features, rho, n_tiles, DIRECTIONS, space.edges, shape, values)
     if plan.centroid:
-        centroid_features(rho, n_tiles, DIRECTIONS, shape, values)
+        yield ready(centroid_features, rho, n_tiles, DIRECTIONS, shape, values)
     if plan.moments:
-        moment_features(rho, n_tiles, DIRECTIONS, shape, space.few, values)
+        yield ready(moment_features, rho, n_tiles, DIRECTIONS, shape, space.few, values)
     if plan.fourier is not None:
         outline = Outline(rho, DIRECTIONS, space.edges, shape)
         room = FourierRoom(space.few, space.outline, space.cells)
-        fourier_features(outline, n_tiles, plan.fourier, room, values)
+        yield ready(fourier_features, outline, n_tiles, plan.fourier, room, values)
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:
     n_known = len(LASER_FEATURES)
     if columns is None:
-        return tuple(range(n_known))
+        return ALL_COLUMNS
     chosen = np.asarray(columns)
     if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
         raise InputError(f"columns must be a sequence of column numbers, got {columns!r}")

@@ -7,12 +7,13 @@ installations do not share code; a process whose kernels are all there never imp
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ParamSpec, TypeVar, cast, overload
 
 from pgm_places.kernels.deferred import IS_COMPILED, Helper, instruction
 from pgm_places.kernels.kernel import Kernel
 
-__all__ = ["fused", "inlined", "njit", "prefetch"]
+__all__ = ["fused", "inlined", "njit", "prefetch", "ready"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -40,6 +41,16 @@ def njit(
         return cast(Callable[P, R], kernel)
 
     return decorate if function is None else decorate(function)
+
+
+def ready(kernel: Callable[..., R], *arguments: Any) -> Callable[[], R]:
+    """The call of a kernel for these very arguments, to be made many times.
+
+    Finding the machine code for arguments of these kinds takes longer than a short kernel does.
+    """
+    if isinstance(kernel, Kernel):
+        return kernel.ready(arguments)
+    return partial(kernel, *arguments)
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from pgm_places.kernels.argument_kinds import Kinds, description, kinds_of
@@ -27,6 +28,10 @@ class Kernel(Deferred):
         if code is None:
             code = self._code_for(kinds, arguments)
         return code(*arguments, **named)
+
+    def ready(self, arguments: tuple[Any, ...]) -> Callable[[], Any]:
+        """A call for these very arguments, its machine code already found."""
+        return partial(self._code_for(kinds_of(arguments), arguments), *arguments)
 
     def _code_for(self, kinds: Kinds | None, arguments: tuple[Any, ...]) -> Callable[..., Any]:
         with _lock:

@@ -245,6 +245,15 @@ def test_single_columns_have_the_same_bits(column: int) -> None:
     np.testing.assert_array_equal(alone[:, 0], whole[:, column])
 
 
+def test_single_scans_with_other_columns_in_turn_have_the_same_bits() -> None:
+    scans = rooms(3, seed=4)
+    together = extract(scans, max_range_m=30.0)
+    for columns in ([5, 300], [300], [5, 300], list(range(40))):
+        for scan, row in zip(scans, together, strict=True):
+            alone = extract_one(scan, max_range_m=30.0, columns=columns)
+            assert alone.tobytes() == row[columns].tobytes()
+
+
 def test_output_goes_where_it_is_wanted() -> None:
     ranges = rooms(40, seed=9)
     whole = extract(ranges, max_range_m=80.0)

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.kernels.cache import cache_folder
-from pgm_places.kernels.jit import fused, njit
+from pgm_places.kernels.jit import fused, njit, ready
 
 
 def test_named_folder_is_used_and_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,6 +32,22 @@ def test_a_folder_that_is_not_private_is_refused(
     monkeypatch.setenv("PGM_PLACES_CACHE_DIR", str(shared))
     with pytest.warns(RuntimeWarning, match="shared is not private.*chmod 700"):
         assert cache_folder() is None
+
+
+@njit
+def _add_to(values: NDArray[np.float64], amount: float) -> None:
+    for k in range(len(values)):
+        values[k] += amount
+
+
+def test_a_ready_call_can_be_made_again_with_what_the_arguments_hold_then() -> None:
+    values = np.zeros(3)
+    call = ready(_add_to, values, 2.0)
+    assert values.tolist() == [0.0, 0.0, 0.0]
+    call()
+    values[1] = 10.0
+    call()
+    assert values.tolist() == [4.0, 12.0, 4.0]
 
 
 KERNEL = """\
