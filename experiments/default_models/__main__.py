@@ -108,7 +108,9 @@ name = "potts"
 weight = 0.25
 inference = "mean-field"
 max_iterations = 20
+temperature = 1.5
 """
+"""The temperature is from buildings left out: see docs/trained_models.md."""
 
 
 def configuration(title: str, maps: Iterator[Table], examples: int, space: str = "") -> str:
