@@ -17,7 +17,7 @@ from pgm_places.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
-    from pgm_places.labelers.place_labeler import PlaceMethod
+    from pgm_places.experiment.setup import AnyMethod
 
 __all__ = ["compare", "demo", "train"]
 
@@ -30,8 +30,9 @@ def _experiment(
     from pgm_places.experiment.config import load_config
 
     config = load_config(config_path)
-    spaces = [] if config.space is None else ["segments", "space", "trees"]
-    stages = ["features", "boosting", *spaces, *(item.name for item in config.methods)]
+    of_maps = ["segments", "space", "trees"] if config.nodes != "graph" else []
+    before = ["features"] if config.nodes != "graph" else []
+    stages = [*before, "boosting", *of_maps, *(item.name for item in config.methods)]
     with WarmUp(stages, n_threads=n_threads):
         from pgm_places.experiment.experiment import Experiment
         from pgm_places.experiment.feature_cache import FeatureCache
@@ -146,6 +147,9 @@ def train(
         from pgm_places.persistence.model_folder import check_target
 
         check_target(out)
+        if experiment.config.nodes == "graph":
+            _train_graphs(experiment, out)
+            return
         if experiment.config.nodes != "cells":
             _train_steps(experiment, out)
             return
@@ -162,18 +166,36 @@ def train(
     say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
 
 
+def _require_one_method(experiment: "Experiment", what: str) -> None:
+    if len(experiment.config.methods) > 1:
+        ids = ", ".join(item.id for item in experiment.config.methods)
+        raise ConfigError(
+            f"a model of {what} has one method, and the configuration has {ids}; keep the one to "
+            "train in a file of its own ('compare' takes them all)"
+        )
+
+
+def _train_graphs(experiment: "Experiment", out: Path) -> None:
+    """Train a labeler of graphs with the configuration's one method."""
+    from pgm_places.experiment.graph_runs import method_of
+    from pgm_places.experiment.runs import train_graphs
+    from pgm_places.persistence.stored import save
+
+    _require_one_method(experiment, "graphs")
+    experiment, labelers = train_graphs(experiment)
+    [(name, (labeler, _))] = labelers.items()
+    method = {name: method_of(experiment.config, name, labeler)}
+    save(labeler, out, record=_training_record(experiment, method))
+    say(f"wrote {out} (labels: {', '.join(labeler.label_names_)}; method: {name})")
+
+
 def _train_steps(experiment: "Experiment", out: Path) -> None:
     """Train a labeler of drives with the configuration's one method."""
     from pgm_places.experiment.runs import train_steps
     from pgm_places.labelers.place_labeler import PlaceMethod
     from pgm_places.persistence.stored import save
 
-    if len(experiment.config.methods) > 1:
-        ids = ", ".join(item.id for item in experiment.config.methods)
-        raise ConfigError(
-            f"a model of drives has one method, and the configuration has {ids}; keep the one to "
-            "train in a file of its own ('compare' takes them all)"
-        )
+    _require_one_method(experiment, "drives")
     experiment, labelers = train_steps(experiment)
     [(name, labeler)] = labelers.items()
     method = {name: PlaceMethod(labeler.method_, "laser")}
@@ -182,7 +204,7 @@ def _train_steps(experiment: "Experiment", out: Path) -> None:
 
 
 def _training_record(
-    experiment: "Experiment", methods: "Mapping[str, PlaceMethod]"
+    experiment: "Experiment", methods: "Mapping[str, AnyMethod]"
 ) -> dict[str, Any]:
     """How a model was trained."""
     from pgm_places.experiment.runs import versions

@@ -58,7 +58,7 @@ def comparison_table(comparison: "Comparison") -> str:
 
 def _table_by_unit(comparison: "Comparison") -> str:
     """Cells and steps apart, where both were labelled together."""
-    if comparison.unit != "node":
+    if not comparison.is_mixed:
         return ""
     found = [(method.id, comparison.by_unit(method)) for method in comparison.methods]
     units = list(dict.fromkeys(item.unit for item in comparison.maps))

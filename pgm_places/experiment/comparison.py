@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation.bootstrap import numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, square_blocks
+from pgm_places.evaluation.folds import contiguous_parts
+from pgm_places.experiment.graph_layout import GraphLayout
+from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -20,10 +23,12 @@ from pgm_places.unary.space_model import MapSpaces
 
 __all__ = [
     "BLOCK_M",
+    "NODES_PER_BLOCK",
     "STRETCH_M",
     "Comparison",
     "MethodResult",
     "TestDrive",
+    "TestGraph",
     "TestItem",
     "TestMap",
     "door_scores",
@@ -39,6 +44,9 @@ BLOCK_M = 2.0
 
 PASSAGE_M = 0.3
 """A doorway that is labelled this much before or after it was passed through has been found."""
+
+NODES_PER_BLOCK = 10
+"""Nodes of graphs resampled together, where they lie side by side."""
 
 STRETCH_M = 5.0
 """Length of the stretches of drives resampled; errors of closer steps correlate."""
@@ -131,7 +139,56 @@ class TestDrive:
         return stretches(self.trajectory)
 
 
-TestItem = TestMap | TestDrive
+@dataclass(frozen=True, eq=False)
+class TestGraph:
+    """A graph of one's own whose nodes were labelled, with their true labels.
+
+    Parameters
+    ----------
+    name : str
+        Its name in tables.
+    graph : LabelGraph
+    node_truth : (N,) int
+        True label of each node, -1 where it is unknown or was told.
+    """
+
+    name: str
+    graph: LabelGraph
+    node_truth: NDArray[np.int64]
+
+    __test__ = False  # not a test class, whatever pytest thinks of its name
+    unit: ClassVar[str] = "node"
+    """What a node is."""
+
+    @cached_property
+    def layout(self) -> GraphLayout:
+        """The graph as a picture."""
+        return GraphLayout(self.graph)
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The picture without its nodes' values."""
+        return self.layout.grid
+
+    @cached_property
+    def truth(self) -> NDArray[np.int16]:
+        """(H, W) true label of each dot, -1 elsewhere and where it is unknown."""
+        return self.layout.to_raster(self.node_truth.astype(np.int16), fill=-1)
+
+    @property
+    def window(self) -> NDArray[np.bool_]:
+        """(H, W) the dots."""
+        return self.layout.node_of_cell >= 0
+
+    def blocks(self) -> NDArray[np.int64]:
+        """(N,) number of the part, some ``NODES_PER_BLOCK`` nodes, that holds each one."""
+        n_parts = max(round(self.graph.n_nodes / NODES_PER_BLOCK), 1)
+        if self.graph.points_m is None and not self.graph.is_chain:
+            return np.arange(self.graph.n_nodes)  # nothing says which nodes lie together
+        return contiguous_parts(self.graph, n_parts)
+
+
+TestItem = TestMap | TestDrive | TestGraph
 
 
 def stretches(drive: Trajectory) -> NDArray[np.int64]:
@@ -186,9 +243,14 @@ class Comparison:
 
     @property
     def unit(self) -> str:
-        """What was labelled: ``cell``, ``step``, or ``node`` for both."""
+        """What was labelled: ``cell``, ``step``, or ``node`` for both, or for graphs."""
         units = {item.unit for item in self.maps}
         return units.pop() if len(units) == 1 else "node"
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether nodes of several kinds were labelled."""
+        return len({item.unit for item in self.maps}) > 1
 
     def by_unit(self, method: MethodResult) -> dict[str, Evaluation]:
         """A method's pooled evaluation of each kind of node: ``cell``, ``step``."""
@@ -203,7 +265,8 @@ def score_intervals(
 ) -> dict[str, Interval]:
     """95 % confidence intervals of ``accuracy`` and ``balanced_accuracy`` over all maps together.
 
-    A block bootstrap over squares of ``BLOCK_M`` of maps, and stretches of ``STRETCH_M`` of drives
+    A block bootstrap over squares of ``BLOCK_M`` of maps, stretches of ``STRETCH_M`` of drives, and
+    single nodes of graphs, or ``NODES_PER_BLOCK`` side by side
     (:func:`pgm_places.evaluation.evaluation.block_bootstrap`).
     """
     return block_bootstrap(

@@ -16,6 +16,7 @@ from annotated_types import Ge, Le, MinLen
 
 from pgm_places._checks import nearest_name, plain_names
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.experiment.source_config import SourceConfig
 from pgm_places.experiment.source_patterns import without_patterns
@@ -50,6 +51,9 @@ __all__ = [
 NO_MODEL = "none"
 """The base model of those who learn from nothing but their maps, as the studio does without one."""
 
+_OF_MAPS = ("resolution_m", "connectivity", "sensor", "context", "space", "steps", "features")
+"""What says nothing of graphs of one's own."""
+
 _OF_TRAINING = (
     "nodes",
     "resolution_m",
@@ -65,7 +69,7 @@ _OF_TRAINING = (
 )
 """What a model that was trained before has already."""
 
-Nodes = Literal["cells", "steps", "both"]
+Nodes = Literal["cells", "steps", "both", "graph"]
 Criterion = Literal["balanced_accuracy", "accuracy", "macro_f1"]
 
 
@@ -121,13 +125,14 @@ class MethodConfig:
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
     sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places), or
     ``"auto"``: space, the same for every method. AdaBoost alone, the paper's, is ``independent``
-    with ``unary = "laser"``.
+    with ``unary = "laser"``. For graphs of one's own, ``"auto"`` is what the classifier says, and
+    ``"none"`` leaves the node features to the method.
     """
 
     name: str
     id: str
     options: dict[str, Any]
-    unary: Unary = "auto"
+    unary: Unary | Literal["none"] = "auto"
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -141,7 +146,8 @@ class MethodConfig:
 class ExperimentConfig:
     """A whole experiment: labels, sensor, classifier, maps and drives, and methods.
 
-    ``nodes`` says what is labelled: the cells of maps, the steps of drives, or both as one graph.
+    ``nodes`` says what is labelled: the cells of maps, the steps of drives, both as one graph, or
+    the nodes of graphs of one's own.
     With ``base_model``, a model that was trained before goes on learning from the training maps as
     ``teaching`` says, and brings its methods and the options that it was trained with.
     """
@@ -222,6 +228,9 @@ def _check_methods(config: ExperimentConfig) -> None:
 def _check_nodes(config: ExperimentConfig) -> None:
     """Refuse sources and tables that do not fit the kind of nodes."""
     nodes = config.nodes
+    if nodes == "graph":
+        _check_graphs(config)
+        return
     has_drive = any(item.is_drive for item in config.train)
     if nodes != "cells" and config.select is not None and not has_drive:
         raise ConfigError(
@@ -230,6 +239,8 @@ def _check_nodes(config: ExperimentConfig) -> None:
     for part, sources in (("train", config.train), ("test", config.test)):
         for index, item in enumerate(sources):
             where = f"{part}[{index}]"
+            if item.graph is not None:
+                raise ConfigError(f"{where} is a graph; write nodes = 'graph' above all tables")
             if nodes == "cells" and item.is_drive:
                 raise ConfigError(
                     f"{where} is a drive, but cells of maps are labelled; write nodes = 'steps' or "
@@ -245,8 +256,36 @@ def _check_nodes(config: ExperimentConfig) -> None:
                 )
             if nodes == "both" and item.log is not None and item.map is None:
                 raise ConfigError(f"{where}: steps are joined to the cells of a map; give map too")
+    for method in config.methods:
+        if method.unary == "none":
+            raise ConfigError(f"methods.{method.id}: unary = 'none' is for nodes = 'graph'")
     if nodes == "both" and not has_drive:
         raise ConfigError("train: cells and steps are learned together from a drive at least")
+
+
+def _check_graphs(config: ExperimentConfig) -> None:
+    """Refuse all that is no graph of one's own, or for maps and drives."""
+    for part, sources in (("train", config.train), ("test", config.test)):
+        for index, item in enumerate(sources):
+            if item.graph is None:
+                raise ConfigError(
+                    f"{part}[{index}] is no graph; give graph = 'FILE.graphml', or its tables: "
+                    "graph = { nodes = 'nodes.csv', edges = 'edges.csv' }"
+                )
+    given = [
+        item.name
+        for item in dataclasses.fields(config)
+        if item.name in _OF_MAPS and getattr(config, item.name) != _default(item)
+    ]
+    if given or config.base_model is not None:
+        name = given[0] if given else "base_model"
+        raise ConfigError(f"{name} is for maps and drives, not for nodes = 'graph'; remove it")
+    for method in config.methods:
+        if method.unary not in ("auto", "none"):
+            raise ConfigError(
+                f"methods.{method.id}: unary is 'auto' (what the classifier says) or 'none' where "
+                f"graphs are labelled, got {method.unary!r}"
+            )
 
 
 def _check_label_names(config: ExperimentConfig) -> None:
@@ -259,7 +298,9 @@ def _check_label_names(config: ExperimentConfig) -> None:
         )
     for part, maps in (("train", config.train), ("test", config.test)):
         for index, item in enumerate(maps):
-            source: MapConfig = item.drive or item
+            source: MapConfig | GraphConfig = item.drive or item
+            if item.graph is not None:
+                source = item.graph_options
             for code, label in (source.classes or {}).items():
                 if label not in ("", *names):  # "" for no label
                     raise ConfigError(

@@ -27,10 +27,20 @@ from pgm_places.experiment.comparison import (
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.graph_runs import (
+    FittedLabeler,
+    as_tests,
+    label_graphs,
+    learn_graphs,
+    method_of,
+)
+from pgm_places.experiment.graphs import SourceGraph, load_graphs
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.selection import Sources, select
 from pgm_places.experiment.setup import (
+    AnyMethod,
     check_labeler,
+    graph_labelers,
     make_labeler,
     resolved_config,
     step_methods,
@@ -47,10 +57,12 @@ from pgm_places.unary.halls import HallNames
 
 __all__ = [
     "Trained",
+    "TrainedGraphs",
     "TrainedSteps",
     "compare",
     "compare_fitted",
     "train",
+    "train_graphs",
     "train_steps",
     "versions",
 ]
@@ -70,6 +82,13 @@ class TrainedSteps(NamedTuple):
 
     experiment: Experiment
     labelers: Mapping[str, StepLabeler]
+
+
+class TrainedGraphs(NamedTuple):
+    """A fitted labeler per method, and the experiment with the options they were fitted with."""
+
+    experiment: Experiment
+    labelers: Mapping[str, FittedLabeler]
 
 
 def train(experiment: Experiment) -> Trained:
@@ -103,7 +122,20 @@ def train_steps(experiment: Experiment) -> TrainedSteps:
     step_methods(experiment.config)  # refuses bad options before anything is read
     sources = Sources(load_maps(experiment, "train"), load_drives(experiment, "train"))
     experiment = _with_chosen_options(experiment, sources)
-    return TrainedSteps(experiment, learn_steps(experiment, *sources))
+    return TrainedSteps(experiment, learn_steps(experiment, sources.maps, sources.drives))
+
+
+def train_graphs(experiment: Experiment) -> "TrainedGraphs":
+    """A labeler per method of a configuration of graphs, fitted on its training graphs.
+
+    Options are first chosen as for :func:`train`, on the training graphs.
+    """
+    return _trained_graphs(experiment, load_graphs(experiment, "train"))
+
+
+def _trained_graphs(experiment: Experiment, graphs: Sequence[SourceGraph]) -> "TrainedGraphs":
+    experiment = _with_chosen_options(experiment, Sources((), graphs=graphs))
+    return TrainedGraphs(experiment, learn_graphs(experiment, graphs))
 
 
 def _with_chosen_options(experiment: Experiment, sources: Sources) -> Experiment:
@@ -125,7 +157,11 @@ def compare(experiment: Experiment) -> Comparison:
         There are no test maps.
     """
     if not experiment.config.test:
-        raise ConfigError("a comparison needs at least one [[test]] map or drive; there is none")
+        raise ConfigError(
+            "a comparison needs at least one [[test]] map, drive or graph; there is none"
+        )
+    if experiment.config.nodes == "graph":
+        return _compare_graphs(experiment)
     if experiment.config.nodes != "cells":
         return _compare_drives(experiment)
     check_labeler(experiment.config)
@@ -177,6 +213,22 @@ def _compare_drives(experiment: Experiment) -> Comparison:
     return _comparison(experiment, names, found.items, results, methods)
 
 
+def _compare_graphs(experiment: Experiment) -> Comparison:
+    """All methods on the nodes of the test graphs."""
+    graph_labelers(experiment.config)  # refuses bad options before anything is read
+    graphs = load_graphs(experiment, "train")
+    tests = load_graphs(experiment, "test", like=graphs)
+    experiment, labelers = _trained_graphs(experiment, graphs)
+    names, items = tuple(experiment.config.labels.names), as_tests(tests)
+    methods = {n: method_of(experiment.config, n, f.labeler) for n, f in labelers.items()}
+    results = []
+    for name, fitted in labelers.items():
+        found, spent = label_graphs(experiment, name, fitted.labeler, tests)
+        seconds = {"learn": fitted.seconds, "infer": spent}
+        results.append(method_result(name, methods[name], names, items, found, seconds))
+    return _comparison(experiment, names, items, results, methods)
+
+
 def _passages(
     experiment: Experiment, items: Sequence[TestItem], labelings: Sequence[Labeling]
 ) -> tuple[DoorScores, ...]:
@@ -196,11 +248,11 @@ def _comparison(
     label_names: tuple[str, ...],
     items: Sequence[TestItem],
     results: Sequence[MethodResult],
-    methods: Mapping[str, PlaceMethod],
+    methods: Mapping[str, AnyMethod],
 ) -> Comparison:
     config = experiment.config
     return Comparison(
-        title=config.title or "Place labelling",
+        title=config.title or ("Node" if config.nodes == "graph" else "Place") + " labelling",
         label_names=label_names,
         maps=tuple(items),
         methods=tuple(results),
@@ -242,7 +294,7 @@ def _run_method(
 
 def method_result(
     name: str,
-    method: PlaceMethod,
+    method: AnyMethod,
     label_names: tuple[str, ...],
     items: Sequence[TestItem],
     labelings: Sequence[Labeling],

@@ -16,6 +16,8 @@ from pgm_places.experiment.config import ExperimentConfig, SelectConfig
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.graph_runs import graph_splits, score_graphs
+from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.experiment.step_runs import label_drives, learn_steps
 from pgm_places.maps.labelled_map import LabelledMap
@@ -89,10 +91,13 @@ class Sources(NamedTuple):
     ----------
     maps : sequence of LabelledMap
     drives : sequence of SourceDrive
+    graphs : sequence of SourceGraph
+        Of one's own; then there are neither maps nor drives.
     """
 
     maps: Sequence[LabelledMap]
     drives: Sequence[SourceDrive] = ()
+    graphs: Sequence[SourceGraph] = ()
 
 
 def select(experiment: Experiment, sources: Sources) -> Selection:
@@ -124,7 +129,7 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
         )
     method = settings.method or experiment.config.methods[-1].id
     splits = list(held_out_splits(sources, settings.n_folds, len(experiment.config.labels.names)))
-    scored = _scored_cells if experiment.config.nodes == "cells" else _scored_steps
+    scored = _SCORED.get(experiment.config.nodes, _scored_steps)
     found = []
     with experiment.progress.stage("selection") as stage:
         for number, (options, config) in enumerate(candidates, start=1):
@@ -154,6 +159,10 @@ def held_out_splits(
     LabelError
         No fold is left.
     """
+    if sources.graphs:
+        for learn, held_out in graph_splits(sources.graphs, n_folds, n_labels):
+            yield Sources((), graphs=learn), Sources((), graphs=held_out)
+        return
     fold_of, labels = _folds(sources, n_folds), np.concatenate(_labels(sources))
     every = np.concatenate(fold_of)
     found = False
@@ -260,3 +269,11 @@ def _scored_steps(trial: Experiment, learn: Sources, test: Sources) -> Evaluatio
             for item, labeling in zip(found.items, labelings, strict=True)
         ]
     )
+
+
+def _scored_graphs(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
+    """The same for graphs of one's own."""
+    return score_graphs(trial, learn.graphs, test.graphs)
+
+
+_SCORED = {"cells": _scored_cells, "graph": _scored_graphs}

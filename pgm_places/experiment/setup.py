@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.config import (
@@ -13,14 +13,18 @@ from pgm_places.experiment.config import (
 )
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.joint_labeler import JointLabeler
-from pgm_places.labelers.method import check_labels_maps
+from pgm_places.labelers.method import Unary, check_labels_maps
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.options import option_values, plain_values
 from pgm_places.unary.options import ClassifierOptions
 
 __all__ = [
+    "AnyMethod",
+    "GraphMethod",
     "check_labeler",
+    "graph_labelers",
     "joint_labeler",
     "make_labeler",
     "resolved_config",
@@ -34,7 +38,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     names, settings = tuple(config.labels.names), config.classifier
     context_m = tuple(config.context.half_widths_m)
     methods = {
-        method.id: PlaceMethod(build_method(method), method.unary) for method in config.methods
+        method.id: PlaceMethod(build_method(method), _of_maps(method)) for method in config.methods
     }
     labeler = PlaceLabeler(
         names,
@@ -55,9 +59,14 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
     return labeler
 
 
+def _of_maps(method: MethodConfig) -> Unary:
+    assert method.unary != "none"  # the configuration has been checked
+    return method.unary
+
+
 def check_labeler(config: ExperimentConfig) -> None:
     """Refuse bad options of a labeler that is to be trained, before any map is read."""
-    if config.base_model is None:
+    if config.base_model is None and config.nodes != "graph":
         make_labeler(config)
 
 
@@ -112,7 +121,32 @@ def joint_labeler(config: ExperimentConfig) -> JointLabeler:
     return JointLabeler(tuple(config.labels.names), places=places, steps=step_labeler(config))
 
 
-def resolved_config(config: ExperimentConfig, methods: Mapping[str, PlaceMethod]) -> dict[str, Any]:
+def graph_labelers(config: ExperimentConfig) -> dict[str, StructuredLabeler]:
+    """The unfitted labelers of graphs of one's own, by the ids of their methods."""
+    settings = config.classifier
+    found = {}
+    for method in config.methods:
+        found[method.id] = StructuredLabeler(
+            build_method(method),
+            None if method.unary == "none" else settings.classifier(config.labels.names),
+            learn_on=settings.learn_on,
+            n_folds=settings.n_folds,
+        )
+        found[method.id].check_options()
+    return found
+
+
+class GraphMethod(NamedTuple):
+    """A method on graphs of one's own, with what it sees of their nodes."""
+
+    backend: Any
+    unary: str
+
+
+AnyMethod = PlaceMethod | GraphMethod
+
+
+def resolved_config(config: ExperimentConfig, methods: Mapping[str, AnyMethod]) -> dict[str, Any]:
     """The configuration with every default of its built methods written out, as plain data.
 
     Maps and drives, of which there may be a hundred, have only the keys that were given.

@@ -7,6 +7,7 @@ from typing import Annotated
 from annotated_types import Ge
 
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.options import Positive, Seed, check_options
 from pgm_places.sensing.laser_options import LaserOptions
@@ -43,7 +44,7 @@ class DriveConfig(MapConfig, RobotMotion):
 
 @dataclass(frozen=True, kw_only=True)
 class SourceConfig(MapConfig):
-    """A map, or a drive: recorded in a log, or simulated.
+    """A map, a drive (recorded in a log, or simulated), or a graph of one's own.
 
     For a log, ``map`` with ``labels`` or ``regions`` is a map in the frame of the log, which tells
     the true place of each step unless ``truth`` or the log itself does. Options that do not
@@ -55,6 +56,8 @@ class SourceConfig(MapConfig):
         A CARMEN log, a bag, or a table of poses.
     drive : DriveConfig, optional
         A drive that is simulated.
+    graph : str or GraphConfig, optional
+        A GraphML file, or what the files of a graph are and what their columns mean.
     truth : str, optional
         A table of true places with one row per step of the log.
     label_column : str, optional
@@ -80,6 +83,7 @@ class SourceConfig(MapConfig):
 
     log: str | None = None
     drive: DriveConfig | None = None
+    graph: str | GraphConfig | None = None
     truth: str | None = None
     label_column: str | None = None
     frame: Similarity | None = None
@@ -96,8 +100,21 @@ class SourceConfig(MapConfig):
         """Whether it is a drive, with or without a map, rather than a map alone."""
         return self.log is not None or self.drive is not None
 
+    @property
+    def graph_options(self) -> GraphConfig:
+        """The graph, for a source that is one."""
+        assert self.graph is not None  # asked for graphs alone
+        return GraphConfig(file=self.graph) if isinstance(self.graph, str) else self.graph
+
     def __post_init__(self) -> None:
         check_options(self)
+        if self.graph is not None:
+            self._refuse(
+                _OF_LOGS | _OF_MAPS | {"log", "drive"},
+                "graph",
+                "put it into graph = {...}, if it is an option of graphs",
+            )
+            return
         if self.log is not None and self.drive is not None:
             raise ConfigError("give log (a file) or drive (a simulated one), not both")
         if self.region is not None:
@@ -139,8 +156,8 @@ class SourceConfig(MapConfig):
 
 
 _OWN = frozenset(item.name for item in dataclasses.fields(SourceConfig))
-_OF_LOGS = _OWN - {item.name for item in dataclasses.fields(MapConfig)} - {"log", "drive"}
-_OF_MAPS = _OWN - _OF_LOGS - {"log", "drive", "name", "building"}
+_OF_LOGS = _OWN - {item.name for item in dataclasses.fields(MapConfig)} - {"log", "drive", "graph"}
+_OF_MAPS = _OWN - _OF_LOGS - {"log", "drive", "graph", "name", "building"}
 _DRAWN = frozenset(
     {"generated", "half", "style", "halls", "furniture", "slam_noise", "simulated", "simulation"}
 )

@@ -12,7 +12,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 
-__all__ = ["labeling_table", "problem_from_tables"]
+__all__ = ["is_empty", "labeling_table", "problem_from_tables"]
 
 
 def problem_from_tables(
@@ -64,7 +64,7 @@ def problem_from_tables(
         twice = next(name for i, name in enumerate(names) if number[name] != i)
         raise InputError(f"nodes: {twice!r} comes twice in column {node!r}; give each node one row")
     given = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
-    said = [None if _is_empty(value) else str(value) for value in given]
+    said = [None if is_empty(value) else str(value) for value in given]
     known = sorted({text for text in said if text is not None})
     wanted = list(known if label_names is None else label_names)
     odd = [text for text in known if text not in wanted]
@@ -122,7 +122,8 @@ def _values(what: str, table: Any, column: str) -> list[Hashable]:
     return list(np.asarray(table[column], object))
 
 
-def _is_empty(value: Any) -> bool:
+def is_empty(value: Any) -> bool:
+    """Whether a value of a table stands for none: None, NaN or an empty text."""
     return value is None or value == "" or value != value  # NaN is not itself
 
 

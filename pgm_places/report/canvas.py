@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
+from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import Coarsening
@@ -201,7 +202,7 @@ def difference_canvas(
 def value_canvas(
     grid: OccupancyGrid,
     values: ArrayLike,
-    layout: GridLayout | PathLayout,
+    layout: GridLayout | PathLayout | GraphLayout,
     gradient: str,
     view: View,
 ) -> Canvas:
@@ -209,10 +210,10 @@ def value_canvas(
     array = finite_array("values", values, (len(layout.cells_rc),))
     steps = np.clip(array * N_LEVELS, 0, N_LEVELS - 1).astype(np.int16)
     raster = layout.to_raster(steps, fill=np.int16(-1))
-    if isinstance(layout, PathLayout):
-        coarsening = Coarsening(grid, grid)
-    else:
+    if isinstance(layout, GridLayout):
         coarsening = Coarsening.behind(layout, grid)
+    else:
+        coarsening = Coarsening(grid, grid)
     colours = (*_GROUND, *levels(gradient, N_LEVELS))
 
     def paint(cells: tuple[slice, slice]) -> NDArray[np.uint8]:

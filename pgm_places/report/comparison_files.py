@@ -46,8 +46,8 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
                 "name": item.name,
                 f"{item.unit}s_labelled": len(item.layout.cells_rc),
                 f"{item.unit}s_evaluated": int((item.node_truth >= 0).sum()),
-                "resolution_m": item.grid.resolution_m,
             }
+            | ({} if item.unit == "node" else {"resolution_m": item.grid.resolution_m})
             for item in comparison.maps
         ],
         "methods": {

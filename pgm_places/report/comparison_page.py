@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation, Interval
-from pgm_places.experiment.comparison import BLOCK_M, STRETCH_M, Comparison, MethodResult
+from pgm_places.experiment.comparison import (
+    BLOCK_M,
+    NODES_PER_BLOCK,
+    STRETCH_M,
+    Comparison,
+    MethodResult,
+)
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
@@ -27,8 +33,9 @@ _GRADIENTS = (
 _BLOCKS = {
     "cell": f"{BLOCK_M:g} m squares",
     "step": f"{STRETCH_M:g} m stretches of the path",
-    "node": f"{BLOCK_M:g} m squares and {STRETCH_M:g} m stretches of paths",
+    "node": f"single nodes, or {NODES_PER_BLOCK} that lie side by side",
 }
+_MIXED_BLOCKS = f"{BLOCK_M:g} m squares and {STRETCH_M:g} m stretches of paths"
 _STEP_COUNTS = ("iterations", "n_iterations", "sweeps")
 
 
@@ -50,6 +57,7 @@ def report_page(comparison: Comparison) -> str:
     anything else. Every text from configurations, maps and label names is escaped.
     """
     labels = label_swatches(comparison.label_names)
+    on_maps = any(item.unit != "node" for item in comparison.maps)
     config = json.dumps(comparison.config, indent=2, ensure_ascii=False, default=str)
     return render(
         "comparison.html",
@@ -60,6 +68,7 @@ def report_page(comparison: Comparison) -> str:
         labels=labels,
         n_maps=sum(item.unit == "cell" for item in comparison.maps),
         n_drives=sum(item.unit == "step" for item in comparison.maps),
+        n_graphs=sum(item.unit == "node" for item in comparison.maps),
         unit=comparison.unit,
         n_nodes=sum(method.evaluation.n for method in comparison.methods[:1]),
         warnings=comparison.warnings,
@@ -75,12 +84,12 @@ def report_page(comparison: Comparison) -> str:
             if method.doors
         ],
         by_unit=[(method, comparison.by_unit(method)) for method in comparison.methods]
-        if comparison.unit == "node"
+        if comparison.is_mixed
         else [],
-        blocks=_BLOCKS[comparison.unit],
+        blocks=_blocks(comparison),
         truth=_truth(comparison, labels),
         stage_seconds=comparison.stage_seconds,
-        legend=(*labels, Swatch("error", ERROR), *GROUND_SWATCHES),
+        legend=(*labels, Swatch("error", ERROR), *(GROUND_SWATCHES if on_maps else ())),
         map_layers=label_layers(comparison),
         reliability=reliability_chart(comparison),
         histories=history_charts(comparison),
@@ -92,6 +101,10 @@ def report_page(comparison: Comparison) -> str:
         versions=comparison.versions,
         inputs=comparison.inputs,
     )
+
+
+def _blocks(comparison: Comparison) -> str:
+    return _MIXED_BLOCKS if comparison.is_mixed else _BLOCKS[comparison.unit]
 
 
 def _mean_iou(evaluation: Evaluation) -> float | None:

@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import Comparison, MethodResult, TestDrive, TestItem
+from pgm_places.experiment.comparison import (
+    Comparison,
+    MethodResult,
+    TestDrive,
+    TestGraph,
+    TestItem,
+)
 from pgm_places.labelers.tracking import Track
 from pgm_places.report.canvas import (
     Canvas,
@@ -160,10 +166,13 @@ def _pair(
 
 
 def _facts(item: TestItem) -> list[tuple[str, str]]:
+    n_evaluated = int((item.node_truth >= 0).sum())
+    evaluated = ("evaluated", f"{n_evaluated:,} {item.unit}s with ground truth")
+    if isinstance(item, TestGraph):
+        return [("graph", f"{item.graph.n_nodes:,} nodes, {item.graph.n_edges:,} edges"), evaluated]
     height, width = item.grid.shape
     side = item.grid.resolution_m
     size = f"{width} × {height} cells of {side:g} m ({width * side:.1f} × {height * side:.1f} m)"
-    n_evaluated = int((item.node_truth >= 0).sum())
     labelled = f"{len(item.layout.cells_rc):,} free cells of the test window"
     if isinstance(item, TestDrive):
         path = item.trajectory
@@ -171,7 +180,7 @@ def _facts(item: TestItem) -> list[tuple[str, str]]:
     return [
         ("map", size),
         ("labelled", labelled),
-        ("evaluated", f"{n_evaluated:,} {item.unit}s with ground truth"),
+        evaluated,
     ]
 
 

@@ -1,0 +1,141 @@
+"""Experiments on graphs of one's own: every method fitted, run on the test graphs, and scored."""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import ConfigError, LabelError
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.evaluation.folds import contiguous_parts, fold_of_buildings
+from pgm_places.experiment.comparison import TestGraph
+from pgm_places.experiment.config import ExperimentConfig
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.graphs import SourceGraph
+from pgm_places.experiment.setup import GraphMethod, graph_labelers
+from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.labelers.structured_labeler import StructuredLabeler
+from pgm_places.unary.learning import with_explicit_order
+
+__all__ = [
+    "FittedLabeler",
+    "as_tests",
+    "graph_splits",
+    "label_graphs",
+    "learn_graphs",
+    "method_of",
+    "score_graphs",
+]
+
+
+class FittedLabeler(NamedTuple):
+    """A fitted labeler, and how long it learned."""
+
+    labeler: StructuredLabeler
+    seconds: float
+
+
+def learn_graphs(experiment: Experiment, graphs: Sequence[SourceGraph]) -> dict[str, FittedLabeler]:
+    """A fitted labeler for each method of the configuration."""
+    problems = [item.problem for item in graphs]
+    truths = [item.truth for item in graphs]
+    found = {}
+    with experiment.timed("learn"):
+        for name, labeler in graph_labelers(experiment.config).items():
+            labeler.set_params(classifier=_classifier(labeler.classifier, problems, truths))
+            with experiment.progress.stage(f"method {name}"):
+                start = time.perf_counter()
+                fitted = labeler.fit(problems, truths)
+                found[name] = FittedLabeler(fitted, time.perf_counter() - start)
+    return found
+
+
+def _classifier(
+    given: Any, problems: Sequence[LabelingProblem], truths: Sequence[NDArray[np.int64]]
+) -> Any:
+    """The classifier in its order of labels; None where there is nothing to classify, or all said.
+
+    The order is that of frequency among all labelled nodes.
+    """
+    told = [problem.unary is not None for problem in problems]
+    if any(told) and not all(told):
+        raise ConfigError("give probabilities or node features for all graphs, not for some")
+    if given is None or all(told):
+        return None
+    truth = np.concatenate(truths)
+    return with_explicit_order(given, truth[truth >= 0])
+
+
+def method_of(config: ExperimentConfig, name: str, labeler: StructuredLabeler) -> GraphMethod:
+    """The fitted method of that id."""
+    [unary] = [method.unary for method in config.methods if method.id == name]
+    return GraphMethod(labeler.backend_, unary)
+
+
+def label_graphs(
+    experiment: Experiment, name: str, labeler: StructuredLabeler, graphs: Sequence[SourceGraph]
+) -> tuple[list[Labeling], float]:
+    """A method's labelling of each graph, and the seconds it took."""
+    start = time.perf_counter()
+    found = []
+    with experiment.progress.stage(f"labelling with {name}") as stage:
+        for item in graphs:
+            found.append(labeler.label(item.problem, truth=item.truth))
+            stage.update(len(found) / len(graphs))
+    return found, time.perf_counter() - start
+
+
+def as_tests(graphs: Sequence[SourceGraph]) -> list[TestGraph]:
+    """The graphs as a report shows them."""
+    return [TestGraph(item.name, item.problem.graph, item.truth) for item in graphs]
+
+
+def graph_splits(
+    graphs: Sequence[SourceGraph], n_folds: int, n_labels: int
+) -> Iterator[tuple[list[SourceGraph], list[SourceGraph]]]:
+    """What to learn from and what to test on, fold by fold.
+
+    Whole buildings of graphs where there are several, else parts of the only one: nodes that lie
+    together (:func:`pgm_places.evaluation.folds.contiguous_parts`). These stay in the graph that is
+    learned from, without their labels. Folds that leave a label without an example are skipped.
+
+    Raises
+    ------
+    LabelError
+        No fold is left.
+    """
+    of_graph = fold_of_buildings([item.building for item in graphs], n_folds)
+    folds = [
+        contiguous_parts(item.problem.graph, n_folds, item.truth)
+        if fold is None
+        else np.full(len(item.truth), fold, np.int64)
+        for item, fold in zip(graphs, of_graph, strict=True)
+    ]
+    found = False
+    for fold in np.unique(np.concatenate(folds)):
+        learn = [g.with_labels_at(part != fold) for g, part in zip(graphs, folds, strict=True)]
+        test = [g.with_labels_at(part == fold) for g, part in zip(graphs, folds, strict=True)]
+        learn, test = ([g for g in part if (g.truth >= 0).any()] for part in (learn, test))
+        known = np.concatenate([np.zeros(0, np.int64), *(g.truth for g in learn)])
+        if test and len(np.unique(known[known >= 0])) == n_labels:
+            found = True
+            yield learn, test
+    if not found:
+        raise LabelError(
+            "no fold can be held out: each one leaves some label without examples; label more, or "
+            "use more folds"
+        )
+
+
+def score_graphs(
+    trial: Experiment, learn: Sequence[SourceGraph], test: Sequence[SourceGraph]
+) -> Evaluation:
+    """The one method of a configuration, trained on some graphs and scored on others."""
+    [fitted] = learn_graphs(trial, learn).values()
+    names = trial.config.labels.names
+    return Evaluation.merged(
+        [evaluate(g.truth, fitted.labeler.label(g.problem).labels, names) for g in test]
+    )

@@ -1,0 +1,91 @@
+"""Graphs of one's own from files: tables of nodes and edges, CSV or Parquet, and GraphML."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import ParseError
+
+from pgm_places._extras import needed
+from pgm_places.errors import InputError
+from pgm_places.io.csv_table import open_table
+from pgm_places.io.input_file import open_input
+
+__all__ = ["GraphTables", "read_graphml", "read_table"]
+
+Table = dict[str, list[Any]]
+"""The values of each column, from top to bottom."""
+
+MAX_BYTES = 1 << 30
+_GRAPHML = "a graph (GraphML)"
+
+
+class GraphTables(NamedTuple):
+    """A row per node and a row per edge."""
+
+    nodes: Table
+    edges: Table
+
+
+def read_table(path: Path, error: type[InputError] = InputError) -> Table:
+    """A table's columns: texts of a CSV file, values of any kind of a Parquet file.
+
+    Raises
+    ------
+    error
+        The file cannot be read or is no such table.
+    """
+    if path.suffix.lower() in (".parquet", ".pq"):
+        return _read_parquet(path, error)
+    with open_table(path, error, "a table (CSV with a heading)", max_bytes=MAX_BYTES) as table:
+        _, columns = table.read((), range(len(table.names)))
+        return dict(zip(table.names, columns, strict=True))
+
+
+def _read_parquet(path: Path, error: type[InputError]) -> Table:
+    parquet = needed("pyarrow.parquet", extra="tables", purpose=f"reading {path.name}")
+    arrow = needed("pyarrow", extra="tables", purpose=f"reading {path.name}")
+    with open_input(path, error, "a table (Parquet)", max_bytes=MAX_BYTES) as raw:
+        try:
+            found: Table = parquet.read_table(raw).to_pydict()
+        except (arrow.ArrowException, OSError) as problem:
+            raise error(f"{path} is not a Parquet table: {_line(problem)}") from None
+    if not found or not next(iter(found.values())):
+        raise error(f"{path} has no rows")
+    return found
+
+
+def read_graphml(
+    path: Path, node: str, ends: tuple[str, str], error: type[InputError] = InputError
+) -> GraphTables:
+    """A GraphML file as tables; an attribute that a node or an edge lacks is None.
+
+    ``node`` and ``ends`` are what the columns of their names are to be called.
+
+    Raises
+    ------
+    error
+        The file cannot be read, is not GraphML, or has no nodes.
+    """
+    import networkx as nx
+
+    with open_input(path, error, _GRAPHML, max_bytes=MAX_BYTES) as raw:
+        try:
+            graph: Any = nx.read_graphml(raw)
+        except (ParseError, nx.NetworkXException, LookupError, TypeError, ValueError) as problem:
+            raise error(f"{path} is not {_GRAPHML}: {_line(problem)}") from None
+    if not len(graph):
+        raise error(f"{path} has no nodes; expected {_GRAPHML}")
+    names = list(graph.nodes)
+    pairs = list(graph.edges(data=True))
+    nodes = _columns([graph.nodes[name] for name in names], {node: names})
+    sides = {end: [pair[side] for pair in pairs] for side, end in enumerate(ends)}
+    return GraphTables(nodes, _columns([values for *_, values in pairs], sides))
+
+
+def _columns(rows: list[dict[str, Any]], first: Table) -> Table:
+    """The rows' attributes as columns behind the first ones, which win where names are the same."""
+    named = dict.fromkeys(name for row in rows for name in row)
+    return {name: [row.get(name) for row in rows] for name in named} | first
+
+
+def _line(problem: Exception) -> str:
+    return (str(problem).strip().splitlines() or [type(problem).__name__])[0]

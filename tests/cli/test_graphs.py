@@ -1,0 +1,63 @@
+"""``train`` and ``compare`` on graphs of one's own."""
+
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+import numpy as np
+
+from pgm_places import LabelGraph, LabelingProblem, load
+from tests.cli.conftest import Run
+
+CONFIG = """
+nodes = "graph"
+
+[labels]
+names = ["even", "odd"]
+
+[[train]]
+graph = { file = "ring.graphml", label = "says" }
+
+[[test]]
+graph = { file = "ring.graphml", label = "says" }
+
+[[methods]]
+name = "crf"
+unary = "none"
+"""
+
+
+def write_ring(folder: Path) -> Any:
+    ring = nx.cycle_graph(30)
+    noise = np.random.default_rng(0).normal(size=30)
+    for node in ring:
+        ring.nodes[node]["looks"] = float(node % 2 + 0.5 * noise[node])
+        ring.nodes[node]["says"] = ["even", "odd"][node % 2]
+    nx.write_graphml(ring, folder / "ring.graphml")
+    (folder / "ring.toml").write_text(CONFIG)
+    return ring
+
+
+def test_a_trained_model_labels_problems_of_the_same_columns(tmp_path: Path, run: Run) -> None:
+    ring = write_ring(tmp_path)
+    code, out, err = run("train", tmp_path / "ring.toml", "--out", tmp_path / "model")
+    assert code == 0, err
+    assert "labels: even, odd; method: crf" in out
+    graph = LabelGraph.from_networkx(ring)
+    looks = graph.node_values(nx.get_node_attributes(ring, "looks"))
+    problem = LabelingProblem(graph, ["even", "odd"], node_features=looks[:, None])
+    assert load(tmp_path / "model").score([problem], [np.arange(30) % 2]) > 0.9
+
+
+def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run: Run) -> None:
+    write_ring(tmp_path)
+    config = tmp_path / "ring.toml"
+    config.write_text(CONFIG + '[[methods]]\nname = "independent"\n')
+    code, _, err = run("compare", config, "--out", tmp_path / "out")
+    assert code == 0, err
+    assert "1 test graph" in (tmp_path / "out" / "report.html").read_text()
+    code, _, err = run("train", config, "--out", tmp_path / "model")
+    assert code == 2
+    assert "a model of graphs has one method, and the configuration has crf, indep" in err
+    code, _, err = run("compare", config, "--out", tmp_path / "other", "--by-building")
+    assert code == 2 and "nodes = 'cells'" in err
