@@ -11,6 +11,7 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.temperature import likeliest_temperature, tempered
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.list_training import platt, temperature
 from pgm_places.models.mrf import PottsField
@@ -27,6 +28,7 @@ __all__ = [
     "POTTS",
     "RESCALED",
     "SHIPPED",
+    "TEMPERED",
     "MapResult",
     "Means",
     "doors_of",
@@ -34,6 +36,7 @@ __all__ = [
     "means",
     "places_of",
     "rescaled",
+    "tempered_fields",
 ]
 
 GATES, AVERAGED, SHIPPED = "gates on doorways", "average", "temperature"
@@ -42,6 +45,10 @@ RESCALED = ("platt", SHIPPED)
 
 POTTS = {f"Potts {weight:g}": weight for weight in (0.25, 0.5, 1.0)}
 """Potts weights to compare on the scores of the shipped model's list."""
+
+_FIELD = next(iter(POTTS))
+TEMPERED = f"{_FIELD}, tempered"
+"""The field of the shipped models, its beliefs as sure as they are right in other folds."""
 
 _ORDER = {3: (2, 0, 1), 4: (2, 3, 0, 1)}
 """The list's classes, the rarest first, without and with halls."""
@@ -112,14 +119,37 @@ def means(results: Sequence[MapResult], step: str) -> Means:
 def map_results(scored: Sequence[Scored], note: Callable[[float], None]) -> list[MapResult]:
     """The figures of every map."""
     scaled = {name: rescaled(scored, name) for name in RESCALED}
-    found = []
-    for count, item in enumerate(scored, start=1):
-        found.append(_result(item, {name: every[count - 1] for name, every in scaled.items()}))
-        note(count / len(scored))
-    return found
+    fields = []
+    for count, (item, log_z) in enumerate(zip(scored, scaled[SHIPPED], strict=True), start=1):
+        fields.append(_smoothed(item, with_gates(log_z, item.at_gate, DOORWAY)))
+        note(0.5 * count / len(scored))
+    lightest = [found[_FIELD] for found in fields]
+    for found, labeling in zip(fields, tempered_fields(scored, lightest), strict=True):
+        found[TEMPERED] = labeling
+    results = []
+    for number, item in enumerate(scored):
+        own = {name: every[number] for name, every in scaled.items()}
+        results.append(_result(item, own, fields[number]))
+        note(0.5 + 0.5 * (number + 1) / len(scored))
+    return results
 
 
-def _result(scored: Scored, scaled: Mapping[str, NDArray[np.float64]]) -> MapResult:
+def tempered_fields(scored: Sequence[Scored], labelings: Sequence[Labeling]) -> list[Labeling]:
+    """The labelings with the temperatures that the held-out cells of other folds ask for."""
+    fold = np.array([item.fold for item in scored])
+    factor = {}
+    for number in np.unique(fold).tolist():
+        others = np.flatnonzero(fold != number).tolist()
+        beliefs = [found for k in others if (found := labelings[k].beliefs) is not None]
+        factor[number] = likeliest_temperature(beliefs, [scored[k].truth for k in others])
+    return [tempered(found, factor[k]) for k, found in zip(fold.tolist(), labelings, strict=True)]
+
+
+def _result(
+    scored: Scored,
+    scaled: Mapping[str, NDArray[np.float64]],
+    fields: Mapping[str, Labeling],
+) -> MapResult:
     truth, steps = scored.truth, {name: scored.folded(name) for name in RECIPES}
     for name, recipe in RECIPES.items():
         if recipe.without is not None:
@@ -132,7 +162,7 @@ def _result(scored: Scored, scaled: Mapping[str, NDArray[np.float64]]) -> MapRes
         name: evaluate(truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
         for name, log_z in steps.items()
     }
-    for name, found in _smoothed(scored, steps[SHIPPED]).items():
+    for name, found in fields.items():
         evaluations[name] = evaluate(truth, found.labels, NAMES, beliefs=found.beliefs)
     doors, gates = doors_of(scored)
     labels, places = steps[SHIPPED].argmax(axis=1), places_of(scored, steps[SHIPPED])

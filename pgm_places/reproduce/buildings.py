@@ -23,6 +23,7 @@ from pgm_places.reproduce.building_scores import (
     POTTS,
     RESCALED,
     SHIPPED,
+    TEMPERED,
     MapResult,
     map_results,
     means,
@@ -49,6 +50,7 @@ CALIBRATIONS = {
     AVERAGED: "none",
     **{name: name for name in RESCALED},
     **{name: f"temperature, {name}" for name in POTTS},
+    TEMPERED: f"temperature, {TEMPERED}",
 }
 N_FOLDS = 6
 N_WORST = 10
@@ -81,7 +83,8 @@ def run(setting: Setting) -> Outcome:
             "the labelled doors, doors invented a share of the accepted gates. ECE, the expected "
             "calibration error, is over all cells, all gates or all places of at least 1 m2 of a "
             "kind.",
-            "Platt's scaling and temperatures are fitted to the held-out cells of the other folds. "
+            "Platt's scaling and temperatures are fitted to the held-out cells of the other folds; "
+            f"so is the temperature of the beliefs of {TEMPERED!r}. "
             "The rows without some of the training maps keep the gates of the full training set; "
             "the average is that of their lists, of 66 rounds each. "
             "Run it with `pgm-places reproduce buildings`.",

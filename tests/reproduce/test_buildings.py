@@ -9,10 +9,11 @@ import pytest
 
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.reproduce import building_lists, building_maps, buildings
-from pgm_places.reproduce.building_lists import WHOLE, Scored, scored_maps
+from pgm_places.reproduce.building_lists import AVERAGE, WHOLE, Scored, scored_maps
 from pgm_places.reproduce.building_maps import (
     DRAWN,
     NAMES,
@@ -22,7 +23,13 @@ from pgm_places.reproduce.building_maps import (
     building_numbers,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import RESCALED, lattice_graph, places_of, rescaled
+from pgm_places.reproduce.building_scores import (
+    RESCALED,
+    lattice_graph,
+    places_of,
+    rescaled,
+    tempered_fields,
+)
 from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
@@ -123,7 +130,7 @@ def test_no_edge_of_the_lattice_crosses_a_wall() -> None:
 def test_rescaling_calms_lists_that_are_too_sure(how: str) -> None:
     scored = [_drawn_from_beliefs(seed) for seed in range(2)]
     errors = []
-    for every in ([item.log_z[WHOLE] for item in scored], rescaled(scored, how)):
+    for every in ([item.log_z[AVERAGE] for item in scored], rescaled(scored, how)):
         parts = [
             evaluate(item.truth, log_z.argmax(axis=1), NAMES, beliefs=np.exp(log_z))
             for item, log_z in zip(scored, every, strict=True)
@@ -131,6 +138,26 @@ def test_rescaling_calms_lists_that_are_too_sure(how: str) -> None:
         errors.append(Evaluation.merged(parts).expected_calibration_error or 0.0)
     assert errors[0] > 0.1
     assert errors[1] < 0.02
+
+
+def test_fields_are_tempered_by_the_maps_of_other_folds() -> None:
+    """Fields that are too sure in fold 0 alone calm those of fold 1, and the other way round."""
+    scored = [_drawn_from_beliefs(seed) for seed in range(2)]
+    fields = []
+    for item, sharpness in zip(scored, (2.0, 1.0), strict=True):
+        beliefs = np.exp(0.5 * sharpness * item.log_z[AVERAGE])
+        beliefs /= beliefs.sum(axis=1, keepdims=True)
+        fields.append(Labeling(beliefs.argmax(axis=1), Status.STOPPED, beliefs=beliefs))
+    found = tempered_fields(scored, fields)
+    assert _sureness(found[0]) == pytest.approx(_sureness(fields[0]), rel=0.02)
+    assert _sureness(found[1]) < 0.9 * _sureness(fields[1])
+    for before, after in zip(fields, found, strict=True):
+        np.testing.assert_array_equal(after.labels, before.labels)
+
+
+def _sureness(labeling: Labeling) -> float:
+    assert labeling.beliefs is not None
+    return float(labeling.beliefs.max(axis=1).mean())
 
 
 def _drawn_from_beliefs(seed: int) -> Scored:
@@ -146,7 +173,7 @@ def _drawn_from_beliefs(seed: int) -> Scored:
     log_z -= np.logaddexp.reduce(log_z, axis=1, keepdims=True)
     sample = Sample(KnownMap(item, "school", DRAWN), KeptArrays(None), "")
     place = np.repeat(np.arange(100, dtype=np.int32), 100)
-    return Scored(sample, seed, {WHOLE: log_z}, np.zeros(10_000, np.float32), np.zeros(0), place)
+    return Scored(sample, seed, {AVERAGE: log_z}, np.zeros(10_000, np.float32), np.zeros(0), place)
 
 
 def test_a_place_is_as_sure_as_its_cells_on_average() -> None:
@@ -156,7 +183,7 @@ def test_a_place_is_as_sure_as_its_cells_on_average() -> None:
     place[200:350] = -1  # all of one place, half of the next
     place[9990:] = 100  # ten cells of 0.04 m2: too small
     scored = replace(scored, place=place)
-    log_z = scored.log_z[WHOLE]
+    log_z = scored.log_z[AVERAGE]
     found = places_of(scored, log_z)
     assert found is not None
     right, sure, total = 0, 0.0, 0
