@@ -33,6 +33,7 @@ TOPICS = (
     "teaching",
     "batch",
     "live",
+    "live_updates",
 )
 FOLDER = Path(__file__).resolve().parent
 SECTIONS = FOLDER / "sections"  # what each topic wrote last

@@ -9,8 +9,8 @@ that speak TCP on 127.0.0.1.
 Processor time is that of all processes of the batch together, which other work on the machine
 changes little; that of a cluster's workers is not known here.
 For the kills, a batch of 60 smaller maps on two processes is begun again and again; each time, at a
-moment drawn by chance from twice the time that four maps take, the batch or one of its workers is
-killed (`kill -9`). A map is lost if it was complete and is not any more, or is not done in the end,
+moment drawn by chance from the time that four maps take, the batch or one of its workers is killed
+(`kill -9`). A map is lost if it was complete and is not any more, or is not done in the end,
 and done twice if it is written again after it was complete.
 The stages can be run one at a time, such as `--stages single,1`; what a stage found is kept until
 all are done. `--maps 30` takes fewer maps than a thousand.
@@ -152,7 +152,7 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
     """What is lost and what is done twice where a batch is killed again and again."""
     maps, out, rng = folder / "small", folder / "out", random.Random(0)
     write_maps(maps, N_KILLED_MAPS, SMALL_PART_M)
-    longest_s = 2 * seconds_of(sorted(maps.iterdir())[:N_FIRST], folder / "first")
+    longest_s = seconds_of(sorted(maps.iterdir())[:N_FIRST], folder / "first")
     n_killed, n_begun, lost, done_twice = 0, 0, 0, 0
     done: dict[Path, int] = {}
     start = time.perf_counter()
@@ -166,6 +166,7 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
         lost += len(done.keys() - now.keys())
         done_twice += sum(now[path] != done[path] for path in done.keys() & now.keys())
         done = now
+        print(f"{n_killed} kills: {lost} lost, {done_twice} done twice", flush=True)
     subprocess.run(command_of([maps], out), check=True, stdout=subprocess.DEVNULL)
     return {
         "kills": n_killed,
