@@ -24,8 +24,9 @@ $(VENV)/.installed: $(VENV)/.package
 demo: $(VENV)/.package
 	$(BIN)/pgm-places demo --out demo-report
 
+# A process for each core. A file stays in one of them, for what its tests share.
 test: $(VENV)/.installed
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses logical --dist loadfile
 
 # The source of the kernels without compiling it, against references that need no larger graphs.
 UNCOMPILED := $(addprefix tests/solvers/test_,belief_propagation.py elimination.py forest.py \
