@@ -25,6 +25,7 @@ TOPICS = (
     "large_map",
     "relaxation",
     "inference",
+    "distances",
     "amn_learning",
     "forward",
     "problems",

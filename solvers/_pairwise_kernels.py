@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import fused, njit
+from pgm_places.solvers._distance_kernels import distance_score, max_of_distances
 
 __all__ = [
     "Terms",
@@ -24,14 +25,16 @@ _ONE = np.uint32(1)
 class Terms(NamedTuple):
     """Log-potentials of a pairwise model.
 
-    Pairwise ones are either the reward of an edge for agreeing on each label, or tables. Kernels
-    are compiled for each of the two and tell them apart by ``pairwise.ndim``, a constant there.
+    Pairwise ones are the reward of an edge for agreeing on each label, tables, or what tables that
+    fall with the distance of labels are made of. Kernels are compiled for each of them and tell
+    them apart by ``pairwise.ndim``, a constant there.
     """
 
     unary: NDArray[np.float64]
     """(N, K)."""
     pairwise: NDArray[np.float64]
-    """(E, K) rewards of agreement, or tables (E, K, K), or one table (1, K, K) for all edges."""
+    """(E, K) rewards of agreement, or tables (E, K, K), or one table (1, K, K) for all edges, or
+    (1 + 3 E,) the power of the distance, then base, weight and cap of each edge, or (4,) of all."""
 
 
 @fused
@@ -45,6 +48,8 @@ def edge_score(pairwise: NDArray[np.float64], arc: np.uint32, mine: int, theirs:
     """The potential of the arc's edge, its owner labelled ``mine`` and its head ``theirs``."""
     if pairwise.ndim == 2:
         return pairwise[arc >> _ONE, mine] if mine == theirs else 0.0
+    if pairwise.ndim == 1:
+        return distance_score(pairwise, arc, mine, theirs)
     at = table_at(pairwise, arc)
     return pairwise[at, theirs, mine] if arc & _ONE else pairwise[at, mine, theirs]
 
@@ -101,6 +106,8 @@ def pass_max(
             other = first if sent[b] < first else second
             agreed = sent[b] + pairwise[arc >> _ONE, b]
             out[b] = agreed if agreed > other else other
+    elif pairwise.ndim == 1:
+        max_of_distances(sent, arc, pairwise, out)
     else:
         at, backwards = table_at(pairwise, arc), arc & _ONE
         for b in range(n_labels):
@@ -126,6 +133,8 @@ def pass_sum(
     n_labels = sent.shape[0]
     if pairwise.ndim == 2:
         _sum_agreement(sent, pairwise[arc >> _ONE], out)
+    elif pairwise.ndim == 1:
+        out[:] = -np.inf  # sums are never asked for: they take the tables
     else:
         at, backwards = table_at(pairwise, arc), arc & _ONE
         for b in range(n_labels):

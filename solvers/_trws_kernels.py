@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import fused, njit
 from pgm_places.solvers._adjacency_kernels import Arcs
+from pgm_places.solvers._distance_kernels import max_of_distances
 from pgm_places.solvers._pairwise_kernels import Terms, add_edge, table_at
 
 __all__ = ["decode_nodes", "pass_over_nodes", "share_of_nodes"]
@@ -42,7 +43,8 @@ def _pass_on(
     """Renew the message of an arc's edge; the largest entry, which is taken out, -inf if all are.
 
     With a reward only for agreeing, the message of a label is the larger of its own value plus the
-    reward and the best of the other labels: O(K), O(K^2) for tables.
+    reward and the best of the other labels: O(K), as it is where tables fall with the distance of
+    labels; O(K^2) for other tables.
     """
     n_labels = belief.shape[0]
     edge = arc >> _ONE
@@ -66,6 +68,15 @@ def _pass_on(
             message[edge, k] = value
             if value > top:
                 top = value
+    elif pairwise.ndim == 1:
+        for k in range(n_labels):
+            sent[k] = belief[k] - message[edge, k] if belief[k] > -np.inf else -np.inf
+        max_of_distances(sent, arc, pairwise, message[edge])
+        for k in range(n_labels):
+            if message[edge, k] > top:
+                top = message[edge, k]
+        if top == -np.inf:
+            return top
     else:
         at = table_at(pairwise, arc)
         for k in range(n_labels):

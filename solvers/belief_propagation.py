@@ -90,7 +90,9 @@ def belief_propagation(
     agreement : (E, K) float, optional
         Log-potential of an edge whose ends agree on each label. O(K) a message.
     pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message.
+        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message, O(K) for
+        ``"max-product"`` where it falls with the distance of labels, linearly or by its square,
+        down to some value.
     kind : {"sum-product", "max-product"}
         Marginals, or the labelling.
     damping : float
@@ -160,6 +162,8 @@ def _sweeper(
     """What renews all messages, upwards or back, and returns the largest change."""
     terms, arcs, agreement = model.terms, model.around.arcs, model.agreement
     if agreement is None or not (rule.maximise or _is_safe(agreement)):
+        if rule.maximise:
+            terms = model.max_terms
         return lambda upwards: message_sweep(upwards, rule, terms, arcs, message)
     gain = np.zeros((0, model.n_labels)) if rule.maximise else np.expm1(agreement)
     return lambda upwards: agreement_sweep(upwards, rule, terms, gain, arcs, message)

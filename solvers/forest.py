@@ -83,7 +83,8 @@ def forest_maximum(
     agreement : (E, K) float, optional
         Log-potential of an edge whose ends agree on each label.
     pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it.
+        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a node, O(K) where it
+        falls with the distance of labels, linearly or by its square, down to some value.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def forest_maximum(
     """
     model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    pass_forest(True, model.terms, model.around.arcs, order, parent, message)
+    pass_forest(True, model.max_terms, model.around.arcs, order, parent, message)
     labels = np.empty(model.n_nodes, np.int32)
     decode_forest(model.terms, model.around.arcs, order, parent, message, labels)
     score = total_score(model, labels)

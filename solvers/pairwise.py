@@ -11,7 +11,13 @@ from pgm_places.errors import InputError
 from pgm_places.solvers._pairwise_kernels import Terms, score_labels
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 
-__all__ = ["PairwiseModel", "checked_labels", "pairwise_model", "total_score"]
+__all__ = ["PairwiseModel", "checked_labels", "label_distances", "pairwise_model", "total_score"]
+
+FEWEST_LABELS = {1.0: 24, 2.0: 48}
+"""Tables of fewer labels are looped over as fast: by the power of the distance, measured."""
+
+SAME = 1e-13
+"""Numbers closer than this share of the largest are the same, but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +59,18 @@ class PairwiseModel:
     def terms(self) -> Terms:
         """The potentials as kernels take them."""
         return Terms(self.unary, self.tables if self.agreement is None else self.agreement)
+
+    @cached_property
+    def max_terms(self) -> Terms:
+        """The same for messages that maximise, which pass some tables faster than in O(K^2).
+
+        These are tables of ``base - min(w |a - b|^p, cap)`` with p = 1 or 2: see
+        :func:`label_distances`.
+        """
+        if self.agreement is not None:
+            return self.terms
+        found = label_distances(self.tables)
+        return self.terms if found is None else Terms(self.unary, found)
 
     @cached_property
     def unit(self) -> float:
@@ -131,6 +149,39 @@ def pairwise_model(
     else:
         reward = finite_array("agreement", agreement, (around.n_edges, n_labels))
     return _with_agreement(around, nodes, reward)
+
+
+def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """(1 + 3 T,) what tables (T, K, K) are made of, if they fall with the distance of labels.
+
+    The power p, then base, weight and cap of each table ``base - min(weight |a - b|^p, cap)``; None
+    where they are others, of fewer labels than it pays for, or of different powers.
+
+    Examples
+    --------
+    >>> apart = np.abs(np.subtract.outer(np.arange(30.0), np.arange(30.0)))
+    >>> label_distances(-np.minimum(0.5 * apart, 2.0)[None]).tolist()
+    [1.0, 0.0, 0.5, 2.0]
+    """
+    n_tables, n_labels, _ = tables.shape
+    if n_labels < min(FEWEST_LABELS.values()) or n_labels < 2 or not n_tables:
+        return None
+    first = tables[:, 0]
+    falls = first[:, :1] - first
+    if not np.isfinite(first).all() or (falls[:, 1] <= 0).any():
+        return None
+    apart = np.abs(np.subtract.outer(np.arange(n_labels), np.arange(n_labels)))
+    if any((table != row[apart]).any() for table, row in zip(tables, first, strict=True)):
+        return None
+    cap = falls[:, -1:]
+    for power, fewest in FEWEST_LABELS.items():
+        if n_labels < fewest:
+            continue
+        wanted = np.minimum(falls[:, 1:2] * np.arange(float(n_labels)) ** power, cap)
+        if (np.abs(falls - wanted) <= SAME * cap).all():
+            numbers = np.stack([first[:, 0], falls[:, 1], cap[:, 0]], axis=1)
+            return _read_only(np.concatenate([[power], numbers.ravel()]))
+    return None
 
 
 def total_score(model: PairwiseModel, labels: NDArray[np.integer]) -> float:

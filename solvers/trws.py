@@ -77,7 +77,8 @@ def trws(
     agreement : (E, K) float, optional
         Log-potential of an edge whose ends agree on each label; of any sign. O(K) a message.
     pairwise : (K, K) or (E, K, K) float, optional
-        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message.
+        Log-potential of each pair of labels instead; -inf forbids it. O(K^2) a message, O(K) where
+        it falls with the distance of labels, linearly or by its square, down to some value.
     initial : (N,) int, optional
         A labelling to beat, for instance of a graph cut: where none better is found it is returned,
         and its score counts for the gap.
@@ -178,7 +179,9 @@ class _Passing:
 
     def _pass(self, *, upwards: bool) -> float:
         model = self.model
-        return pass_over_nodes(upwards, model.terms, model.around.arcs, self.share, self.message)
+        return pass_over_nodes(
+            upwards, model.max_terms, model.around.arcs, self.share, self.message
+        )
 
     def _decode(self) -> None:
         model = self.model

@@ -1,0 +1,147 @@
+"""Messages through tables that fall with the distance of labels, against the plain tables."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.solvers import pairwise as pairwise_module
+from pgm_places.solvers._distance_kernels import max_of_distances
+from pgm_places.solvers._pairwise_kernels import edge_score
+from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.pairwise import label_distances, pairwise_model
+from pgm_places.solvers.trws import trws
+from tests.reference.energy import Model, best_score
+
+Array = NDArray[np.float64]
+
+
+def table(n_labels: int, weight: float, power: int, cap: float, base: float = 0.0) -> Array:
+    apart = np.abs(np.subtract.outer(np.arange(n_labels), np.arange(n_labels))).astype(float)
+    return base - np.minimum(weight * apart**power, cap)
+
+
+def max_plainly(sent: Array, values: Array) -> Array:
+    """``out[b] = max_a sent[a] + table[a, b]``, pair by pair."""
+    n_labels = len(sent)
+    return np.array([max(sent[a] + values[a, b] for a in range(n_labels)) for b in range(n_labels)])
+
+
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("seed", range(40))
+def test_messages_are_those_of_the_table(power: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n_labels = int(rng.integers(1, 40))
+    weight, base = float(rng.choice([0.01, 0.3, 7.0])), float(rng.choice([0.0, -2.5]))
+    cap = float(rng.choice([0.1, 2.0, 1e9])) * weight
+    sent = rng.normal(scale=rng.choice([0.1, 1.0, 50.0]), size=n_labels)
+    sent = np.round(sent, int(rng.integers(0, 4)))  # ties, too
+    sent[rng.random(n_labels) < rng.choice([0.0, 0.4])] = -np.inf
+    numbers = np.array([float(power), base, weight, cap])
+    out = np.empty(n_labels)
+    max_of_distances(sent, np.uint32(0), numbers, out)
+    plain = max_plainly(sent, table(n_labels, weight, power, cap, base))
+    np.testing.assert_allclose(out, plain, rtol=1e-12, atol=1e-12)
+    max_of_distances(np.full(n_labels, -np.inf), np.uint32(0), numbers, out)
+    assert (out == -np.inf).all()
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_tables_are_recognised_each_with_its_numbers(power: int) -> None:
+    rng = np.random.default_rng(power)
+    given = [(0.5, 2.0, 0.0), (1.0, 1e9, -3.0), (0.1, 0.1, 1.0)]
+    tables = np.stack([table(50, w, power, cap, base) for w, cap, base in given])
+    found = label_distances(tables)
+    assert found is not None and found[0] == power
+    for e in range(3):
+        for a, b in rng.integers(0, 50, (30, 2)):
+            score = edge_score(found, np.uint32(2 * e), int(a), int(b))
+            assert score == pytest.approx(tables[e, a, b], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        table(50, 0.5, 1, 2.0)[:8, :8],  # few labels
+        table(50, 0.5, 1, 2.0).T + np.triu(np.ones((50, 50)), 1),  # tells the ends apart
+        -table(50, 0.5, 1, 2.0),  # far labels attract each other
+        table(50, 0.5, 1, np.inf) ** 3,
+        np.where(np.eye(50, k=5) > 0, -np.inf, table(50, 0.5, 1, 2.0)),
+        np.random.default_rng(0).normal(size=(50, 50)),
+    ],
+)
+def test_other_tables_are_left_alone(other: Array) -> None:
+    assert label_distances(other[None]) is None
+
+
+def test_tables_of_different_powers_are_left_alone() -> None:
+    assert label_distances(np.stack([table(50, 0.5, 1, 5.0), table(50, 0.5, 2, 5.0)])) is None
+
+
+def grid(seed: int, side: int, n_labels: int, power: int, *, per_edge: bool) -> Model:
+    rng = np.random.default_rng(seed)
+    node = np.arange(side * side).reshape(side, side)
+    across = [node[:, :-1].ravel(), node[:, 1:].ravel()], [node[:-1].ravel(), node[1:].ravel()]
+    edges = np.concatenate([np.stack(pair, axis=1) for pair in across])
+    values = table(n_labels, 0.3, power, 3.0)
+    if per_edge:
+        values = values * rng.choice([1.0, 2.0], len(edges))[:, None, None] - 0.5
+    unary = rng.normal(scale=2.0, size=(side * side, n_labels))
+    unary[rng.random(unary.shape) < 0.1] = -np.inf
+    return Model(unary, edges, pairwise=values)
+
+
+SOLVERS: dict[str, Any] = {
+    "trws": lambda model: trws(*model.arrays, max_iterations=30),
+    "max-product": lambda model: belief_propagation(
+        *model.arrays, kind="max-product", damping=0.3, max_iterations=15
+    ),
+    "forest": lambda model: forest_maximum(
+        model.unary, model.edges[: len(model.edges) // 2], None, _half(model)
+    ),
+}
+
+
+def _half(model: Model) -> Array:
+    """The tables of the rows of a grid, which are a forest."""
+    assert model.pairwise is not None
+    return model.pairwise if model.pairwise.ndim == 2 else model.pairwise[: len(model.edges) // 2]
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("per_edge", [False, True])
+def test_solvers_find_what_they_find_by_the_table(
+    name: str, power: int, per_edge: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = grid(power, 5, 48, power, per_edge=per_edge)
+    fast = pairwise_model(*model.arrays)
+    assert fast.max_terms.pairwise.ndim == 1 and fast.terms.pairwise.ndim == 3
+    by_distance = SOLVERS[name](model)
+    monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 10**6, 2.0: 10**6})
+    by_table = SOLVERS[name](model)
+    np.testing.assert_array_equal(by_distance.labels, by_table.labels)
+    assert by_distance.score == pytest.approx(by_table.score, abs=1e-9)
+    if name == "trws":
+        assert by_distance.bound == pytest.approx(by_table.bound, abs=1e-9)
+
+
+@pytest.mark.parametrize("power", [1, 2])
+def test_the_best_labelling_of_a_small_chain_is_found(
+    power: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pairwise_module, "FEWEST_LABELS", {1.0: 3, 2.0: 3})
+    rng = np.random.default_rng(power)
+    for _ in range(20):
+        n_nodes, n_labels = int(rng.integers(2, 6)), int(rng.integers(3, 6))
+        edges = np.stack([np.arange(n_nodes - 1), np.arange(1, n_nodes)], axis=1)
+        values = table(n_labels, 0.4, power, 1.0)
+        chain = Model(rng.normal(size=(n_nodes, n_labels)), edges, pairwise=values)
+        assert pairwise_model(*chain.arrays).max_terms.pairwise.ndim == 1
+        best = best_score(chain)
+        assert forest_maximum(*chain.arrays).score == pytest.approx(best, abs=1e-9)
+        found = trws(*chain.arrays)
+        assert found.bound >= best - 1e-9
+        assert found.score == pytest.approx(best, abs=1e-6)
