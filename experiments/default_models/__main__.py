@@ -108,7 +108,7 @@ name = "potts"
 weight = 0.25
 inference = "mean-field"
 max_iterations = 20
-temperature = 1.5
+temperature = 1.6
 """
 """The temperature is from buildings left out: see docs/trained_models.md."""
 
