@@ -24,7 +24,7 @@ from pgm_places.unary.space_model import SpaceModel
 __all__ = ["POTTS", "Learning"]
 
 POTTS = PlaceMethod(
-    PottsField(weight=0.25, inference="mean-field", max_iterations=20, temperature=1.5), "space"
+    PottsField(weight=0.25, inference="mean-field", max_iterations=20, temperature=1.6), "space"
 )
 """What joins neighbouring cells where no method has been learned, or none for these classes: the
 field of the shipped models."""
