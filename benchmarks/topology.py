@@ -23,8 +23,8 @@ from benchmarks.labelling import NAMES, map_files
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.components import connected_components
 from pgm_places.topology.corrections import correct_regions
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.outlines import outlines

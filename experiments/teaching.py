@@ -21,12 +21,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pgm_places import trained_labeler
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.reproduce.building_maps import real_maps
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
-from pgm_places.topology.components import Components, connected_components
 
 FOLDER = Path(__file__).resolve().parent
 PAGE = FOLDER / "teaching.md"

@@ -189,7 +189,7 @@ def _warm_up_topology() -> None:
     import numpy as np
 
     from pgm_places.datasets import generate_building
-    from pgm_places.topology.components import connected_components
+    from pgm_places.maps.components import connected_components
     from pgm_places.topology.from_labels import topological_map
 
     building = generate_building(size="small")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets._plan_kernels import largest_rectangle
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
+from pgm_places.maps.components import connected_components
 
 __all__ = ["ReadPlan", "read_plan"]
 
@@ -80,14 +81,11 @@ def read_plan(
 
 def _places(scale: Scale, mask: NDArray[np.bool_]) -> list[list[Rect]]:
     """The rectangles of each connected part of a mask."""
-    from scipy import ndimage
-
-    parts, _ = ndimage.label(mask)
-    windows = ndimage.find_objects(parts)
+    parts = connected_components(mask, connectivity=4)
     return [
         [rect.moved(window[1].start, window[0].start) for rect in _rectangles(scale, part)]
-        for index, window in enumerate(windows, start=1)
-        for part in [parts[window] == index]
+        for index, window in enumerate(parts.windows())
+        for part in [parts.piece[window] == index]
     ]
 
 
@@ -110,14 +108,12 @@ def _doors(
     scale: Scale, is_door: NDArray[np.bool_], is_room: NDArray[np.bool_], solid: NDArray[np.bool_]
 ) -> list[Door]:
     """The gap of each doorway, and on which side of it the room lies."""
-    from scipy import ndimage
-
-    parts, _ = ndimage.label(is_door)
+    parts = connected_components(is_door, connectivity=4)
     found: list[Door] = []
-    for index, window in enumerate(ndimage.find_objects(parts), start=1):
+    for index, window in enumerate(parts.windows()):
         rows, columns = window
         box = Rect(columns.start, rows.start, columns.stop, rows.stop)
-        filled = int((parts[window] == index).sum())
+        filled = int(parts.size[index])
         straight = filled * _LEAST_FILLING[1] >= box.size[0] * box.size[1] * _LEAST_FILLING[0]
         ways = [((1, 0), (-1, 0)), ((0, 1), (0, -1))]
         through = max(ways, key=lambda steps: sum(_beside(~solid, box, step) for step in steps))

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN
 
 __all__ = ["main_component", "mapped_span"]
@@ -16,9 +17,4 @@ def mapped_span(cells: NDArray[np.int8], margin: int) -> slice:
 
 def main_component(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W) the largest piece of free space whose cells touch by their sides."""
-    from scipy import ndimage
-
-    pieces, n_pieces = ndimage.label(free)
-    sizes = np.bincount(pieces.ravel(), minlength=n_pieces + 1)
-    sizes[0] = 0
-    return np.asarray(pieces == sizes.argmax())
+    return connected_components(free, connectivity=4).largest

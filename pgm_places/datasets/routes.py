@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.datasets._plan_kernels import drive, steps_from
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Rect, Scale
+from pgm_places.datasets.raster import main_component
 from pgm_places.datasets.survey import crowded, grid_in
 from pgm_places.errors import InputError
 
@@ -73,7 +74,7 @@ def draw_routes(
         The share of the places to visit; those farthest from the start are left out.
     """
     stride = max(1, scale.cells(_PLANNING_CM))
-    ground = _main_part(~crowded(scale, solid)[::stride, ::stride])
+    ground = main_component(~crowded(scale, solid)[::stride, ::stride])
     in_passages = _stops(scale, ground, passages, _PASSAGE_PITCH_CM, stride)
     in_rooms = _stops(scale, ground, rooms, _ROOM_PITCH_CM, stride)
     stops = np.union1d(in_passages, in_rooms)
@@ -91,16 +92,6 @@ def draw_routes(
     rows, columns = np.divmod(np.concatenate(drives), ground.shape[1])
     route = np.repeat(np.arange(n_routes), [len(cells) for cells in drives])
     return Routes(np.column_stack([columns, rows]) * stride, route)
-
-
-def _main_part(drivable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest part of a raster whose cells touch by their sides."""
-    from scipy import ndimage
-
-    parts, _ = ndimage.label(drivable)
-    sizes = np.bincount(parts.ravel())
-    sizes[0] = 0
-    return np.asarray((parts == sizes.argmax()) & drivable)
 
 
 def _stops(

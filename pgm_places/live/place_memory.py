@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.live.growing_features import raster_shift
+from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.components import Components
 from pgm_places.topology.naming import SAME_PLACE, middles, reading_order
 from pgm_places.topology.topological_map import TopologicalMap
 

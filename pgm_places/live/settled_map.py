@@ -4,16 +4,14 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from pgm_places.live.growing_features import raster_shift
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 
 __all__ = ["SettledMap"]
 
 T = TypeVar("T", bound=np.generic)
-
-_AROUND = np.ones((3, 3), np.bool_)
 
 
 class SettledMap:
@@ -66,9 +64,9 @@ class SettledMap:
         changed = (taken != UNKNOWN) & (taken != grid.cells)
         if not changed.any():
             return None
-        piece, n_pieces = label(changed, _AROUND)
-        few = np.bincount(piece.ravel(), minlength=n_pieces + 1) < self.few_cells
-        waits = changed & few[piece] & (self._times < self.few_maps)
+        found = connected_components(changed)
+        few = found.size < self.few_cells
+        waits = changed & few[found.piece] & (self._times < self.few_maps)
         return np.where(waits, taken, grid.cells) if waits.any() else None
 
 

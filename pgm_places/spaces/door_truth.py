@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster
 from pgm_places.errors import InputError
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gates import Gate, Gates
 
@@ -156,11 +157,10 @@ def match_painted(
     >>> match.scores(np.ones(2, bool))
     DoorScores(doors=1, found=1, accepted=2, right=1)
     """
-    piece, count = _door_pieces(label_raster("painted", painted, grid.shape), grid, doorway)
-    cells = np.argwhere(piece >= 0)
-    number = piece[cells[:, 0], cells[:, 1]]
-    order, size = np.argsort(number, kind="stable"), np.bincount(number, minlength=count)
-    parts = np.split(cells[order], np.cumsum(size)[:-1])
+    pieces = _doors(label_raster("painted", painted, grid.shape), grid, doorway)
+    cells = np.argwhere(pieces.piece >= 0)
+    order = np.argsort(pieces.piece[cells[:, 0], cells[:, 1]], kind="stable")
+    parts = np.split(cells[order], np.cumsum(pieces.size)[:-1])
     large = [part for part in parts if len(part) * grid.resolution_m**2 >= _LEAST_DOOR_M2]
     return _match(large, len(large), grid, labels, doorway)
 
@@ -183,9 +183,9 @@ def unmatched_doors(
         The label of doorways.
     """
     grid = gates.segmentation.watershed.grid
-    piece, count = _door_pieces(label_raster("labels", labels, grid.shape), grid, doorway)
-    alone = np.setdiff1d(np.arange(count), match.door)
-    return tuple(_rectangle(np.argwhere(piece == number), grid) for number in alone)
+    doors = _doors(label_raster("labels", labels, grid.shape), grid, doorway)
+    alone = np.setdiff1d(np.arange(doors.count), match.door)
+    return tuple(_rectangle(np.argwhere(doors.piece == number), grid) for number in alone)
 
 
 def _rectangle(cells: NDArray[np.int64], grid: OccupancyGrid) -> Gate:
@@ -202,16 +202,9 @@ def _rectangle(cells: NDArray[np.int64], grid: OccupancyGrid) -> Gate:
     return Gate((x, y), float(turned), width_m, depth_m)
 
 
-def _door_pieces(
-    raster: NDArray[np.int16], grid: OccupancyGrid, doorway: int
-) -> tuple[NDArray[np.int32], int]:
-    """(H, W) number of the connected set of doorway cells that each cell is in, -1 for none."""
-    from pgm_places.maps._component_kernels import label_components
-
-    is_door = np.where((raster == doorway) & grid.free, np.int8(0), np.int8(-1))
-    piece = np.empty(grid.shape, np.int32)
-    count = label_components(is_door, True, np.empty(piece.size, np.int32), piece)
-    return piece, count
+def _doors(raster: NDArray[np.int16], grid: OccupancyGrid, doorway: int) -> Components:
+    """The connected sets of doorway cells."""
+    return connected_components((raster == doorway) & grid.free)
 
 
 def _match(
@@ -223,8 +216,8 @@ def _match(
 ) -> DoorMatch:
     """The door that each candidate overlaps most; candidates are given by their cells (n, 2)."""
     raster = label_raster("labels", labels, grid.shape)
-    piece, count = _door_pieces(raster, grid, doorway)
-    size = np.bincount(piece[piece >= 0], minlength=count)
+    doors = _doors(raster, grid, doorway)
+    piece, count, size = doors.piece, doors.count, doors.size
     door, known = np.full(n_candidates, -1), np.zeros(n_candidates, np.bool_)
     for g, cells in enumerate(candidates):
         if not len(cells):

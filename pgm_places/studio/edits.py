@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.place_edits import doorways_between
 from pgm_places.topology.topological_map import TopologicalMap
@@ -33,10 +34,8 @@ def fill_cells(
     region = 0 if topology is None else int(topology.region[row, column])
     if topology is not None and region:
         return _flat(topology.cells(region), grid)
-    from scipy.ndimage import label
-
     alike = grid.free & (paint == paint[row, column])
-    pieces, _ = label(alike)
+    pieces = connected_components(alike, connectivity=4).piece
     return np.flatnonzero(pieces == pieces[row, column])
 
 

@@ -16,8 +16,8 @@ from pgm_places.io.maps.label_image import load_labels, save_labels
 from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.places.region_features import LOCAL_METRES
+from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.components import connected_components
 from pgm_places.topology.outlines import outlines
 
 __all__ = ["LINE_WIDTH_M", "Paint"]

@@ -8,8 +8,8 @@ from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import Coarsening
+from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.components import Components
 
 __all__ = ["mean_probabilities"]
 

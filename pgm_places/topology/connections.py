@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.components import Components
 from pgm_places.topology.passages import find_passages
 from pgm_places.topology.topological_map import Connection
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.topology.borders import contacts
-from pgm_places.topology.components import Components, connected_components
 from pgm_places.topology.rules import CorrectionRules
 
 __all__ = ["Correction", "CorrectionRules", "correct_regions", "drop_islands"]

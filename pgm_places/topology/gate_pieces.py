@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.topology.components import Components, connected_components
 from pgm_places.topology.corrections import (
     Correction,
     CorrectionRules,
@@ -125,7 +125,7 @@ def _numbered_places(
     narrowest point, not along rectangles.
     """
     _grow(place, (place < 0) & (labels >= 0), np.zeros(labels.shape, np.int8))
-    parted = connected_components(np.where((labels >= 0) & (gate < 0), np.int16(0), np.int16(-1)))
+    parted = connected_components((labels >= 0) & (gate < 0))
     n = int(place.max(initial=-1)) + 2  # the first is for cells in no place
     kinds, cells = _counted(parted.piece, place, n)
     piece = kinds // n
@@ -172,7 +172,7 @@ def _without_gate(
     """A correction for each painted doorway that no gate touches."""
     if not painted.any():
         return []
-    pieces = connected_components(np.where(labels == doorway, np.int16(0), np.int16(-1)))
+    pieces = connected_components(labels == doorway)
     with_gate = np.zeros(pieces.count, np.bool_)
     with_gate[pieces.piece[(pieces.piece >= 0) & (gate >= 0)]] = True
     rows, columns = np.nonzero(painted)

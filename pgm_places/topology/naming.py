@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import LabelError
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.components import Components
 
 __all__ = [
     "EarlierPlaces",

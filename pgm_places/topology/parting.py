@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.maps.components import connected_components
 from pgm_places.topology._parting_kernels import Floor, Room, part_regions
 from pgm_places.topology.chords import Chord, chord_directions
-from pgm_places.topology.components import connected_components
 
 __all__ = ["Parting", "Split"]
 

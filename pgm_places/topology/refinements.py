@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.maps.components import Components, connected_components
 from pgm_places.topology.borders import contacts
 from pgm_places.topology.chords import has_short_chord
 from pgm_places.topology.clearance import squared_clearance
-from pgm_places.topology.components import Components, connected_components
 from pgm_places.topology.corrections import Correction, CorrectionRules
 from pgm_places.topology.parting import Parting, Split
 

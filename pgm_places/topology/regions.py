@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
+from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gates import Gate
 from pgm_places.topology.clearance import squared_depth
-from pgm_places.topology.components import Components
 from pgm_places.topology.outlines import outlines
 
 __all__ = ["Polygon", "Region", "describe_regions"]

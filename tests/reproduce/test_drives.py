@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
+from pgm_places.maps.components import connected_components
 from pgm_places.reproduce import categories, front_laser, furnished_floors
 from pgm_places.reproduce.scored_steps import ALONE, MODES
 from pgm_places.reproduce.setting import Setting
-from pgm_places.topology.components import connected_components
 
 SMALL = functools.partial(generate_building, size="small")
 

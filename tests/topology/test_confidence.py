@@ -6,7 +6,7 @@ from pgm_places.errors import InputError, MapError
 from pgm_places.graph import bands
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import Coarsening, coarsen
-from pgm_places.topology.components import connected_components
+from pgm_places.maps.components import connected_components
 from pgm_places.topology.confidence import mean_probabilities
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pgm_places.topology.components import connected_components
+from pgm_places.maps.components import connected_components
 from pgm_places.topology.naming import KnownPlaces, identify
 from tests.topology.floors import NAMES, floor_grid
 

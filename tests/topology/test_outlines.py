@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import InputError
-from pgm_places.topology.components import connected_components
+from pgm_places.maps.components import connected_components
 from pgm_places.topology.outlines import Outline, outlines
 from tests.strategies import varied_arrays
 

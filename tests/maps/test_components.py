@@ -1,4 +1,4 @@
-"""Connected components and their borders, against flood fill and loops."""
+"""Connected components, against flood fill."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
-from pgm_places.topology.borders import contacts
-from pgm_places.topology.components import connected_components
+from pgm_places.maps.components import connected_components
 from tests.reference.topology import flood_fill
 from tests.strategies import varied_arrays
 
@@ -28,28 +27,28 @@ def test_components_are_those_of_flood_fill(connectivity: int, raster: np.ndarra
         assert (found.piece == number).sum() == found.size[number]
 
 
+@pytest.mark.parametrize("connectivity", [4, 8])
 @settings(deadline=None)  # the first call compiles
 @given(raster=rasters)
-def test_borders_are_counted_side_by_side(raster: np.ndarray) -> None:
-    pieces = connected_components(raster)
-    sides: dict[tuple[int, int], int] = {}
-    corners: dict[tuple[int, int], int] = {}
-    height, width = raster.shape
-    for r in range(height):
-        for c in range(width):
-            for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-                s, d = r + dr, c + dc
-                if not (s < height and 0 <= d < width):
-                    continue
-                a, b = sorted((int(pieces.piece[r, c]), int(pieces.piece[s, d])))
-                if a >= 0 and a != b:
-                    counts = sides if dr * dc == 0 else corners
-                    counts[a, b] = counts.get((a, b), 0) + 1
-    found = contacts(pieces.piece, pieces.count)
-    pairs = [(int(i), int(j)) for i, j in found.pairs]
-    assert pairs == sorted({*sides, *corners})
-    assert found.sides.tolist() == [sides.get(pair, 0) for pair in pairs]
-    assert found.corners.tolist() == [corners.get(pair, 0) for pair in pairs]
+def test_a_mask_is_one_label(connectivity: int, raster: np.ndarray) -> None:
+    mask = raster > 0
+    found = connected_components(mask, connectivity=connectivity)
+    assert (found.piece == flood_fill(np.where(mask, 0, -1), connectivity)).all()
+    sizes = [int((found.piece == number).sum()) for number in range(found.count)]
+    first = sizes.index(max(sizes)) if sizes else 0
+    assert (found.largest == (found.piece == first)).all()
+
+
+@settings(deadline=None)  # the first call compiles
+@given(raster=rasters)
+def test_windows_are_as_small_as_they_can_be(raster: np.ndarray) -> None:
+    found = connected_components(raster)
+    windows = found.windows()
+    assert len(windows) == found.count
+    for number, (rows, columns) in enumerate(windows):
+        r, c = np.nonzero(found.piece == number)
+        assert (rows.start, rows.stop) == (r.min(), r.max() + 1)
+        assert (columns.start, columns.stop) == (c.min(), c.max() + 1)
 
 
 def test_wrong_rasters_are_refused() -> None:

@@ -35,16 +35,28 @@ class Components:
         """R, the number of pieces."""
         return len(self.label)
 
+    @property
+    def largest(self) -> NDArray[np.bool_]:
+        """(H, W) the cells of the largest piece, of the first one if there are several."""
+        number = self.size.argmax() if self.count else 0
+        return np.asarray(self.piece == number)
+
+    def windows(self) -> list[tuple[slice, slice]]:
+        """The rows and columns that each piece extends over."""
+        from scipy.ndimage import find_objects
+
+        return [(rows, columns) for rows, columns in find_objects(self.piece + 1)]
+
 
 def connected_components(
-    labels: NDArray[np.int16] | NDArray[np.int32], *, connectivity: int = 8
+    labels: NDArray[np.int16] | NDArray[np.int32] | NDArray[np.bool_], *, connectivity: int = 8
 ) -> Components:
     """The connected components of equal labels, in time linear in the cells.
 
     Parameters
     ----------
-    labels : (H, W) int16 or int32
-        Label per cell, -1 for none.
+    labels : (H, W) int16, int32 or bool
+        Label per cell, -1 for none; the cells of a mask have label 0.
     connectivity : {8, 4}
         Whether cells that share only a corner belong together.
 
@@ -55,6 +67,8 @@ def connected_components(
     ([[0, 0, 1], [-1, 1, 1]], [0, 1], [2, 3])
     """
     raster = np.asarray(labels)
+    if raster.dtype == np.bool_:
+        raster = np.where(raster, np.int16(0), np.int16(-1))
     if raster.ndim != 2 or not np.issubdtype(raster.dtype, np.integer):
         raise InputError(f"labels must be a 2-D integer raster, got {raster.dtype} {raster.shape}")
     if connectivity not in (4, 8):
