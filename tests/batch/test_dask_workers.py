@@ -1,7 +1,5 @@
 """A Dask cluster over TCP does what processes of this machine do."""
 
-import os
-import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +7,7 @@ import pytest
 
 from pgm_places.batch.dask_workers import DaskWorkers, _unregister
 from pgm_places.errors import InputError
+from tests.batch.tasks import die_always, die_once, double, refuse
 
 distributed = pytest.importorskip("distributed")
 
@@ -25,29 +24,6 @@ def address() -> Iterator[str]:
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
         yield cluster.scheduler_address
-
-
-def double(number: int) -> int:
-    return 2 * number
-
-
-def die_once(marker: Path) -> str:
-    if not marker.exists():
-        marker.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return marker.name
-
-
-def die_always(number: int) -> int:
-    if number == 1:
-        os._exit(1)
-    return number
-
-
-def refuse(number: int) -> int:
-    if number == 3:
-        raise ValueError("no")
-    return number
 
 
 def memory_limit(_: int) -> int:

@@ -1,37 +1,13 @@
 """Processes of this machine: results of every task, whatever dies; what is raised ends the rest."""
 
 import os
-import signal
 import time
 from pathlib import Path
 
 import pytest
 
 from pgm_places.batch.local_workers import LocalWorkers
-
-
-def double(number: int) -> int:
-    return 2 * number
-
-
-def die_once(marker: Path) -> str:
-    """Kill this process, unless it has been done."""
-    if marker.suffix == ".die" and not marker.exists():
-        marker.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return marker.name
-
-
-def die_always(number: int) -> int:
-    if number == 1:
-        os._exit(1)
-    return number
-
-
-def refuse(number: int) -> int:
-    if number == 3:
-        raise ValueError("no")
-    return number
+from tests.batch.tasks import die_always, die_once, double, refuse
 
 
 def take_a_gigabyte(_: int) -> str:
