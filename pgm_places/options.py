@@ -103,9 +103,7 @@ def option_lines(cls: type[Any]) -> dict[str, str]:
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, parameters = inspect.cleandoc(base.__doc__ or "").partition("\n----------\n")
-        for names, text in re.findall(
-            r"^(\w[\w, ]*) : [^\n]*\n((?: +[^\n]*\n?)+)", parameters, re.M
-        ):
+        for names, text in _PARAMETER.findall(parameters):
             sentence = " ".join(text.split()).partition(". ")[0].rstrip(".")
             found |= dict.fromkeys(names.split(", "), sentence + ".")
     return {name: found.get(name, "") for name in option_hints(cls)}

@@ -29,9 +29,7 @@ Out = Annotated[
 ]
 Cache = Annotated[
     Path | None,
-    typer.Option(
-        metavar="DIR", help="Keep the features of training maps in this folder, for next time."
-    ),
+    typer.Option(metavar="DIR", help="Cache the features of training maps in this folder."),
 ]
 Threads = Annotated[
     int | None, typer.Option("--threads", min=1, help="Number of threads; all cores by default.")
@@ -50,6 +48,6 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Hide progress.")]
 Force = Annotated[
     bool,
     typer.Option(
-        "--force", help="Overwrite files that pgm-places did not write, or not as they are."
+        "--force", help="Overwrite files that pgm-places did not write, or that were changed since."
     ),
 ]

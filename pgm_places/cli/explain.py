@@ -21,7 +21,9 @@ def explain(
     map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
     x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
     y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="A picture of it (PNG).")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Write a picture of it (PNG).")
+    ] = None,
     model: Model = "default",
     method: Annotated[
         str | None, typer.Option(help="Method of the model; its last one by default.")
@@ -34,7 +36,7 @@ def explain(
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Explain the label at a position: what its scan and its place said, and the graph."""
+    """Explain the label at a position: the evidence of its scan, its place and the graph."""
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture

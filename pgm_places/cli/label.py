@@ -58,7 +58,7 @@ def label(
         Path | None,
         typer.Option(
             metavar="FILE.png|FILE.geojson",
-            help="Labels of a single map that are known: a label image of its size, or polygons "
+            help="Known labels of a single map: a label image of its size, or polygons "
             "and lines in metres with a property 'class'. Every method keeps them.",
         ),
     ] = None,
@@ -72,9 +72,9 @@ def label(
 ) -> None:
     """Label every free cell of a map, or of many.
 
-    One map is labelled into the folder itself. Several, or a folder, or any of --jobs, --scheduler
-    and --memory, make a batch: each map gets a folder of its own, those that are done are kept, and
-    index.html lists them all. The exit code is 3 if some map could not be labelled.
+    One map is labelled into the folder itself. Several maps, a folder, or any of --jobs,
+    --scheduler and --memory make a batch: each map gets its own folder, maps already labelled are
+    kept, and index.html lists them all. The exit code is 3 if some map could not be labelled.
     """
     from pgm_places.batch.label_options import LabelOptions
 

@@ -36,13 +36,13 @@ def live(
         typer.Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
     ] = None,
     dds: Annotated[
-        bool, typer.Option("--dds", help="Speak to a robot with ROS 2, without ROS on this side.")
+        bool, typer.Option("--dds", help="Connect to a ROS 2 robot, with no ROS on this machine.")
     ] = False,
     local: Annotated[
-        bool, typer.Option("--local", help="With --dds: speak to this machine only.")
+        bool, typer.Option("--local", help="With --dds: communicate within this machine only.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(min=0, help="With --dds: end after so many seconds.")
+        float | None, typer.Option(min=0, help="With --dds: stop after this many seconds.")
     ] = None,
     model: Model = "default",
     method: Annotated[

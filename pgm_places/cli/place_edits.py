@@ -18,7 +18,7 @@ __all__ = ["merge", "rename", "split"]
 def rename(
     folder: Places,
     place: Place,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What to call it.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its new name.")],
 ) -> None:
     """Give a place a name of your own, in place_names.yaml."""
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
@@ -34,9 +34,11 @@ def rename(
 def merge(
     folder: Places,
     first: Place,
-    second: Annotated[str, typer.Argument(metavar="OTHER", help="The place that becomes part.")],
+    second: Annotated[
+        str, typer.Argument(metavar="OTHER", help="The place to merge into the first.")
+    ],
 ) -> None:
-    """Make two places one, which keeps the id and the name of the first."""
+    """Merge two places into one, which keeps the id and the name of the first."""
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import merged
 
@@ -51,7 +53,7 @@ def split(
         typer.Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
     ],
 ) -> None:
-    """Split a place across a line, or at a point across its narrowest way there."""
+    """Split a place along a line, or at a point across its narrowest passage."""
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import split_across, split_at
 

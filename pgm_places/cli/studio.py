@@ -31,7 +31,7 @@ def studio(
             "--model",
             "-m",
             help="Folder written by 'train', or the name of a shipped model; none to learn from "
-            "nothing but the paint.",
+            "the paint alone.",
         ),
     ] = "default",
     out: Annotated[

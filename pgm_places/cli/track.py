@@ -37,7 +37,8 @@ def track(
     map_labels: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Folder that label wrote for this map: its labels count as well."
+            metavar="DIR",
+            help="Folder that label wrote for this map: its labels are a further observation.",
         ),
     ] = None,
     mode: Annotated[

@@ -24,7 +24,7 @@ Scheduler = Annotated[
 ]
 Memory = Annotated[
     str | None,
-    typer.Option(metavar="SIZE", help="What each worker may take, such as 4GB."),
+    typer.Option(metavar="SIZE", help="Memory limit of each worker, such as 4GB."),
 ]
 
 

@@ -225,8 +225,8 @@ class MethodResult:
 class Comparison:
     """All results of a comparison, for the table, the pictures and the report.
 
-    ``maps`` are what was labelled: maps, drives, or for nodes of both kinds each map and the drive
-    through it. ``selection`` records the options tried on held-out training cells, and those
+    ``maps`` are the labelled items: maps, drives, or, for nodes of both kinds, each map with the
+    drive through it. ``selection`` records the options tried on held-out training cells, and those
     chosen.
     """
 
@@ -308,8 +308,8 @@ def passage_scores(item: TestDrive, labeling: Labeling, doorway: int) -> DoorSco
 
     A passage is a run of steps in a doorway that is entered and left, and counts once, however many
     steps it takes. It is found if some step within ``PASSAGE_M`` of it along the path is labelled
-    doorway. A run of steps labelled doorway that has no doorway so near is invented, unless nothing
-    is known there.
+    doorway. A run of steps labelled doorway that has no doorway so near counts as invented, unless
+    the truth is unknown there.
     """
     truth, found = item.node_truth, labeling.labels
     way = np.concatenate([[0.0], np.cumsum(item.trajectory.step_lengths_m)])[: len(truth)]

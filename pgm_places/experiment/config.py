@@ -147,9 +147,8 @@ class ExperimentConfig:
     """A whole experiment: labels, sensor, classifier, maps and drives, and methods.
 
     ``nodes`` says what is labelled: the cells of maps, the steps of drives, both as one graph, or
-    the nodes of graphs of one's own.
-    With ``base_model``, a model that was trained before goes on learning from the training maps as
-    ``teaching`` says, and brings its methods and the options that it was trained with.
+    the nodes of graphs of one's own. With ``base_model``, an existing model is trained further on
+    the training maps, as ``teaching`` says; its methods and the options of its training are kept.
     """
 
     title: str | None = None
@@ -183,7 +182,7 @@ class ExperimentConfig:
 
 
 def _check_teaching(config: ExperimentConfig) -> None:
-    """Refuse what a model that goes on learning has already, and what only such a model takes."""
+    """Refuse options that a base model already fixes, and those that need one."""
     given = [
         item.name
         for item in dataclasses.fields(config)

@@ -33,7 +33,7 @@ class SourceDrive:
     map : LabelledMap or None
         In the frame of the poses; all labels are -1 if none are given.
     prior : MapPrior or None
-        A map that was labelled beforehand, in the frame of the poses.
+        A map labelled beforehand, in the frame of the poses.
     """
 
     trajectory: Trajectory
@@ -53,7 +53,7 @@ class SourceDrive:
 
     @property
     def building(self) -> str | None:
-        """What is held out together."""
+        """The group of drives and maps that are held out together."""
         return self.trajectory.building
 
     @property

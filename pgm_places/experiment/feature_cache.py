@@ -25,13 +25,13 @@ __all__ = ["FeatureCache"]
 class FeatureCache:
     """A folder of feature tables; maps of the same content share one, whatever they are called.
 
-    A table takes 1.3 kB per labelled cell. What is not there, or cannot be read, is computed and
-    kept; nothing is ever removed, and the folder may be deleted at any time.
+    A table takes 1.3 kB per labelled cell. Tables that are missing or unreadable are computed and
+    kept; none is ever removed, and the folder may be deleted at any time.
 
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        Created if needed.
     """
 
     folder: Path

@@ -27,18 +27,17 @@ class MapConfig:
     ``map`` is a map_server YAML file, or ``generated`` the seed of a generated building with its
     labels (corridor, room, doorway; see ``pgm_places.datasets``). ``labels`` is a label image on
     the map image's raster, or ``regions`` a GeoJSON file of polygons in map metres with a property
-    ``class``; ``classes`` translates the names of either, and what it leaves out has no label.
+    ``class``; ``classes`` translates the names of either; names that it leaves out have no label.
     ``corrections``, a label image or GeoJSON of polygons and lines with the configuration's labels,
-    takes the place of these labels where it says something; without labels, what it says is all
-    that is known of the map.
+    overrides these labels wherever it has one; without labels, it is all that is known of the map.
     ``columns`` and ``rows`` are half-open ranges of image columns and rows counted from the left
     and the top; ``x_m`` and ``y_m`` are ranges in map metres; ``half`` is the part of a generated
     building left or right of the border between its wings, ``style``, ``halls``, ``furniture`` and
     ``slam_noise`` say how it is drawn (:func:`pgm_places.datasets.generate_building`).
-    ``simulated`` is a seed: a map that a robot would make of the one described is taken instead of
-    it, as ``simulation`` says (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building``
-    are held out together; by default, parts of the same map are, and what was simulated from it.
-    ``domain`` names where maps of this kind come from, such as "drawn" or "simulated": of several
+    ``simulated`` is a seed: the map is replaced by one that a robot would make of it, as
+    ``simulation`` says (:func:`pgm_places.datasets.simulate_map`). Maps of one ``building`` are
+    held out together; by default, so are parts of the same map and maps simulated from it.
+    ``domain`` names where maps of this kind come from, such as "drawn" or "simulated": with several
     domains, the list with spaces is the mean of lists that each leave one of them out.
     """
 

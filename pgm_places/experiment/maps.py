@@ -140,7 +140,7 @@ def _title(seed: int, drawn: dict[str, Any]) -> str:
 def _generated(
     experiment: Experiment, seed: int, drawn: dict[str, Any]
 ) -> tuple[OccupancyGrid, NDArray[np.int16], Path, int]:
-    """A generated building, its labels those of the configuration by name, and where to cut it."""
+    """A generated building with the configuration's labels, by name, and where to cut it."""
     from pgm_places.datasets.building import generate_building
 
     building = generate_building(seed, **drawn)

@@ -71,7 +71,7 @@ REPORTED_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "cvxpy", "osqp",
 
 
 class Trained(NamedTuple):
-    """A fitted labeler, and the experiment with the options that it was fitted with."""
+    """A fitted labeler, and the experiment with the options of its training."""
 
     experiment: Experiment
     labeler: PlaceLabeler
@@ -92,7 +92,7 @@ class TrainedGraphs(NamedTuple):
 
 
 def train(experiment: Experiment) -> Trained:
-    """The labeler of the configuration, fitted on its training maps, or taught on them further.
+    """The labeler of the configuration, fitted on its training maps, or trained further on them.
 
     If the configuration has a table ``[select]``, options are first chosen on the training maps
     alone: the returned experiment has the chosen configuration, and its ``selection`` records the

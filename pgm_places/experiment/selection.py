@@ -55,7 +55,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Selection:
-    """All combinations tried; the chosen one has the best score, the first in case of ties."""
+    """All combinations tried; the first one with the best score is chosen."""
 
     method: str
     criterion: str
@@ -85,7 +85,7 @@ class Selection:
 
 
 class Sources(NamedTuple):
-    """Maps and drives to learn from, or to be tested on.
+    """Maps and drives to train or to test on.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class Sources(NamedTuple):
 
 
 def select(experiment: Experiment, sources: Sources) -> Selection:
-    """The options of ``[select]``, each combination learned and tested on held-out folds.
+    """The options of ``[select]``, each combination trained and tested on held-out folds.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
     Raises
     ------
     ConfigError
-        There is nothing to choose from or far too much, or an option does not exist.
+        There are no combinations or far too many, or an option does not exist.
     LabelError
         No fold can be held out.
     """
@@ -148,11 +148,12 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
 def held_out_splits(
     sources: Sources, n_folds: int, n_labels: int
 ) -> Iterator[tuple[Sources, Sources]]:
-    """What to learn from and what to test on, fold by fold.
+    """The training and test data, fold by fold.
 
-    Whole buildings are held out if there are several, else stripes of the only one, never single
-    cells or steps, because neighbours look alike. Folds that leave some label without training
-    examples are skipped, and where there are drives, so are those that hold none of them out.
+    Whole buildings are held out if there are several, otherwise stripes of the only one; never
+    single cells or steps, because neighbours look alike. Folds that leave some label without
+    training examples are skipped, and where there are drives, so are those that hold none of them
+    out.
 
     Raises
     ------

@@ -65,7 +65,7 @@ class SourceConfig(MapConfig):
     frame : Similarity, optional
         From the log's frame to the map's.
     range_max_m : float, optional
-        Readings of at least this count as no return.
+        Readings of this range or more count as no return.
     laser : LaserOptions, optional
         Simulate the scans of this laser in the map along the log's path, instead of the log's own.
     resample_m : float, optional
@@ -74,11 +74,11 @@ class SourceConfig(MapConfig):
     from_step, to_step : int, optional
         The half-open range of the log's steps to use.
     map_labels : str, optional
-        Folder that ``pgm-places label`` wrote for the map of this drive: what methods are told of
-        the places there, not the truth. For drives to test on.
+        Folder that ``pgm-places label`` wrote for the map of this drive: methods see these labels
+        as an observation, not as the truth. For test drives only.
     region : (float, float, float, float), optional
         Use only the true places of steps in this rectangle: minimum x and y, then maximum, in
-        metres. The robot is tracked outside it all the same.
+        metres. The robot is still tracked outside it.
     """
 
     log: str | None = None

@@ -1,4 +1,4 @@
-"""Tables of maps that name many at once: patterns, and the buildings that the maps belong to."""
+"""Tables that name many maps at once: patterns, and the buildings that the maps belong to."""
 
 import glob
 import re
@@ -20,9 +20,9 @@ _MAX_BYTES = 16 << 20
 def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> dict[str, Any]:
     """A configuration's content with a table per map where a table's ``map`` is a pattern.
 
-    ``map = "floors/*/map.yaml"`` stands for all files that match, in the order of their names.
-    ``labels``, ``regions`` or ``corrections`` is a pattern with as many wildcards, and names for
-    each map the file where its wildcards stand for the same. ``buildings`` is a table (CSV) with
+    ``map = "floors/*/map.yaml"`` stands for all matching files, in the order of their names.
+    ``labels``, ``regions`` or ``corrections`` is a pattern with as many wildcards; for each map, it
+    names the file in which the wildcards match the same text. ``buildings`` is a table (CSV) with
     columns ``map``, a name or a path relative to the table, and ``building``.
 
     Parameters

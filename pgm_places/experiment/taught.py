@@ -1,4 +1,4 @@
-"""Training on top of a model: it is taught each training map in turn, as the studio teaches one."""
+"""Training a model further: it is taught each training map in turn, as in the studio."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ __all__ = ["taught_labeler"]
 def taught_labeler(experiment: Experiment) -> PlaceLabeler:
     """The base model of the configuration, taught the labels of its training maps in their order.
 
-    Without a base model (``"none"``), the first map is learned from alone.
+    Without a base model (``"none"``), only the first map is learned from.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Atomic output: files and folders are made on a stage, then shown as a whole."""
+"""Atomic output: files and folders are written to a stage, then moved into place as a whole."""
 
 import contextlib
 import errno

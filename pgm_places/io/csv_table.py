@@ -1,4 +1,4 @@
-"""Tables of comma-separated values, read row by row, with one-line errors."""
+"""CSV tables, read row by row, with one-line errors."""
 
 import csv
 import io
@@ -25,14 +25,14 @@ _MAX_LINE = 1 << 20
 
 
 class CsvTable:
-    """An open table: its heading, and the columns that are asked for.
+    """An open table: its heading, and the requested columns.
 
     Parameters
     ----------
     path : Path
         The file, for messages.
     rows : iterator of lists of str
-        The heading and the rows that follow; empty ones are passed over.
+        The heading and the rows that follow; empty ones are skipped.
     error : type
         The exception to raise for everything that is wrong.
     """

@@ -28,9 +28,9 @@ def swap_in(stage: Path, target: Path, removed: Iterable[str] = (), *, in_place:
 
     A folder that is not there yet is renamed into place. One that stands there is exchanged for
     one with the new files and links to all others, by a single call of the operating system, so
-    that it is the old or the new one whenever the run ends. Where that cannot be had (see
-    ``can_be_exchanged``), or is not wanted (``in_place``), the stage is renamed into the folder,
-    from where its files are moved one by one; should that be interrupted, ``finish`` does the rest.
+    that it is the old or the new one whenever the run ends. Where that is impossible (see
+    ``can_be_exchanged``) or unwanted (``in_place``), the stage is renamed into the folder, from
+    where its files are moved one by one; should that be interrupted, ``finish`` does the rest.
 
     The caller holds the lock of a target that exists.
     """
@@ -51,7 +51,7 @@ def swap_in(stage: Path, target: Path, removed: Iterable[str] = (), *, in_place:
 
 
 def finish(target: Path) -> None:
-    """Do what an interrupted ``swap_in`` has left to do in a folder; the caller holds its lock."""
+    """Complete an interrupted ``swap_in`` in a folder; the caller holds its lock."""
     stage = target / UNFINISHED
     if not stage.is_dir() or stage.is_symlink():
         return
@@ -149,7 +149,7 @@ def _exchanged(new: Path, target: Path, gone: set[str]) -> bool:
 
 
 def _exchange(one: Path, other: Path) -> None:
-    """Let two paths change places in one step."""
+    """Exchange two paths in one step."""
     swap = 2  # RENAME_EXCHANGE of Linux, RENAME_SWAP of macOS
     names = os.fsencode(one), os.fsencode(other)
     if sys.platform == "win32":

@@ -43,7 +43,7 @@ def open_input(
     max_bytes: int | None = None,
     pipes: bool = False,
 ) -> BufferedReader:
-    """A file of somebody else's, open for reading.
+    """A file from outside, open for reading.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def open_input(
     max_bytes : int, optional
         Larger files are refused.
     pipes : bool
-        Whether a pipe is as good as a file, because it is read once and forwards only.
+        Whether a pipe will do, because it is read only once and forwards.
 
     Raises
     ------

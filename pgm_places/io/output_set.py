@@ -1,4 +1,4 @@
-"""The files of one run as a set: written aside, swapped in at once, told from the user's own."""
+"""The files of one run as a set: written aside, then swapped in at once; the user's own stay."""
 
 import contextlib
 import hashlib
@@ -65,14 +65,14 @@ def output_set(
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        Created if needed.
     by : str
         The command, so that it finds its earlier set.
     names : iterable of str
-        Files known to be written; what stands in their way is refused before the work, not after.
+        Files that will be written; anything in their way is refused before the work, not after.
     force : bool
-        Overwrite files that are not, or no longer, as we wrote them, and write into a folder that
-        holds none of ours.
+        Overwrite files that this package did not write or that were changed since, and write into a
+        folder that holds none of its files.
     shared : bool
         The folder may well be the user's own: only files in the way are refused.
 
@@ -114,7 +114,7 @@ def output_set(
 def claim(folder: Path | str, *, force: bool = False) -> Path:
     """The folder, with an empty record at least, so that it counts as ours whatever happens.
 
-    For results that come one after the other, over hours, and for what a run keeps to go on with.
+    For results that arrive one by one over hours, and for what a run keeps to resume from.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Stages: hidden folders in which output is made before it is shown, removed whatever happens."""
+"""Stages: hidden folders for output that is not complete yet, removed whatever happens."""
 
 import contextlib
 import os
@@ -120,7 +120,7 @@ def as_output_errors(target: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def make_folders(folder: Path) -> Iterator[None]:
-    """The folder and its parents, made where they were missing; those are gone after an error."""
+    """The folder and its parents, created if needed; new ones are removed after an error."""
     missing = []
     for parent in (folder, *folder.parents):
         if parent.is_dir():
@@ -142,7 +142,7 @@ def make_folders(folder: Path) -> Iterator[None]:
 
 
 def flush_tree(folder: Path) -> None:
-    """Have everything in a folder on the disk before it is shown: a crash may follow."""
+    """Flush everything in a folder to disk before it is moved into place: a crash may follow."""
     for path in folder.rglob("*"):
         if not path.is_symlink():
             flush(path)
@@ -150,7 +150,7 @@ def flush_tree(folder: Path) -> None:
 
 
 def flush(path: Path) -> None:
-    """Have a file, or the names in a folder, on the disk."""
+    """Flush a file, or the names in a folder, to disk."""
     if path.is_dir():
         if os.name != "posix":
             return

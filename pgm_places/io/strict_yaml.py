@@ -1,7 +1,7 @@
 """YAML files as yaml-cpp, the parser of ROS, reads them: scalars remain text until converted.
 
 PyYAML follows YAML 1.1 and guesses types: ``5e-2`` becomes a string, ``010`` becomes 8, ``no``
-becomes False. Here nothing is guessed: the reader of a key says which type it wants.
+becomes False. Here nothing is guessed: the code that reads a key states its type.
 """
 
 import math

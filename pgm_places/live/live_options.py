@@ -18,7 +18,7 @@ class LiveOptions:
     hysteresis_s : float
         A place counts as changed once the new one has lasted this long (s).
     relabel_min_period_s : float
-        Shortest time between two maps that are labelled (s). Of maps that come faster the latest
+        Shortest time between two labellings of the map (s). Of maps that come faster the latest
         is taken.
 
     Examples

@@ -21,27 +21,27 @@ class NodeOptions:
     map_topic : str
         Topic of the maps.
     tf_topic : str
-        Topic of the transforms; those that never change come on the same name with ``_static``.
+        Topic of the transforms; static ones arrive on the same name with ``_static``.
     odom_topic : str
-        Topic of the odometry, which is used where no transform says how the robot moves.
+        Topic of the odometry, used where no transform gives the robot's motion.
     map_frame : str
         The frame of the map.
     base_frame : str
         The frame of the robot, whose position is looked up on the map.
     output_namespace : str
-        What is published: label_map, markers, place and topology below this name.
+        Namespace of what is published: label_map, markers, place and topology.
     tf_tolerance_s : float
         How long a scan waits for its transform (s).
     stale_after_s : float
-        Scans that come this much after their stamp are dropped (s).
+        Scans that arrive later than this after their stamp are dropped (s).
     map_subscribe_transient_local : bool
         Whether maps are kept for late subscribers, as Nav2 and slam_toolbox publish them.
     use_sim_time : bool
-        Whether stamps are those of /clock, as in simulation and from played bags.
+        Whether time is that of /clock, as in simulation and with played bags.
     domain : int
-        Number of the DDS domain, ROS_DOMAIN_ID by default; -1 for that.
+        DDS domain; -1 for that of ROS_DOMAIN_ID.
     namespace : str
-        What topics without a leading slash are put below.
+        Namespace of the topics without a leading slash.
     """
 
     scan_topic: str = "scan"

@@ -44,15 +44,16 @@ class Recipe:
     Parameters
     ----------
     n_columns : int, optional
-        The first so many: those of the laser, of segments, of places; all by default.
+        The number of columns to use: first those of the laser, then of segments, then of places;
+        all by default.
     learner : {"stumps", "trees"}
         The classifier's defaults: those of the list on scans, or of the list with spaces.
     without : str, optional
-        Maps of this source are not learned from.
+        Leave out maps of this source in training.
     halls : bool
-        Whether halls are learned as a class of their own, which belongs to corridors afterwards.
+        Learn halls as a class of their own, and count them as corridors afterwards.
     mean_of : tuple of str
-        Nothing is learned: it is the mean of the lists by these recipes, of their first rounds.
+        Learn nothing: average the first rounds of the lists by these recipes.
     """
 
     n_columns: int | None = None
@@ -148,8 +149,8 @@ def scored_maps(
 ) -> list[Scored]:
     """Every test map, scored by lists trained without its building.
 
-    The lists are learned anew for each fold. So are those of gates, twice: whatever a training map
-    is told of its gates comes from a list that saw neither its fold nor the one that is tested.
+    The lists are retrained for each fold, those of gates twice: what a training map is told of its
+    gates comes from a list that saw neither its fold nor the test fold.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def scored_maps(
     recipes : mapping of str to Recipe
         How lists are learned.
     learned : (M,) bool, optional
-        Maps that lists may learn from when their fold is not tested; all by default.
+        Maps to train on when their fold is not the test fold; all by default.
     """
     learned = np.ones(len(samples), np.bool_) if learned is None else learned
     kept = KeptArrays(setting.kept)
@@ -357,7 +358,7 @@ def _judges(
 def _spaces_of_examples(
     sample: Sample, gates: NDArray[np.float32], judges: Mapping[int, BoostedList | None]
 ) -> dict[int, NDArray[np.float32]]:
-    """(n, F) what the examples of a map see of spaces, by the fold that is tested."""
+    """(n, F) the features of spaces at the examples of a map, for a test fold."""
     candidates, cells = _candidates(sample), np.argwhere(sample.examples)
     return {
         number: MapSpaces.of(candidates, gate_probabilities(judge, gates)).features.lookup(cells)

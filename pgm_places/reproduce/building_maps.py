@@ -1,4 +1,4 @@
-"""The labelled maps of all buildings at hand, by kind, and samples of their cells."""
+"""The labelled maps of all available buildings, by kind, and samples of their cells."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -95,9 +95,9 @@ class KnownMap:
     ----------
     item : LabelledMap
     kind : str
-        The kind of building, or which building where there is one of its kind.
+        The kind of building, or the building itself if it is the only one of its kind.
     source : str
-        The kind of map: drawn, simulated, real, or generated (only learned from).
+        The kind of map: drawn, simulated, real, or generated (for training only).
     halls : (H, W) bool, optional
         The corridors that are halls, where that is known.
     """
@@ -121,7 +121,7 @@ class KnownMap:
 
     @property
     def building(self) -> str:
-        """The group that is held out together."""
+        """The group of maps that are held out together."""
         return self.item.building or self.item.name
 
     @property
@@ -132,7 +132,7 @@ class KnownMap:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Some labelled cells of a map: examples to learn from, and a lattice to be tested on.
+    """Some labelled cells of a map: examples to train on, and a lattice to test on.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Sample:
 
     @property
     def examples(self) -> NDArray[np.bool_]:
-        """(H, W) at most ``EXAMPLES_PER_MAP`` labelled cells, drawn by chance."""
+        """(H, W) at most ``EXAMPLES_PER_MAP`` labelled cells, drawn at random."""
         mask = self.known.item.labelled_cells
         cells = np.flatnonzero(mask)
         some = np.random.default_rng(0).permutation(len(cells))[:EXAMPLES_PER_MAP]
@@ -212,7 +212,7 @@ _COPIED = ("school", "office")
 
 
 def sampled(known: KnownMap, kept: KeptArrays) -> Sample:
-    """The sample of a map; its features are computed when they are wanted, and kept."""
+    """The sample of a map; its features are computed on first use, and kept."""
     grid = known.item.grid
     sampling = (__version__, EXAMPLES_PER_MAP, LATTICE_STEP, grid.resolution_m)
     return Sample(known, kept, fingerprint(sampling, grid.cells, known.item.labels))

@@ -186,7 +186,7 @@ def doors_of(scored: Scored) -> tuple[DoorScores, Evaluation | None]:
 def places_of(scored: Scored, log_z: NDArray[np.float64]) -> Evaluation | None:
     """The places of at least 1 m2: their most frequent label, and the mean of their cells' beliefs.
 
-    The first is what the label with the largest of the latter should be. Cells at accepted gates
+    In a perfect labelling, the former is the label with the largest mean. Cells at accepted gates
     belong to no place; None without any place.
     """
     inside = (scored.place >= 0) & (scored.at_gate <= 0.5)
@@ -218,7 +218,7 @@ def _smoothed(scored: Scored, log_z: NDArray[np.float64]) -> dict[str, Labeling]
 
 
 def lattice_graph(grid: OccupancyGrid, cells_rc: NDArray[np.int64], step: int) -> LabelGraph:
-    """Cells ``step`` apart as nodes, joined to their eight neighbours where all between is free."""
+    """Cells ``step`` apart as nodes, joined to those of their eight neighbours with a free way."""
     node = np.full(grid.shape, -1)
     node[tuple(cells_rc.T)] = np.arange(len(cells_rc))
     pairs = []
@@ -236,7 +236,7 @@ def lattice_graph(grid: OccupancyGrid, cells_rc: NDArray[np.int64], step: int) -
 def rescaled(scored: Sequence[Scored], how: str) -> list[NDArray[np.float64]]:
     """(m, K) log z of every map with confidences rescaled by the held-out cells of other folds.
 
-    ``how`` is one of ``RESCALED``. Every map weighs the same, as when lists are learned.
+    ``how`` is one of ``RESCALED``. All maps have the same weight, as in training.
     """
     fold = np.array([item.fold for item in scored])
     order = _ORDER[scored[0].log_z[AVERAGE].shape[1]]

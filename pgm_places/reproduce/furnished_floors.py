@@ -82,7 +82,7 @@ class Floor:
 
 
 def make_floor(seed: int) -> Floor:
-    """A generated building with a tour of a robot whose laser sees all around."""
+    """A generated building with a tour by a robot whose laser sees all around."""
     building = generate_building(seed)
     labels = used_rooms(building.labels, building.label_names, building.grid.resolution_m, seed)
     geometry = ScanGeometry.full_circle(360, range_max_m=REACH_M)
@@ -98,7 +98,7 @@ def used_rooms(
     """Labels in which each room is one of four kinds, as its size allows.
 
     A third of the small rooms are kitchens; large rooms are seminar rooms or laboratories, medium
-    ones sometimes: size tells something, but not all.
+    ones sometimes: size is informative, but not conclusive.
     """
     rng = np.random.default_rng(seed)
     rooms = connected_components(np.where(labels == label_names.index("room"), labels, -1))

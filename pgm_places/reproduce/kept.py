@@ -1,4 +1,4 @@
-"""Arrays that an experiment keeps on disk, so that it resumes where it was stopped."""
+"""Arrays that an experiment keeps on disk, so that it resumes where it stopped."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -38,20 +38,20 @@ def reproduce(
     ids : sequence of str
         Keys of ``SECTIONS``.
     out : Path
-        Gets a folder per section, ``reproduce.md`` and ``reproduce.html``, and in ``kept`` what
-        long experiments go on with when they were stopped.
+        Receives a folder per section, ``reproduce.md`` and ``reproduce.html``, and in ``kept`` what
+        interrupted experiments resume from.
     again : bool
-        Run finished sections again. Those that another version of the package or
-        other buildings gave are always run again.
+        Run finished sections again. Those from another version of the package or from other
+        buildings are always run again.
     force : bool
-        Write into a folder that is not ours, and over what was changed there.
+        Write into a folder that this package did not make, and overwrite files changed there.
     progress, n_threads
         Of the experiments.
 
     Raises
     ------
     PgmPlacesError
-        From the experiment, or because ``out`` is refused; what was finished before stays.
+        From the experiment, or because ``out`` is refused; sections finished before are kept.
     """
     progress = progress or Silent()
     claim(out, force=force)
@@ -78,7 +78,7 @@ def data_for(key: str) -> Path | None:
 
 
 def _run(key: str, folder: Path, setting: Setting) -> Section:
-    """The section, after its experiment was run and written into the folder."""
+    """The section, once its experiment has run and been written to the folder."""
     spec = SECTIONS[key]
     start = time.perf_counter()
     found = spec.run(setting)
@@ -103,7 +103,7 @@ def _run(key: str, folder: Path, setting: Setting) -> Section:
 
 
 def finished_section(out: Path, key: str) -> Section | None:
-    """The stored section; None if there is none in the present format."""
+    """The stored section; None if there is none in the current format."""
     try:
         content = json.loads((out / key / RECORD).read_text(encoding="utf-8"))
         return Section.from_dict(content)
@@ -112,7 +112,7 @@ def finished_section(out: Path, key: str) -> Section | None:
 
 
 def _write_pages(stage: Path, out: Path) -> None:
-    """Write the pages of all finished sections, in the paper's order; those on the stage count."""
+    """Write the pages of all finished sections, staged ones included, in the paper's order."""
     found = [finished_section(stage, key) or finished_section(out, key) for key in SECTIONS]
     sections = [section for section in found if section is not None]
     write_text(stage / "reproduce.md", markdown_page(sections))

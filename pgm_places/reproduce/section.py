@@ -58,7 +58,7 @@ class Outcome:
     Parameters
     ----------
     setting : str
-        What was learned on, what was tested, in a sentence or two.
+        The training and test data, in a sentence or two.
     findings, tables : tuple
     pictures : tuple of Picture
     files : mapping of str to bytes
@@ -83,7 +83,7 @@ class Section:
     id, title, paper : str
         Its number, its name, and what the paper says; nothing for ablations.
     real : bool
-        Whether the buildings were real; else generated ones stood in for them.
+        Whether the buildings were real; otherwise generated ones stood in for them.
     seconds : float
         How long it took.
     version : str

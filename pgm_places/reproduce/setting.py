@@ -39,8 +39,8 @@ class Setting:
     progress : Progress
     n_threads : int, optional
     kept : Path, optional
-        A folder for what is slow to compute, so that an experiment that was stopped goes on where
-        it was.
+        A folder for what is slow to compute, so that an interrupted experiment resumes where it
+        stopped.
     """
 
     data: Path | None = None
