@@ -75,8 +75,8 @@ class Steps(NamedTuple):
     """(n,) whose logarithm is here."""
     beliefs: NDArray[np.float64]
     """(n, K), written."""
-    total: NDArray[np.float64]
-    """(n,), written: the sum before normalising, 0 for an impossible observation."""
+    impossible: NDArray[np.bool_]
+    """(n,), written: whether the observation has probability 0 given all before."""
 
 
 @njit
@@ -86,14 +86,15 @@ def filter_steps(
     arrival: NDArray[np.float64],
     steps: Steps,
     each: Any,
-) -> None:
+) -> float:
     """Filter some steps on from ``belief`` (K,), of any sum, left at the last (paper eq. 3).
 
     ``arrival[a, l, m]`` is the probability of coming to ``l`` from ``m`` under the action that led
     to the step; before anything has ``begun`` the belief is the first step's prediction. Impossible
-    observations are left out.
+    observations are left out. Returns the logarithm of the probability of all that is seen, without
+    what is in ``scale``: that of the products carried, which needs no logarithm per step.
     """
-    action, log_likelihood, likelihood, scale, out, total = steps
+    action, log_likelihood, likelihood, scale, out, impossible = steps
     n_steps, n_labels = likelihood.shape[0], len(each)
     logs = np.empty(n_labels)
     carried, following = blank(each), blank(each)
@@ -101,6 +102,7 @@ def filter_steps(
     for k in range(n_labels):
         carried = replaced(carried, k, belief[k])
         before += belief[k]
+    evidence = -np.log(before)
     for t in range(n_steps):
         if t > 0 or begun:
             a = action[t]
@@ -115,18 +117,22 @@ def filter_steps(
             weighed = carried[k] * likelihood[t, k]
             following = replaced(following, k, weighed)
             mass += weighed
-        total[t] = mass / before
+        impossible[t] = False
         if mass < SMALL_TOTAL:
             if mass < SMALLEST_TOTAL:
                 for k in range(n_labels):
                     logs[k] = carried[k] / before
-                total[t], scale[t] = _weigh_in_logs(log_likelihood, t, logs)
-                mass = total[t]
+                evidence += np.log(before)
+                mass, scale[t] = _weigh_in_logs(log_likelihood, t, logs)
+                impossible[t] = mass == 0.0
+                evidence += np.log(mass) if mass > 0.0 else -np.inf
                 if mass == 0.0:
                     for k in range(n_labels):
                         mass += logs[k]
                 for k in range(n_labels):
                     following = replaced(following, k, logs[k])
+            else:
+                evidence += np.log(mass)
             for k in range(n_labels):
                 following = replaced(following, k, following[k] / mass)
             mass = 1.0
@@ -137,6 +143,7 @@ def filter_steps(
         before = mass
     for k in range(n_labels):
         belief[k] = carried[k]
+    return evidence + np.log(before)
 
 
 @fused

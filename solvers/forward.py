@@ -25,6 +25,8 @@ __all__ = [
 ]
 
 STEPS_AT_ONCE = 8192  # likelihoods of so many steps stay in cache between exponential and filter
+LANES_WIDE = 8  # labels of a chain that one vector holds
+FEWER_ALONE = 4  # so few labels are faster one by one
 FEW_LABELS = 8  # kernels are compiled for each of these numbers of labels, and for any larger one
 SUM_TOLERANCE = 1e-6  # of probabilities that must sum to one
 
@@ -143,7 +145,7 @@ def viterbi(
     >>> viterbi([0.5, 0.5], stay, np.log([[0.8, 0.2], [0.4, 0.6], [0.8, 0.2]])).labels.tolist()
     [0, 0, 0]
     """
-    from pgm_places.solvers._forward_kernels import trace_back, viterbi_steps
+    from pgm_places.solvers._forward_kernels import trace_back
 
     start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
     n_steps, n_labels = observed.shape
@@ -151,21 +153,12 @@ def viterbi(
         raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
     with np.errstate(divide="ignore"):
         score, log_arrival = np.log(start), np.log(arrival)
+    in_lanes = FEWER_ALONE < n_labels <= LANES_WIDE
     narrow = np.int8 if n_labels <= FEW_LABELS else np.int16
-    origin, impossible = np.empty(observed.shape, narrow), np.empty(n_steps, np.bool_)
-    each, shift = _each(n_labels), 0.0
-    for part in _blocks(n_steps):
-        rows = _checked(observed, part)
-        shift += viterbi_steps(
-            score,
-            part.start > 0,
-            log_arrival,
-            led[part],
-            rows,
-            origin[part],
-            impossible[part],
-            each,
-        )
+    origin = np.empty((n_steps, LANES_WIDE if in_lanes else n_labels), narrow)
+    impossible = np.empty(n_steps, np.bool_)
+    go_on = _viterbi_in_lanes if in_lanes else _viterbi_one_by_one
+    score, shift = go_on(score, log_arrival, observed, led, origin, impossible)
     labels, last = np.empty(n_steps, np.int64), int(score.argmax()) if n_labels else 0
     trace_back(origin, last, labels)
     total = shift + float(score[last]) if n_steps else 0.0
@@ -240,13 +233,13 @@ class ForwardFilter:
         if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):
             raise InputError(f"belief must hold probabilities that sum to one, got {before}")
         scaled, found, each = np.empty(rows.shape), np.empty(rows.shape), _each(len(before))
-        total, scale = np.empty(1), np.empty(1)
+        impossible, scale = np.empty(1, np.bool_), np.empty(1)
         subtract_best(rows, scaled, scale, each)
         np.exp(scaled, out=scaled)
         led = np.array([action])
-        steps = Steps(led, rows, scaled, scale, found, total)
+        steps = Steps(led, rows, scaled, scale, found, impossible)
         filter_steps(before.copy(), belief is not None, self._arrival, steps, each)
-        return found[0], bool(total[0] > 0.0)
+        return found[0], not impossible[0]
 
 
 Chain = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
@@ -323,19 +316,74 @@ def _filter(
     from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
 
     n_steps, n_labels = observed.shape
-    beliefs = np.empty((n_steps, n_labels))
+    beliefs, impossible = np.empty((n_steps, n_labels)), np.empty(n_steps, np.bool_)
     size = min(n_steps, STEPS_AT_ONCE)
-    likelihood, sums, scales = np.empty((size, n_labels)), np.empty(size), np.empty(size)
-    belief, each = start.copy(), _each(n_labels)
-    evidence, impossible = 0.0, [np.empty(0, np.int64)]
+    likelihood, scales = np.empty((size, n_labels)), np.empty(size)
+    belief, each, evidence = start.copy(), _each(n_labels), 0.0
     for part in _blocks(n_steps):
         rows, n = _checked(observed, part), part.stop - part.start
-        scaled, total, scale = likelihood[:n], sums[:n], scales[:n]
+        scaled, scale = likelihood[:n], scales[:n]
         subtract_best(rows, scaled, scale, each)
         np.exp(scaled, out=scaled)
-        steps = Steps(led[part], rows, scaled, scale, beliefs[part], total)
-        filter_steps(belief, part.start > 0, arrival, steps, each)
-        impossible.append(part.start + np.flatnonzero(total == 0.0))
-        with np.errstate(divide="ignore"):
-            evidence += float(np.log(total).sum() + scale.sum())
-    return ChainBeliefs(beliefs, evidence, np.concatenate(impossible))
+        steps = Steps(led[part], rows, scaled, scale, beliefs[part], impossible[part])
+        evidence += filter_steps(belief, part.start > 0, arrival, steps, each)
+        evidence += float(scale.sum())
+    return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
+
+
+def _by_origin(arrival: NDArray[np.float64], fill: float) -> NDArray[np.float64]:
+    """(A K, 8) what leads to each label, a row per action and label before."""
+    n_actions, n_labels = arrival.shape[:2]
+    table = np.full((n_actions, n_labels, LANES_WIDE), fill)
+    table[..., :n_labels] = arrival.transpose(0, 2, 1)
+    return table.reshape(-1, LANES_WIDE)
+
+
+def _in_a_row(values: NDArray[np.float64], fill: float) -> NDArray[np.float64]:
+    """(1, n + some) numbers, and at least eight lanes behind the first."""
+    row = np.full((1, values.size + LANES_WIDE), fill)
+    row[0, : values.size] = values.reshape(-1)
+    return row
+
+
+def _viterbi_in_lanes(
+    score: NDArray[np.float64],
+    log_arrival: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    led: NDArray[np.int64],
+    origin: NDArray[Any],
+    impossible: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], float]:
+    """The scores of the best paths (K,), and what was taken off them; writes the origins."""
+    from pgm_places.solvers._chain_lane_kernels import viterbi_lanes
+
+    reach, table, shift = _in_a_row(score, -np.inf), _by_origin(log_arrival, -np.inf), 0.0
+    for part in _blocks(len(observed)):
+        rows = _checked(observed, part)
+        behind = observed[part.start : part.stop + LANES_WIDE]  # a vector ends in rows behind
+        flat = behind.reshape(1, -1) if len(behind) > len(rows) + 7 else _in_a_row(rows, 0.0)
+        begun = part.start > 0
+        shift += viterbi_lanes(
+            reach, begun, table, led[part], flat, origin[part], impossible[part], _each(len(score))
+        )
+    return reach[0, : len(score)], shift
+
+
+def _viterbi_one_by_one(
+    score: NDArray[np.float64],
+    log_arrival: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    led: NDArray[np.int64],
+    origin: NDArray[Any],
+    impossible: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], float]:
+    """The same for any number of labels."""
+    from pgm_places.solvers._forward_kernels import viterbi_steps
+
+    shift, each = 0.0, _each(len(score))
+    for part in _blocks(len(observed)):
+        rows, begun = _checked(observed, part), part.start > 0
+        shift += viterbi_steps(
+            score, begun, log_arrival, led[part], rows, origin[part], impossible[part], each
+        )
+    return score, shift

@@ -104,7 +104,7 @@ def _select_rule(mask: Any, a: Any, b: Any) -> tuple[Any, Emit]:
 
 def _any_rule(mask: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        bits = builder.bitcast(args[0], ir.IntType(LANES))
+        bits = builder.bitcast(args[0], ir.IntType(args[0].type.count))
         return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
 
     return signature(types.boolean, mask), emit

@@ -1,4 +1,4 @@
-"""Lanes from any place of a matrix: vectors of sixteen or four numbers, and fields of bits.
+"""Lanes from any place of a matrix: sixteen, eight or four numbers, and fields of bits.
 
 The functions of :mod:`~pgm_places.kernels.lanes` combine these vectors as they do whole rows of
 planes. Matrices must be C-contiguous; a vector may begin in any column, and nothing checks that it
@@ -16,17 +16,21 @@ from pgm_places.kernels.deferred import instruction
 from pgm_places.kernels.lanes import LANES
 
 __all__ = [
+    "EIGHT",
     "FOUR",
     "field_at",
     "load_at",
+    "load_eight",
     "load_four",
     "spread",
     "store_at",
+    "store_bytes",
+    "store_eight",
     "store_four",
     "sum_of_four",
 ]
 
-FOUR = 4
+FOUR, EIGHT = 4, 8
 
 
 @instruction
@@ -54,9 +58,27 @@ def store_four(matrix: NDArray[Any], row: int, column: int, value: Any) -> None:
 
 
 @instruction
-def spread(four: Any) -> Any:
-    """Four vectors, each with one of the four numbers in all of its lanes."""
-    return tuple(np.full(FOUR, number) for number in four)
+def load_eight(matrix: NDArray[Any], row: int, column: int) -> Any:
+    """Eight numbers of a row, from ``column`` on."""
+    return matrix[row, column : column + EIGHT].copy()
+
+
+@instruction
+def store_eight(matrix: NDArray[Any], row: int, column: int, value: Any) -> None:
+    """Write eight numbers to a row, from ``column`` on."""
+    matrix[row, column : column + EIGHT] = value
+
+
+@instruction
+def store_bytes(matrix: NDArray[np.int8], row: int, column: int, value: Any) -> None:
+    """Write eight whole numbers below 128 to a row of bytes, from ``column`` on."""
+    matrix[row, column : column + EIGHT] = value
+
+
+@instruction
+def spread(few: Any) -> Any:
+    """As many vectors as there are lanes, each with one of the numbers in all of its lanes."""
+    return tuple(np.full(len(few), number) for number in few)
 
 
 @instruction

@@ -8,7 +8,7 @@ from numba import types
 from numba.core.errors import TypingError
 from numba.core.typing.templates import signature
 
-from pgm_places.kernels.lane_access import FOUR
+from pgm_places.kernels.lane_access import EIGHT, FOUR
 from pgm_places.kernels.lane_type import Emit, LanesType, Rule, splat_value
 from pgm_places.kernels.lanes import LANES
 
@@ -55,16 +55,30 @@ def _store_rule(matrix: Any, row: Any, column: Any, value: Any) -> tuple[Any, Em
     return signature(types.void, matrix, types.intp, types.intp, value), emit
 
 
-def _spread_rule(four: Any) -> tuple[Any, Emit]:
+def _bytes_rule(matrix: Any, row: Any, column: Any, value: Any) -> tuple[Any, Emit]:
+    _require_rows(matrix)
+
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        indices = ir.VectorType(ir.IntType(32), FOUR)
+        count = args[3].type.count
+        words = builder.fptosi(args[3], ir.VectorType(ir.IntType(32), count))
+        few = builder.trunc(words, ir.VectorType(ir.IntType(8), count))
+        place = _pointer(context, builder, sig.args[0], args[:3], few.type)
+        builder.store(few, place).align = 1
+        return context.get_dummy_value()
+
+    return signature(types.void, matrix, types.intp, types.intp, value), emit
+
+
+def _spread_rule(few: Any) -> tuple[Any, Emit]:
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        indices = ir.VectorType(ir.IntType(32), few.count)
         lanes = [
-            builder.shuffle_vector(args[0], args[0], ir.Constant(indices, [k] * FOUR))
-            for k in range(FOUR)
+            builder.shuffle_vector(args[0], args[0], ir.Constant(indices, [k] * few.count))
+            for k in range(few.count)
         ]
         return context.make_tuple(builder, sig.return_type, lanes)
 
-    return signature(types.UniTuple(four, FOUR), four), emit
+    return signature(types.UniTuple(few, few.count), few), emit
 
 
 def _sum_rule(four: Any) -> tuple[Any, Emit]:
@@ -94,9 +108,12 @@ def _field_rule(codes: Any, index: Any, shift: Any, mask: Any) -> tuple[Any, Emi
 ACCESS_RULES: dict[str, Rule] = {
     "field_at": _field_rule,
     "load_at": _load_rule(LANES),
+    "load_eight": _load_rule(EIGHT),
     "load_four": _load_rule(FOUR),
     "spread": _spread_rule,
     "store_at": _store_rule,
+    "store_bytes": _bytes_rule,
+    "store_eight": _store_rule,
     "store_four": _store_rule,
     "sum_of_four": _sum_rule,
 }

@@ -4,16 +4,20 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 from pgm_places.kernels.lane_access import (
+    EIGHT,
     FOUR,
     field_at,
     load_at,
+    load_eight,
     load_four,
     spread,
     store_at,
+    store_bytes,
+    store_eight,
     store_four,
     sum_of_four,
 )
-from pgm_places.kernels.lanes import LANES, absolute, fma, largest, select
+from pgm_places.kernels.lanes import LANES, absolute, any_lane, fma, largest, select
 
 Matrix = NDArray[np.float64]
 
@@ -70,3 +74,34 @@ def test_fields_of_bits(shift: int, mask: int) -> None:
     out = np.zeros((1, LANES), np.float32)
     _fields(codes, shift, mask, out)
     np.testing.assert_array_equal(out[0], (codes[3:].astype(int) >> shift) & mask)
+
+
+@njit
+def _eight(a: Matrix, out: Matrix, whole: NDArray[np.int8]) -> tuple[bool, bool]:
+    x = load_eight(a, 1, 3)
+    y = load_eight(a, 0, 1)
+    store_eight(out, 0, 0, largest(x, y))
+    lanes = spread(x)
+    store_eight(out, 1, 1, lanes[7] * y)
+    for k in range(8):
+        y = y + lanes[k]
+    store_eight(out, 2, 1, y)
+    store_bytes(whole, 1, 1, select(x < 0.0, x * 0.0, x * 0.0 + 5.0))
+    return any_lane(x > 100.0), any_lane(x < 100.0)
+
+
+def test_eight_numbers_are_computed_like_sixteen() -> None:
+    a = np.random.default_rng(1).normal(size=(2, 12))
+    out, whole = np.zeros((3, 9)), np.zeros((2, 10), np.int8)
+    any_large, any_small = _eight(a, out, whole)
+    x, y = a[1, 3 : 3 + EIGHT], a[0, 1 : 1 + EIGHT]
+    assert not any_large
+    assert any_small
+    expected = np.zeros_like(out)
+    expected[0, :EIGHT] = np.maximum(x, y)
+    expected[1, 1:] = x[7] * y
+    expected[2, 1:] = y + x.sum()
+    np.testing.assert_allclose(out, expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_array_equal(whole[1, 1:9], np.where(x < 0, 0, 5))
+    assert not whole[0].any()
+    assert whole[1, 9] == 0

@@ -208,17 +208,28 @@ def test_bad_input(change: dict[str, object], message: str) -> None:
             function(**{**arguments, **change})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("k", [1, 3, 8])
+@pytest.mark.parametrize("k", [1, 3, 5, 6, 8])
 def test_registers_and_arrays_give_the_same_bits(k: int, monkeypatch: pytest.MonkeyPatch) -> None:
     initial, transition, likelihood, actions = a_chain(k, 400, k, 2, zeros=0.2 if k > 1 else 0.0)
     observed = logs(likelihood) * np.random.default_rng(k).choice([1.0, 60.0, 400.0], (400, 1))
     functions = (filtered_beliefs, smoothed_beliefs, viterbi)
     few = [function(initial, transition, observed, actions=actions) for function in functions]
     monkeypatch.setattr(forward, "FEW_LABELS", 0)
+    monkeypatch.setattr(forward, "LANES_WIDE", 0)
     many = [function(initial, transition, observed, actions=actions) for function in functions]
     for one, other in zip(few, many, strict=True):
         for name, value in vars(one).items():
             np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
+
+
+@pytest.mark.parametrize("k", [3, 5, 7, 8])
+def test_ties_go_to_the_smaller_label(k: int) -> None:
+    even = np.full((k, k), 1 / k)
+    observed = np.zeros((20, k))
+    observed[3, :2] = -np.inf
+    wanted = np.zeros(20, np.int64)
+    wanted[3] = 2
+    np.testing.assert_array_equal(viterbi(even[0], even, observed).labels, wanted)
 
 
 def smoothed_in_logs(initial: Array, transition: Array, observed: Array) -> Array:

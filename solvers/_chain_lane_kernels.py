@@ -1,0 +1,71 @@
+"""Viterbi's recursion for at most eight labels: a vector holds a number per label.
+
+The scores stay in one register, whose numbers are spread to all lanes in turn to meet the rows of a
+table. Rows of K log-likelihoods follow each other without gaps in a matrix (1, n), from which
+vectors of eight are read at ``t K``: the lanes beyond K are those of the next row, and never count,
+since the table holds -inf there. Behind the last row is room for eight.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.kernels.jit import njit
+from pgm_places.kernels.lane_access import load_eight, spread, store_bytes, store_eight
+from pgm_places.kernels.lanes import any_lane, largest, select
+from pgm_places.solvers._forward_kernels import LOW_SCORE
+
+__all__ = ["viterbi_lanes"]
+
+
+@njit
+def viterbi_lanes(
+    best_score: NDArray[np.float64],
+    begun: bool,
+    log_arrival: NDArray[np.float64],
+    action: NDArray[np.int64],
+    log_likelihood: NDArray[np.float64],
+    origin: NDArray[np.int8],
+    impossible: NDArray[np.bool_],
+    each: Any,
+) -> float:
+    """Go on by some steps from the scores (1, 8) of the best paths, as ``viterbi_steps`` does.
+
+    ``log_arrival[a K + m, l]`` is the log-probability of coming to ``l`` from ``m`` under action
+    ``a``; ``origin`` is (n, 8). ``each`` is a tuple with a 0.0 per label: its length is a constant
+    to the compiler.
+    """
+    n_labels, shift = len(each), 0.0
+    few = np.zeros((1, 8))
+    none = load_eight(few, 0, 0)
+    reach = load_eight(best_score, 0, 0)
+    for t in range(len(impossible)):
+        arrive = reach
+        if t > 0 or begun:
+            first = action[t] * n_labels
+            numbers = spread(reach)
+            arrive = numbers[0] + load_eight(log_arrival, first, 0)
+            for m in range(1, n_labels):
+                arrive = largest(arrive, numbers[m] + load_eight(log_arrival, first + m, 0))
+            origins = none
+            for m in range(n_labels - 1, -1, -1):
+                through = numbers[m] + load_eight(log_arrival, first + m, 0)
+                origins = select(through == arrive, none + m, origins)
+            store_bytes(origin, t, 0, origins)
+        reach = arrive + load_eight(log_likelihood, 0, t * n_labels)
+        impossible[t] = False
+        if not any_lane(reach >= LOW_SCORE):
+            store_eight(few, 0, 0, reach)
+            most = few[0].max()
+            impossible[t] = most == -np.inf
+            if most == -np.inf:
+                store_eight(few, 0, 0, arrive)
+                most = few[0].max()
+            if most < LOW_SCORE:
+                for k in range(n_labels):
+                    few[0, k] -= most
+                shift += most
+            reach = load_eight(few, 0, 0)
+    store_eight(best_score, 0, 0, reach)
+    return shift
