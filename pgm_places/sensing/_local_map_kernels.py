@@ -197,28 +197,37 @@ def coarse_cells(
     low: tuple[int, int],
     high: tuple[int, int],
     factor: int,
+    values: tuple[int, int, int],
     out: NDArray[np.int8],
 ) -> None:
     """Write a part of the window with ``factor`` x ``factor`` cells in one.
 
-    1 where any of them is occupied, else -1 where any is free, else 0. The part goes from row and
-    column ``low`` to ``high``; cells beyond count as unknown.
+    The first of the ``values`` where any of them is occupied, else the second where any is free,
+    else the third. The part goes from row and column ``low`` to ``high``; cells beyond count as
+    unknown.
     """
-    n = len(window.evidence)
+    n, width = len(window.evidence), high[1] - low[1]
+    most, least = np.zeros(width, np.int8), np.zeros(width, np.int8)
+    kept_column = _kept_at(window, low[0], low[1])[1]
+    before = min(width, n - kept_column)  # columns before those that are kept at the beginning
     for r in range(out.shape[0]):
-        for c in range(out.shape[1]):
-            out[r, c] = 0
+        for c in range(width):
+            most[c] = least[c] = 0
         first_row = low[0] + r * factor
         for row in range(first_row, min(first_row + factor, high[0])):
-            kept_row, kept_column = _kept_at(window, row, low[1])
-            c, left = 0, factor  # the cell, and how many columns still belong to it
-            for _ in range(low[1], high[1]):
-                evidence = window.evidence[kept_row, kept_column]
-                if evidence > 0:
-                    out[r, c] = 1
-                elif evidence < 0 and out[r, c] == 0:
-                    out[r, c] = -1
-                left -= 1
-                if left == 0:
-                    c, left = c + 1, factor
-                kept_column = kept_column + 1 if kept_column + 1 < n else 0
+            evidence = window.evidence[_kept_at(window, row, low[1])[0]]
+            _extend(evidence[kept_column : kept_column + before], most, least)
+            _extend(evidence[: width - before], most[before:], least[before:])
+        for c in range(out.shape[1]):
+            top, bottom = 0, 0
+            for column in range(c * factor, min((c + 1) * factor, width)):
+                top, bottom = max(top, most[column]), min(bottom, least[column])
+            out[r, c] = values[0] if top > 0 else values[1] if bottom < 0 else values[2]
+
+
+@njit
+def _extend(values: NDArray[np.int8], most: NDArray[np.int8], least: NDArray[np.int8]) -> None:
+    """The largest and the smallest of some values and those before, entry by entry."""
+    for c in range(len(values)):
+        most[c] = max(most[c], values[c])
+        least[c] = min(least[c], values[c])

@@ -227,10 +227,11 @@ class LocalMap:
         shape = -(-(last_row - first_row) // factor), -(-(last_column - first_column) // factor)
         found = np.empty(shape, np.int8)
         window = self._place(origin_xy)[2]
-        coarse_cells(window, (first_row, first_column), (last_row, last_column), factor, found)
-        cells = np.array([UNKNOWN, OCCUPIED, FREE], np.int8)[found]  # -1 is the last
+        values = OCCUPIED, FREE, UNKNOWN
+        corners = (first_row, first_column), (last_row, last_column)
+        coarse_cells(window, *corners, factor, values, found)
         x, y = low * self.resolution_m + origin_xy
-        return OccupancyGrid(cells, factor * self.resolution_m, (float(x), float(y)))
+        return OccupancyGrid(found, factor * self.resolution_m, (float(x), float(y)))
 
     def _next_scan(self) -> int:
         self._scan += 1

@@ -1,43 +1,127 @@
-"""Passes over the raster that count pieces and flip small ones."""
+"""Open space by runs: cells of a row side by side that are all free, or all not."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.kernels.jit import njit
+from pgm_places.kernels.jit import inlined, njit
 
-__all__ = ["clear_small", "piece_sizes", "sides_of_value"]
-
-
-@njit
-def sides_of_value(cells: NDArray[np.int8], free: int, side: NDArray[np.int8]) -> None:
-    """Write -1 for free cells and 0 for the others, the raster that pieces are searched in."""
-    for r in range(cells.shape[0]):
-        for c in range(cells.shape[1]):
-            side[r, c] = -1 if cells[r, c] == free else 0
+__all__ = ["open_cells"]
 
 
-@njit
-def piece_sizes(piece: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """(R,) cells of each piece of a raster, -1 for none."""
-    size = np.zeros(count, np.int64)
-    for r in range(piece.shape[0]):
-        for c in range(piece.shape[1]):
-            if piece[r, c] >= 0:
-                size[piece[r, c]] += 1
-    return size
+class Runs(NamedTuple):
+    """The runs of a raster, row after row; free ones and others alternate in a row."""
+
+    first: NDArray[np.int32]
+    """(H + 1,) the first run of each row."""
+    begin: NDArray[np.int32]
+    """(n + 1,) the first column of each run."""
+    is_open: NDArray[np.bool_]
+    """(n,)."""
 
 
 @njit
-def clear_small(
-    piece: NDArray[np.int32], size: NDArray[np.int64], least: float, side: NDArray[np.int8]
+def _runs(cells: NDArray[np.int8], free: int) -> Runs:
+    """The runs of free cells and of others."""
+    height, width = cells.shape
+    first = np.empty(height + 1, np.int32)
+    count = height
+    for r in range(height):
+        changes = 0
+        for c in range(1, width):
+            changes += (cells[r, c] == free) != (cells[r, c - 1] == free)
+        count += changes
+    begin, is_open = np.empty(count + 1, np.int32), np.empty(count, np.bool_)
+    n = 0
+    for r in range(height):
+        first[r] = n
+        for c in range(width):
+            if c == 0 or (cells[r, c] == free) != (cells[r, c - 1] == free):
+                begin[n], is_open[n] = c, cells[r, c] == free
+                n += 1
+    first[height] = n
+    return Runs(first, begin, is_open)
+
+
+@njit
+def _root(parent: NDArray[np.int32], i: int) -> int:
+    """The smallest number in the set of ``i``, with path halving."""
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@njit
+def _join(parent: NDArray[np.int32], a: int, b: int) -> None:
+    """Merge two pieces."""
+    a, b = _root(parent, a), _root(parent, b)
+    parent[max(a, b)] = min(a, b)
+
+
+@njit
+def _flip_small(
+    runs: Runs, width: int, side: bool, corners: int, least: float, parent: NDArray[np.int32]
 ) -> None:
-    """Swap the two sides, except for small pieces.
+    """Give the pieces of one side with less than ``least`` cells to the other.
 
-    Pieces are made of the cells where ``side`` is 0. Those of at least ``least`` cells become -1;
-    smaller ones join the rest, which becomes 0.
+    Runs of adjacent rows are connected if they share a column, or with ``corners`` = 1 a corner.
     """
-    for r in range(piece.shape[0]):
-        for c in range(piece.shape[1]):
-            number = piece[r, c]
-            small = number >= 0 and size[number] < least
-            side[r, c] = -1 if side[r, c] == 0 and not small else 0
+    first, begin, is_open = runs
+    size = np.zeros(len(is_open), np.int64)
+    for i in range(len(is_open)):
+        parent[i] = i
+    for r in range(len(first) - 1):
+        before, here, after = first[max(r - 1, 0)], first[r], first[r + 1]
+        for i in range(here, after):
+            end = _end(runs, i, after, width)
+            if is_open[i] != side:
+                continue
+            if i > here and is_open[i - 1] == side:
+                _join(parent, i, i - 1)
+            while before < here and _end(runs, before, here, width) + corners <= begin[i]:
+                before += 1
+            j = before
+            while j < here and begin[j] < end + corners:
+                if is_open[j] == side:
+                    _join(parent, i, j)
+                j += 1
+    for r in range(len(first) - 1):
+        for i in range(first[r], first[r + 1]):
+            parent[i] = _root(parent, i)
+            size[parent[i]] += _end(runs, i, first[r + 1], width) - begin[i]
+    for i in range(len(is_open)):
+        if is_open[i] == side and size[parent[i]] < least:
+            is_open[i] = not side
+
+
+@inlined
+def _end(runs: Runs, i: int, after: int, width: int) -> int:
+    """The column behind a run of the row whose last run is before ``after``."""
+    return runs.begin[i + 1] if i + 1 < after else width
+
+
+@njit
+def open_cells(
+    cells: NDArray[np.int8],
+    free: int,
+    least_obstacle: float,
+    least_space: float,
+    is_open: NDArray[np.bool_],
+) -> None:
+    """Write which cells are free or in an obstacle of fewer than ``least_obstacle`` cells.
+
+    Pieces of fewer than ``least_space`` are left out. Obstacles are connected by sides and corners,
+    open space by sides.
+    """
+    width = cells.shape[1]
+    runs = _runs(cells, free)
+    parent = np.empty(len(runs.is_open), np.int32)
+    _flip_small(runs, width, False, 1, least_obstacle, parent)
+    _flip_small(runs, width, True, 0, least_space, parent)
+    for r in range(cells.shape[0]):
+        for i in range(runs.first[r], runs.first[r + 1]):
+            value = runs.is_open[i]
+            for c in range(runs.begin[i], _end(runs, i, runs.first[r + 1], width)):
+                is_open[r, c] = value

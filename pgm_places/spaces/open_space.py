@@ -27,16 +27,9 @@ def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     >>> int(open_space(OccupancyGrid(cells, resolution_m=0.5)).sum())
     81
     """
-    from pgm_places.maps._component_kernels import label_components
-    from pgm_places.spaces._open_kernels import clear_small, piece_sizes, sides_of_value
+    from pgm_places.spaces._open_kernels import open_cells
 
-    side = np.empty(grid.shape, np.int8)
-    sides_of_value(grid.cells, FREE, side)
-    piece = np.empty(grid.shape, np.int32)
-    scratch = np.empty(piece.size, np.int32)  # pages are only touched as far as it is used
+    found = np.empty(grid.shape, np.bool_)
     cell_m2 = grid.resolution_m**2
-    for eight, least_m2 in ((True, FURNITURE_M2), (False, SMALLEST_SPACE_M2)):
-        count = label_components(side, eight, scratch, piece)
-        # after the first pass, open space is 0 and the remaining obstacles are -1
-        clear_small(piece, piece_sizes(piece, count), least_m2 / cell_m2, side)
-    return side != 0
+    open_cells(grid.cells, FREE, FURNITURE_M2 / cell_m2, SMALLEST_SPACE_M2 / cell_m2, found)
+    return found

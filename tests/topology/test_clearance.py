@@ -1,8 +1,10 @@
 """Distances to walls and edges, against a search over all cells."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from pgm_places.topology.clearance import squared_clearance, squared_depth
 from tests.strategies import varied_arrays
@@ -24,6 +26,16 @@ def nearest(targets: np.ndarray) -> np.ndarray:
 @given(blocked=varied_arrays(np.bool_, shapes))
 def test_clearance_is_the_distance_to_the_nearest_blocked_cell(blocked: np.ndarray) -> None:
     assert (squared_clearance(blocked) == nearest(blocked)).all()
+
+
+@pytest.mark.parametrize("n_pillars", [0, 3, 20])
+def test_far_walls_are_found_as_near_ones(n_pillars: int) -> None:
+    blocked = np.zeros((170, 230), np.bool_)
+    blocked.flat[np.random.default_rng(n_pillars).integers(0, blocked.size, n_pillars)] = True
+    away = ndimage.distance_transform_edt(~np.pad(blocked, 1, constant_values=True))[1:-1, 1:-1]
+    found = squared_clearance(blocked)
+    assert (found == np.rint(away**2)).all()
+    assert n_pillars > 3 or found.max() > 64**2
 
 
 def test_sparse_walls_in_a_large_room() -> None:
