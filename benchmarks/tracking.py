@@ -23,6 +23,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.local_map import LocalMap
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.sensing.simulated_robot import SimulatedRobot
+from pgm_places.trained import trained_tracker
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.unary.scan_model import BeamOptions, observed_along
 
@@ -75,6 +76,8 @@ def run(quick: bool) -> list[dict[str, Any]]:
         parts[f"online step, missing beams: {beams}"] = lambda t, online=online: online.step(
             scans[t]
         )
+    shipped = trained_tracker().online(GEOMETRY)
+    parts["online step, the shipped model with spaces"] = lambda t: shipped.step(scans[t])
     prior = MapPrior.of_labels(building.grid, building.labels, len(names))
     told = labeler.online(GEOMETRY, map_prior=prior)
     parts["online step, with a labelled map"] = lambda t: told.step(scans[t])
