@@ -40,6 +40,10 @@ __all__ = ["ObjectCode", "load_code", "save_code", "source_stamps"]
 _FORMAT = 2
 _DIGEST_BYTES = 32
 _SHA1_BYTES = 20
+_NUMBAS, _OURS = b"numba_unpickle", b"places_objects"
+"""What machine code calls to get a Python object. Symbols are the process's: under numba's name,
+code that numba links later would ask us. Both are of one length, so that the file stays in order.
+"""
 _HARMLESS = {"NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS", "NUMBA_THREADING_LAYER"}
 """Variables of numba that do not change the code; with any other, numba itself is asked."""
 
@@ -191,15 +195,13 @@ class _Linker:
         for prefix, module in helpers.items():
             for name, address in _extension(module).c_helpers.items():
                 binding.add_symbol(name if name.startswith("_") else prefix + name, address)
-        # Numba's own function would import numba.
-        unpickle = ctypes.PYFUNCTYPE(
-            ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p
-        )
+        # Numba's own function would import numba, and unpickle.
+        giver = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)
         self._objects: dict[bytes, Any] = {}
-        self._unpickle = unpickle(self._object)
-        pointer = ctypes.cast(self._unpickle, ctypes.c_void_p).value
+        self._giver = giver(self._object)
+        pointer = ctypes.cast(self._giver, ctypes.c_void_p).value
         assert pointer is not None
-        binding.add_symbol("numba_unpickle", pointer)
+        binding.add_symbol(_OURS.decode(), pointer)
         with suppress(RuntimeError):  # later versions do this by themselves, and say so
             binding.initialize_native_target()
             binding.initialize_native_asmprinter()
@@ -211,9 +213,10 @@ class _Linker:
     def function(self, kernel: Deferred, code: ObjectCode) -> Callable[..., Any]:
         """The code as a function of Python objects."""
         objects = {bytes.fromhex(sha1): as_object(item) for sha1, item in code.objects.items()}
+        content = code.content.replace(_NUMBAS, _OURS)
         with self._lock:
             self._objects |= objects
-            self._engine.add_object_file(self._binding.ObjectFileRef.from_data(code.content))
+            self._engine.add_object_file(self._binding.ObjectFileRef.from_data(content))
             self._engine.finalize_object()
             address = self._engine.get_function_address(code.wrapper)
             pointer = self._engine.get_global_value_address(code.environment)

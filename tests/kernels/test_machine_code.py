@@ -105,7 +105,12 @@ PROGRAMS = {"kernels": KERNELS, "helper": HELPER, "main": MAIN}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two modules with kernels, a program that has called them, and what is kept of that."""
     folder = tmp_path_factory.mktemp("kernels")
-    for name, text in {**PROGRAMS, "later": LATER, "references": REFERENCES}.items():
+    for name, text in {
+        **PROGRAMS,
+        "later": LATER,
+        "earlier": EARLIER,
+        "references": REFERENCES,
+    }.items():
         (folder / f"{name}.py").write_text(text)
     assert run(folder) == COMPILED
     return folder
@@ -200,6 +205,33 @@ print(twice(4), doubled(np.ones((2, 16), np.float32))[1, 0], total(np.arange(3.0
 @only_where_tried
 def test_numba_may_be_imported_later(folder: Path) -> None:
     assert run(folder, "later.py") == (f"{STORED[0]}8 2.0 3.0\n", "")
+
+
+EARLIER = """\
+import numba
+import numpy as np
+
+numba.njit(lambda n: np.ones(n))(1)  # from now on numba has told the linker of its functions
+import main
+
+@numba.njit
+def zeros(n):
+    if n < 0:
+        raise ValueError("below zero")
+    return np.zeros(n)
+
+print(zeros(2))
+try:
+    zeros(-1)
+except ValueError as error:
+    print(error)
+"""
+
+
+@only_where_tried
+def test_code_that_numba_links_afterwards_gets_its_objects_from_numba(folder: Path) -> None:
+    stored = STORED[0].replace("False\n", "True\n")  # numba has been imported
+    assert run(folder, "earlier.py") == (f"{stored}[0. 0.]\nbelow zero\n", "")
 
 
 REFERENCES = """\
