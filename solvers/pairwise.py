@@ -160,8 +160,8 @@ def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
     Examples
     --------
     >>> apart = np.abs(np.subtract.outer(np.arange(30.0), np.arange(30.0)))
-    >>> label_distances(-np.minimum(0.5 * apart, 2.0)[None]).tolist()
-    [1.0, 0.0, 0.5, 2.0]
+    >>> label_distances(1.0 - np.minimum(0.5 * apart, 2.0)[None]).tolist()
+    [1.0, 1.0, 0.5, 2.0]
     """
     n_tables, n_labels, _ = tables.shape
     if n_labels < min(FEWEST_LABELS.values()) or n_labels < 2 or not n_tables:

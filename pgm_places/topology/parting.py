@@ -136,7 +136,8 @@ class Parting:
 
 def _room(n_cells: int, across: float) -> Room:
     """What the kernel works in, for gaps whose cells lie within a square ``across``."""
-    gap = int(min(n_cells, (across + 4) ** 2))
+    side = min(across + 4, float(n_cells))  # a width of 1e300 has no square
+    gap = int(min(n_cells, side**2))
     waters = 8 * gap + 1  # around each cell of the gap
     return Room(
         mark=np.zeros(n_cells, np.int32),

@@ -136,7 +136,7 @@ def test_the_same_run_twice_gives_the_same_labels() -> None:
             },
             r"\[select\] scores options on training drives .* has none",
         ),
-        ({"nodes": "step"}, "nodes must be 'cells', 'steps' or 'both', got 'step'"),
+        ({"nodes": "step"}, "nodes must be 'cells', 'steps', 'both' or 'graph', got 'step'"),
         (
             {"nodes": "both", "test": [{"log": "a.log", "truth": "a.csv"}]},
             r"test\[0\]: steps are joined to the cells of a map; give map too",
