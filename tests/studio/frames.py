@@ -1,6 +1,6 @@
 """Frames a second on a map of 100 million cells: ``python -m tests.studio.frames [SIDE]``."""
 
-import sys
+import argparse
 import tempfile
 from pathlib import Path
 
@@ -58,4 +58,6 @@ def main(side: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000)
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("side", nargs="?", type=int, default=10_000, help="cells along one side")
+    main(parser.parse_args().side)
