@@ -361,8 +361,12 @@ def _fitted_list(
     What one list believes because of where a map comes from, those that have not seen such maps
     contradict: whole spaces flip between lists, and rarely in most of them at once.
     """
+    remaining = without_a_domain(truth, domain)
+    if len(remaining) == 1:  # all rows: a mask would copy them
+        found: BoostedList = _like(unfitted).fit(values, truth, groups=groups).boosted_list_
+        return found
     lists = []
-    for seen in without_a_domain(truth, domain):
+    for seen in remaining:
         some = None if groups is None else groups[seen]
         lists.append(_like(unfitted).fit(values[seen], truth[seen], groups=some).boosted_list_)
     return list_average(lists)
