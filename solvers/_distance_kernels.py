@@ -14,6 +14,8 @@ from pgm_places.kernels.jit import fused, njit
 __all__ = ["distance_at", "distance_score", "max_of_distances"]
 
 _ONE = np.uint32(1)
+_WEIGHT, _CAP = np.uint64(1), np.uint64(2)
+"""Where they stand behind the base; unsigned, as NumPy 1 makes floats of uint64 and int."""
 
 
 @fused
@@ -27,8 +29,8 @@ def distance_score(distances: NDArray[np.float64], arc: np.uint32, mine: int, th
     """The potential of two labels at the ends of the arc's edge."""
     at = distance_at(distances, arc)
     apart = float(abs(mine - theirs))
-    cost = distances[at + 1] * (apart if distances[0] == 1.0 else apart * apart)
-    return distances[at] - (cost if cost < distances[at + 2] else distances[at + 2])
+    cost = distances[at + _WEIGHT] * (apart if distances[0] == 1.0 else apart * apart)
+    return distances[at] - min(cost, distances[at + _CAP])
 
 
 @njit
@@ -41,7 +43,7 @@ def max_of_distances(
     """``out[b] = max_a sent[a] + potential(a, b)``; all -inf if all ``sent`` are."""
     n_labels = sent.shape[0]
     at = distance_at(distances, arc)
-    base, weight, cap = distances[at], distances[at + 1], distances[at + 2]
+    base, weight, cap = distances[at], distances[at + _WEIGHT], distances[at + _CAP]
     top = -np.inf
     for a in range(n_labels):
         if sent[a] > top:
