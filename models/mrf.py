@@ -58,8 +58,8 @@ class PottsField:
         Limit of the decoder's iterations instead of its own.
     temperature : float or "auto"
         What divides the logarithms of the beliefs that a decoder gives; labels never change.
-        ``"auto"`` is 1 until a labeler of maps has scores of cells by lists that had not seen them:
-        it then takes the temperature that makes their true labels likeliest.
+        ``"auto"`` is 1 until a labeler of maps or of problems has scores of nodes by classifiers
+        that had not seen them: it then takes the temperature that makes their labels likeliest.
 
     Examples
     --------

@@ -121,16 +121,27 @@ def calibrated(
 ) -> Any:
     """The method with the temperature that fits its beliefs on labelled problems.
 
-    One whose temperature is not ``"auto"``, or that has no beliefs, comes back as it is. The
-    unaries should be of a classifier that has not seen the labelled nodes: on nodes that it was
-    fitted on it is right whenever it is sure.
+    One whose temperature is not ``"auto"``, or that has no beliefs, comes back as it is, as does
+    any where no labelled node is left. Nodes whose label the problem itself knows do not count:
+    their beliefs are given. The unaries should be of a classifier that has not seen the labelled
+    nodes: on nodes that it was fitted on it is right whenever it is sure.
     """
     if getattr(backend, "temperature", None) != "auto" or not backend.gives_beliefs:
         return backend
-    pairs = labelled_problems(problems, labelings)
+    pairs = [
+        (item, _unknown(item, labels)) for item, labels in labelled_problems(problems, labelings)
+    ]
+    pairs = [(item, truth) for item, truth in pairs if (truth >= 0).any()]
+    if not pairs:
+        return backend
     beliefs = [backend.infer(problem).beliefs for problem, _ in pairs]
     factor = likeliest_temperature(beliefs, [truth for _, truth in pairs])
     return dataclasses.replace(backend, temperature=factor)
+
+
+def _unknown(problem: LabelingProblem, truth: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The labels of the nodes that the problem itself does not know, -1 elsewhere."""
+    return truth if problem.known is None else np.where(problem.known >= 0, -1, truth)
 
 
 def _flattened(beliefs: NDArray[Any], power: float) -> NDArray[Any]:

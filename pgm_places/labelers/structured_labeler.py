@@ -20,6 +20,7 @@ from pgm_places.inference.problem import (
     listed_problems,
     weights_of,
 )
+from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.unary.options import LearnOn, NumberOfFolds
@@ -48,7 +49,8 @@ class StructuredLabeler(Labeler):
         and its log-probabilities become their unary. None takes the unary that is there.
     learn_on : {"out-of-fold", "in-sample"}
         Which unary the backend learns from: that of classifiers which have not seen the node (like
-        those of new problems), or the classifier's own, on which it hardly errs.
+        those of new problems), or the classifier's own, on which it hardly errs. From the former,
+        a method whose ``temperature`` is ``"auto"`` also learns how sure its beliefs may be.
     n_folds : int
         For the former: folds are whole problems. Where there is only one they are stripes of its
         graph, across its positions or along its chain; if it has neither, stripes of the nodes of
@@ -166,6 +168,8 @@ class StructuredLabeler(Labeler):
         if isinstance(backend, Learnable):
             extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
             backend = backend.fit(seen, truths, **extra)
+        if self.learn_on == "out-of-fold":
+            backend = calibrated(backend, seen, _counted(truths, weights))
         return self.set_learned(classifier_=classifier, backend_=backend, label_names_=names)
 
     def _trained(
@@ -334,6 +338,13 @@ def _checked(
     """Both as lists that belong together."""
     pairs = labelled_problems(problems, labelings)
     return [problem for problem, _ in pairs], [truth for _, truth in pairs]
+
+
+def _counted(truths: list[Truth], weights: Weights) -> list[Truth]:
+    """The labelings without nodes of weight 0."""
+    if weights is None:
+        return truths
+    return [np.where(weight > 0, truth, -1) for truth, weight in zip(truths, weights, strict=True)]
 
 
 def _features(problem: LabelingProblem) -> NDArray[np.float64]:

@@ -152,3 +152,18 @@ def _brier(found: list[Labeling], pairs: list[tuple[LabelingProblem, NDArray[np.
 def test_what_has_no_beliefs_or_a_temperature_stays(method: Any) -> None:
     problem, truth = noisy_floor(1)
     assert calibrated(method, [problem], [truth]) is method
+
+
+def test_nodes_that_the_problem_knows_do_not_count() -> None:
+    """Their beliefs are given, so they would tell that the method is right whenever it is sure."""
+    problem, truth = noisy_floor(2)
+    left = truth == 0
+    known = LabelingProblem(
+        problem.graph, problem.label_names, problem.unary, known=np.where(left, truth, -1)
+    )
+    method = PottsField(0.25, inference="mean-field")
+    found = calibrated(method, [known], [truth])
+    assert found == calibrated(method, [known], [np.where(left, -1, truth)])
+    assert found.temperature > 1.0
+    all_known = LabelingProblem(problem.graph, problem.label_names, problem.unary, known=truth)
+    assert calibrated(method, [all_known], [truth]) is method

@@ -1,5 +1,6 @@
 """StructuredLabeler: any classifier before any backend, by scikit-learn's rules."""
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from sklearn.tree import DecisionTreeClassifier
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.scoring import node_scorer
 from pgm_places.models.mrf import PottsField
 
@@ -221,3 +223,67 @@ def test_weights_of_problems_and_nodes_count_in_learning(
         labeler.fit(chains[:2], truths[:2], sample_weight=[1.0])
     with pytest.raises(InputError, match=r"sample_weight\[1\] must be at least 0, got -1"):
         labeler.fit(chains[:2], truths[:2], sample_weight=[1.0, -1.0])
+
+
+def patchy_floor(seed: int) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """Two halves, and a feature that is wrong in patches: neighbours see the same."""
+    truth = np.zeros((24, 24), np.int64)
+    truth[:, 12:] = 1
+    wrong = np.kron(np.random.default_rng(seed).random((6, 6)) < 0.2, np.ones((4, 4))) > 0
+    shown = np.where(wrong, 1 - truth, truth).reshape(-1, 1).astype(float)
+    graph = LabelGraph.from_lattice(truth.shape, diagonals=True)
+    return LabelingProblem(graph, ["left", "right"], node_features=shown), truth.ravel()
+
+
+SURE_OF_ITSELF = PottsField(0.25, inference="mean-field")
+
+
+def surprise(
+    labeler: StructuredLabeler, floors: Sequence[tuple[LabelingProblem, NDArray[np.int64]]]
+) -> float:
+    """The mean of -log of what the true labels of nodes were given."""
+    beliefs = labeler.predict_proba([problem for problem, _ in floors])
+    given = [row[np.arange(len(y)), y] for row, (_, y) in zip(beliefs, floors, strict=True)]
+    return float(-np.log(np.maximum(np.concatenate(given), 1e-12)).mean())
+
+
+@pytest.mark.parametrize("n_problems", [1, 10])
+def test_held_out_nodes_calibrate_the_beliefs(n_problems: int) -> None:
+    problems, truths = zip(*map(patchy_floor, range(n_problems)), strict=True)
+    labeler = StructuredLabeler(SURE_OF_ITSELF, LogisticRegression()).fit(problems, truths)
+    assert labeler.backend_.temperature > 1.2
+    surer = clone(labeler).set_params(backend__temperature=1.0).fit(problems, truths)
+    assert surer.backend_ == dataclasses.replace(SURE_OF_ITSELF, temperature=1.0)
+    others = [patchy_floor(seed) for seed in range(10, 20)]
+    for problem, _ in others:
+        np.testing.assert_array_equal(labeler.label(problem).labels, surer.label(problem).labels)
+    assert surprise(labeler, others) < 0.95 * surprise(surer, others)
+
+
+def test_without_a_classifier_the_given_unary_calibrates() -> None:
+    problems, truths = zip(*map(patchy_floor, range(4)), strict=True)
+    odds = [np.log([[0.8, 0.2], [0.2, 0.8]])[p.node_features[:, 0].astype(int)] for p in problems]
+    seen = [p.with_unary(unary) for p, unary in zip(problems, odds, strict=True)]
+    fitted = StructuredLabeler(SURE_OF_ITSELF).fit(seen, truths)
+    assert fitted.backend_ == calibrated(SURE_OF_ITSELF, seen, truths)
+    assert fitted.backend_.temperature > 1.2
+
+
+def test_what_was_seen_in_learning_calibrates_nothing() -> None:
+    problems, truths = zip(*map(patchy_floor, range(3)), strict=True)
+    labeler = StructuredLabeler(SURE_OF_ITSELF, LogisticRegression(), learn_on="in-sample")
+    assert labeler.fit(problems, truths).backend_ == SURE_OF_ITSELF
+
+
+def test_problems_and_nodes_of_weight_zero_do_not_calibrate() -> None:
+    problems, truths = zip(*map(patchy_floor, range(4)), strict=True)
+    labeler = StructuredLabeler(SURE_OF_ITSELF, LogisticRegression(), n_folds=4)
+    spoilt = [*truths[:3], 1 - truths[3]]
+    hidden = [*truths[:3], np.full_like(truths[3], -1)]
+    none, told = ([1.0, 1.0, 1.0, weight] for weight in (1.0, 0.0))
+    [expected, found, misled] = [
+        clone(labeler).fit(problems, y, sample_weight=w).backend_.temperature
+        for y, w in ((hidden, told), (spoilt, told), (spoilt, none))
+    ]
+    assert found == pytest.approx(expected, rel=1e-3)
+    assert misled > 1.5 * found
