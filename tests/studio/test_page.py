@@ -199,6 +199,20 @@ def colours_of_panes(page: Any, x: float, y: float) -> list[tuple[int, ...]]:
     return [tuple(page.evaluate(PIXEL, [x, y, k])) for k in range(panes)]
 
 
+def test_a_doorway_is_shown_in_its_own_colour_before_it_is_painted(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    page.keyboard.press("d")
+    click(page, 10.5, 10.5)
+    page.mouse.move(*at(page, 10.5, 20.5))
+    seen = []
+    for digit in "12":
+        page.keyboard.press(digit)
+        seen += colours_of_panes(page, 10.5, 15.5)
+    assert seen[0] == seen[1] != colours_of_panes(page, 16.5, 15.5)[0]
+
+
 def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
     opened: Open, map_yaml: Path
 ) -> None:
@@ -276,6 +290,38 @@ def test_nothing_is_lost_by_a_reload_or_a_kill(
         page.keyboard.press("Control+z")
         wait_revision(page, 3)
         assert page.evaluate("studio.state.painted") == 0
+
+
+def test_a_stroke_after_the_studio_has_ended_is_refused_in_words(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    running.kill()
+    page.wait_for_selector("#status.failed")
+    page.keyboard.press("r")
+    drag(page, (8, 8), (18, 12))
+    page.wait_for_selector("#toast.bad")
+    assert "does not answer, so this was not kept" in page.inner_text("#toast")
+    assert page.evaluate("studio.changed(), document.getElementById('status').className") == (
+        "status failed"
+    )
+    assert (painted(map_yaml).labels == -1).all()
+
+
+def test_a_colour_is_changed_and_the_change_undone_by_keys(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    before = page.evaluate("studio.state.classes[1].colour")
+    swatch = page.get_by_label("Colour of room")
+    swatch.focus()
+    swatch.fill("#aa2244")
+    wait_revision(page, 1)
+    assert page.evaluate("studio.state.classes[1].colour") == "#aa2244"
+    page.keyboard.press("Control+z")
+    wait_revision(page, 2)
+    assert page.evaluate("studio.state.classes[1].colour") == before
+    until(page, f"document.querySelector('[aria-label=\"Colour of room\"]').value === '{before}'")
 
 
 def test_a_second_tab_is_noticed_and_sees_the_same(opened: Open, running: StudioProcess) -> None:

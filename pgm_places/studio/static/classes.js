@@ -42,8 +42,10 @@ export class Classes {
     const colour = h("input", {
       type: "color", className: "swatch", value: item.colour, "aria-label": `Colour of ${item.name}`, title: "Change the colour",
     });
-    colour.addEventListener("change", () =>
-      this.studio.edit({ kind: "class", index: k, name: item.name, colour: colour.value }));
+    colour.addEventListener("change", () => {
+      colour.blur(); // else keys would go on choosing a colour, and the panel would wait for it
+      this.studio.edit({ kind: "class", index: k, name: item.name, colour: colour.value });
+    });
     const pick = h("button", { className: "pick", type: "button", "aria-pressed": String(this.studio.label === k) },
       h("span", {}, item.name));
     pick.addEventListener("click", () => this.studio.chooseLabel(k));

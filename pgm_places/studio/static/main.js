@@ -48,6 +48,7 @@ class Studio {
   #take(state) {
     const first = !this.state;
     this.state = state;
+    this.offline = false;
     this.frame = new Frame(state.map);
     this.colours = this.theme.colours(state.classes);
     this.label = Math.min(this.label, state.classes.length - 1);
@@ -160,6 +161,11 @@ class Studio {
   resize(factor) {
     this.tools.radius = Math.min(200, Math.max(0.5, this.tools.radius * factor));
     this.changed();
+  }
+
+  /** The class that a tool paints. */
+  labelOf(tool) {
+    return tool === "doorway" && this.label >= 0 ? this.doorwayLabel : this.label;
   }
 
   get doorwayLabel() {
@@ -339,7 +345,6 @@ class Studio {
     else if (learner.working) [kind, words] = ["working", `${painted ? "Learning" : "Labelling"}: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
     else if (!lesson) [kind, words] = ["waiting", "Paint two classes to begin"];
     else words = `Labelled in ${lesson.seconds.toFixed(1)} s`;
-    this.offline = false;
     status.className = `status ${kind}`;
     if (status.dataset.words !== words) {
       status.dataset.words = words;

@@ -15,14 +15,16 @@ export class Server {
 
   /** The answer to a request that changes something. */
   async post(path, body, options = {}) {
-    return answered(
-      await fetch(path, {
-        method: "POST",
-        headers: { "content-type": "application/json" },
-        body: JSON.stringify(body),
-        ...options,
-      }),
-    );
+    const request = {
+      method: "POST",
+      headers: { "content-type": "application/json" },
+      body: JSON.stringify(body),
+      ...options,
+    };
+    const response = await fetch(path, request).catch(() => {
+      throw new Error("The studio does not answer, so this was not kept; start it again.");
+    });
+    return answered(response);
   }
 
   /** Hand over each new state, for as long as the page is open. */

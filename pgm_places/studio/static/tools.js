@@ -122,7 +122,7 @@ export class Tools {
 
   async #stroke(tool, points) {
     const { studio } = this;
-    const label = tool === "doorway" && studio.label >= 0 ? studio.doorwayLabel : studio.label;
+    const label = studio.labelOf(tool);
     const shown = { tool, points, radius: this.radius, label, revision: null };
     this.pending.push(shown);
     studio.redraw();
@@ -146,7 +146,7 @@ export class Tools {
   /** Draw strokes and the tool's own marks; the context is in cells. */
   draw(context, pixel, colours) {
     for (const item of this.pending) this.#drawShape(context, item, pixel, colours, 0.75);
-    const { label } = this.studio;
+    const label = this.studio.labelOf(this.name);
     if (this.drawing || this.points.length) {
       const points = [...this.points];
       const open = this.name === "polygon" || this.name === "doorway";
