@@ -8,17 +8,17 @@ BIN := $(VENV)/bin
 # setuptools prints a page about every editable installation; it is how we mean to install.
 $(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
 
-# The README prints these lines for those without make.
+# The README prints these lines for those without make. Only errors of pip are shown.
 $(VENV)/.package: pyproject.toml
 	@echo "Setting up $(VENV): installing pgm_places and the libraries it needs (once) ..."
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	@$(BIN)/python -m pip install --quiet --editable .
+	@$(BIN)/python -m pip install --quiet --quiet --upgrade "pip>=25.1"
+	@$(BIN)/python -m pip install --quiet --quiet --editable .
 	@touch $@
 
 $(VENV)/.installed: $(VENV)/.package
 	@echo "Setting up $(VENV): installing the tools for tests, checks and documentation (once) ..."
-	@$(BIN)/python -m pip install --quiet --group dev
+	@$(BIN)/python -m pip install --quiet --quiet --group dev
 	@touch $@
 
 demo: $(VENV)/.package

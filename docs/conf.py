@@ -53,6 +53,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "pgm_places"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
+html_js_files = [("pages.js", {"defer": "defer"})]
 html_show_sourcelink = False
 html_sidebars = {
     "index": [],

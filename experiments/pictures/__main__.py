@@ -7,7 +7,19 @@ parts of the other pictures, so they come last.
 import argparse
 from collections.abc import Callable
 
-from experiments.pictures import batch, chains, chart, landing, learning, maps, methods, training
+from experiments.pictures import (
+    batch,
+    chains,
+    chart,
+    frames,
+    guides,
+    kills,
+    landing,
+    learning,
+    maps,
+    methods,
+    training,
+)
 
 PICTURES: dict[str, Callable[[], None]] = {
     "hero": landing.hero,
@@ -36,6 +48,11 @@ PICTURES: dict[str, Callable[[], None]] = {
     "own_problem": learning.own_problem,
     "kinds_of_buildings": training.kinds_of_buildings,
     "simulated_maps": training.simulated_maps,
+    "conventions": frames.conventions,
+    "configuration": guides.configuration,
+    "extending": guides.extending,
+    "faq": guides.faq,
+    "reliability": kills.reliability,
     "many_maps": batch.many_maps,
     "cards": landing.cards,
 }

@@ -34,7 +34,9 @@ def keep(name: str, picture: bytes | Figure | Image.Image) -> None:
     """Write docs/images/NAME.png with a palette."""
     if isinstance(picture, Figure):
         buffer = io.BytesIO()
-        picture.savefig(buffer, dpi=DPI, metadata={"Software": None})
+        picture.savefig(
+            buffer, dpi=DPI, metadata={"Software": None}, bbox_inches="tight", pad_inches=0.08
+        )
         picture = buffer.getvalue()
     image = Image.open(io.BytesIO(picture)) if isinstance(picture, bytes) else picture
     path = IMAGES / f"{name}.png"

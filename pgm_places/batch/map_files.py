@@ -82,7 +82,7 @@ def write_labelled(
     summary, labels, area_m2 = result.summary(), result.labels, result.shares()
     warnings = (*source.warnings, *result.warnings)
     inputs = _inputs_of_places(result, gates=rules.doorways == "gates")
-    title = f"{source.yaml_path.stem}: {result.method}"
+    title = f"{source.name}: {result.method}"
     del result  # the labels of a huge map's nodes are not needed any more
     with progress.stage("places"):
         topology = write_places(files, title, rules, grid=source.grid, **inputs)

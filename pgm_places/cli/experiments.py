@@ -120,6 +120,8 @@ def demo(
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import DEMO
 
+    if not quiet:
+        say("Three methods learn from the left part of a generated building, and label the right.")
     with output_set(out, "demo", names=DEMO, force=force) as files:
         config_path = write_demo(files.stage, seed=seed)
         with _experiment(config_path, n_threads=n_threads, quiet=quiet) as experiment:

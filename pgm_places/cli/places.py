@@ -67,7 +67,7 @@ def topology(
         progress.stage("places"),
     ):
         found = write_places(
-            files, map_yaml.stem, rules, grid=loaded.grid, labels=labels, label_names=names
+            files, loaded.name, rules, grid=loaded.grid, labels=labels, label_names=names
         )
     say(places_summary(found))
     if propose_splits_m:

@@ -204,6 +204,6 @@ def _font(size: float, bold: bool = False) -> "ImageFont.FreeTypeFont | ImageFon
     return ImageFont.load_default(size)
 
 
-def text_width(content: str, size: float) -> float:
+def text_width(content: str, size: float, *, bold: bool = False) -> float:
     """Width in pixels of a line of text of a size in pixels."""
-    return float(_font(size).getlength(content))
+    return float(_font(size, bold).getlength(content))

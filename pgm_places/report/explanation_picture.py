@@ -14,7 +14,7 @@ from pgm_places.teaching.taught import Taught
 
 __all__ = ["explanation_lines", "explanation_picture"]
 
-_EDGE, _LEFT, _ROW, _PANEL = 24, 560, 21, 500
+_EDGE, _MAP, _ROW, _PANEL = 24, 560, 21, 500
 _BAR = 110
 _MOST_VOTES = 7
 _FOR, _AGAINST = "#2f7d4f", "#b5482a"
@@ -79,16 +79,18 @@ def explanation_picture(taught: Taught, found: CellExplanation) -> bytes:
     votes = [question.votes[:_MOST_VOTES] for question in found.questions]
     height = _EDGE + 74 + sum((len(part) + 3) * _ROW for part in votes) + 40
     height = max(height, _EDGE + 74 + 460)
-    page = Drawing(_LEFT + _PANEL + 3 * _EDGE, height)
+    panel = _map_panel(taught, found, (_MAP, height - 2 * _EDGE - 60))
+    left = 2 * _EDGE + panel.image.width
+    page = Drawing(left + _PANEL + _EDGE, height)
     title = f"{found.label} at ({found.x_m:.2f}, {found.y_m:.2f})"
     page.text(_EDGE, _EDGE + 8, title, size=20, bold=True)
     page.text(_EDGE, _EDGE + 36, _subtitle(found), size=14, colour=MUTED)
-    _draw_map(page, taught, found, (_EDGE, _EDGE + 60), (_LEFT, height - 2 * _EDGE - 60))
+    page.paste(panel, _EDGE, _EDGE + 60)
     y = _EDGE + 70.0
     for question, part in zip(found.questions, votes, strict=True):
-        y = _draw_question(page, question, part, colours.get(question.label, INK), y)
+        y = _draw_question(page, question, part, colours.get(question.label, INK), (left, y))
     if found.gate_probability is not None:
-        page.text(2 * _EDGE + _LEFT, y + 6, f"doorway: {_gate_text(found)}", size=13)
+        page.text(left, y + 6, f"doorway: {_gate_text(found)}", size=13)
     return page.png()
 
 
@@ -101,14 +103,8 @@ def _subtitle(found: CellExplanation) -> str:
     return ", ".join([*parts, "painted"] if found.painted else parts)
 
 
-def _draw_map(
-    page: Drawing,
-    taught: Taught,
-    found: CellExplanation,
-    at: tuple[int, int],
-    size: tuple[int, int],
-) -> None:
-    """The surroundings that the scan sees, labelled, with its beams."""
+def _map_panel(taught: Taught, found: CellExplanation, size: tuple[int, int]) -> Drawing:
+    """The surroundings that the scan sees, labelled, with its beams; at most of a size."""
     grid = taught.grid
     here = np.array([found.x_m, found.y_m])
     ways = np.stack([np.cos(found.angles_rad), np.sin(found.angles_rad)], axis=1)
@@ -133,17 +129,21 @@ def _draw_map(
     for end in ends[::3]:
         panel.line(pixels([here, end]), colour=_BEAM, width=0.7)
     panel.disc(pixels([here])[0], diameter=11, fill="white", edge=INK)
-    page.paste(panel, *at)
+    return panel
 
 
 def _draw_question(
-    page: Drawing, question: Question, votes: Sequence[FeatureVote], colour: str, y: float
+    page: Drawing,
+    question: Question,
+    votes: Sequence[FeatureVote],
+    colour: str,
+    at: tuple[float, float],
 ) -> float:
-    left = 2 * _EDGE + _LEFT
+    left, y = at
     page.box(left, y - 7, 14, 14, fill=colour)
     page.text(left + 22, y, f"{question.label}?", size=15, bold=True)
     page.text(
-        left + 30 + text_width(f"{question.label}?", 16),
+        left + 34 + text_width(f"{question.label}?", 15, bold=True),
         y,
         f"log-odds {question.log_odds:+.1f}: scan {question.from_scan:+.1f}, "
         f"space {question.from_spaces:+.1f}, at first {question.bias:+.1f}",

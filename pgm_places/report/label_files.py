@@ -31,7 +31,7 @@ def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[
     written = [labels_path, folder / "labels.yaml"]
     written += _write_probabilities(result, folder)
     picture = folder / "overview.png"
-    title = f"{source.yaml_path.stem}: {result.method}"
+    title = f"{source.name}: {result.method}"
     write_bytes(
         picture,
         overview(

@@ -73,6 +73,12 @@ class MapFile:
     rules: PixelRules
     unknown_value: int | None = None
 
+    @property
+    def name(self) -> str:
+        """What to call the map: its file, or its folder where the file is called ``map.yaml``."""
+        path = self.yaml_path.absolute()
+        return path.parent.name if path.stem == "map" and path.parent.name else path.stem
+
 
 def load_map(
     path: Path | str,

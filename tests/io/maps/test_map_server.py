@@ -32,6 +32,12 @@ def test_a_map_is_read(tmp_path: Path) -> None:
     assert not found.occupancy.flags.writeable
 
 
+def test_a_map_is_called_after_its_file_or_else_its_folder(tmp_path: Path) -> None:
+    path = write_map(tmp_path, PIXELS)
+    assert load_map(path).name == tmp_path.name
+    assert load_map(path.rename(tmp_path / "hall.yaml")).name == "hall"
+
+
 @pytest.mark.parametrize("image", ["map.pgm", "map.bmp", "map.tiff", "sub/map.png", "a b: c#.png"])
 def test_any_image_file_will_do(tmp_path: Path, image: str) -> None:
     (tmp_path / "sub").mkdir()
