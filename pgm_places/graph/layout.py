@@ -1,5 +1,6 @@
 """Layouts: how node values map back to the raster or the list of steps they came from."""
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, Self, runtime_checkable
@@ -108,6 +109,23 @@ class GridLayout:
         raster = np.full(self.shape, -1, np.int32)
         raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = np.arange(len(self.cells_rc))
         return sealed(raster)
+
+    def nodes_in(self, rows: slice) -> NDArray[np.int32]:
+        """(n, W) node index of each cell in a band of rows, -1 where the cell is not a node.
+
+        Examples
+        --------
+        >>> layout = GridLayout.of_mask(np.array([[True, False], [True, True]]))
+        >>> layout.nodes_in(slice(1, 2)).tolist()
+        [[1, 2]]
+        """
+        row = self.cells_rc[:, 0]
+        # NumPy's search would copy the column.
+        first, stop = bisect_left(row, rows.start), bisect_left(row, rows.stop)
+        band = np.full((rows.stop - rows.start, self.shape[1]), -1, np.int32)
+        r, c = self.cells_rc[first:stop].T
+        band[r - rows.start, c] = np.arange(first, stop)
+        return band
 
     def nodes_at(self, cells_rc: ArrayLike) -> NDArray[np.int64]:
         """(M,) node of each cell (M, 2), -1 where it is not a node or outside the raster.

@@ -1,9 +1,10 @@
 """Connected components of equal labels (Rosenfeld and Pfaltz, paper section 6.2)."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
@@ -40,6 +41,26 @@ class Components:
         """(H, W) the cells of the largest piece, of the first one if there are several."""
         number = self.size.argmax() if self.count else 0
         return np.asarray(self.piece == number)
+
+    def on_cells(
+        self, values: ArrayLike, fill: Any, *, out: NDArray[Any] | None = None
+    ) -> NDArray[Any]:
+        """(H, W) the value of each cell's piece, ``fill`` for cells without one.
+
+        Parameters
+        ----------
+        values : (R,) array
+            One per piece; the result has their type.
+        fill : number
+        out : (H, W) array, optional
+            Where to write; ``piece`` itself, where it is not needed any more.
+        """
+        array = np.asarray(values)
+        table = np.append(array, array.dtype.type(fill))  # index -1 is the last entry
+        found = np.empty(self.piece.shape, table.dtype) if out is None else out
+        for rows in bands_of_rows(found.shape):  # NumPy looks up by 64-bit copies of the numbers
+            found[rows] = table[self.piece[rows]]
+        return found
 
     def windows(self) -> list[tuple[slice, slice]]:
         """The rows and columns that each piece extends over."""

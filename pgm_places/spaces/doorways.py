@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.maps._blocks import holders, simplest_factor
+from pgm_places.maps.number_type import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gates import Gate
 from pgm_places.spaces.places import Places
@@ -29,14 +30,14 @@ class Doorways:
         The doorways, as rectangles in the map frame.
     probability : (G,) float64
         Probability that each is a doorway.
-    place : (H, W) int32
-        Number of the place that each cell is in, -1 for none.
+    place : (H, W) int16 or int32
+        Number of the place that each cell is in, -1 for none; the smaller type if it holds them.
     """
 
     grid: OccupancyGrid
     gates: tuple[Gate, ...]
     probability: NDArray[np.float64]
-    place: NDArray[np.int32]
+    place: NDArray[np.int16] | NDArray[np.int32]
 
     def __post_init__(self) -> None:
         if self.probability.shape != (len(self.gates),):
@@ -76,11 +77,12 @@ class Doorways:
         (1, [-1, 0, 1])
         """
         taken = np.flatnonzero(places.accepted)
+        place = places.segments.raster(number_type(places.segments.count))
         return cls(
             places.gates.segmentation.watershed.grid,
             tuple(places.gates[int(g)] for g in taken),
             sealed(np.asarray(probability, np.float64)[taken]),
-            sealed(places.segments.raster()),
+            sealed(place),
         )
 
     def with_known(self, gates: Sequence[Gate]) -> Self:
@@ -88,7 +90,7 @@ class Doorways:
         probability = np.append(self.probability, np.ones(len(gates)))
         return replace(self, gates=(*self.gates, *gates), probability=sealed(probability))
 
-    def place_on(self, grid: OccupancyGrid) -> NDArray[np.int32]:
+    def place_on(self, grid: OccupancyGrid) -> NDArray[np.int16] | NDArray[np.int32]:
         """(H, W) the place at each cell centre of the same map at another resolution, -1 for none.
 
         Raises

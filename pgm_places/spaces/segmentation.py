@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
@@ -151,10 +151,10 @@ class Segments:
         """The segment of each basin of an array of any shape, -1 for none."""
         return np.append(self.segment_of, np.int32(-1))[basin]
 
-    def raster(self) -> NDArray[np.int32]:
+    def raster(self, dtype: DTypeLike = np.int32) -> NDArray[Any]:
         """(H, W) segment of each cell; -1 where it is not open, or on a line between segments."""
         basin = self.watershed.basins.raster[1:-1, 1:-1]
-        found = np.empty(basin.shape, np.int32)
+        found = np.empty(basin.shape, dtype)
         for rows in bands_of_rows(
             self.watershed.grid.shape
         ):  # NumPy looks up by 64-bit copies of the numbers

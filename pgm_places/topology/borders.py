@@ -1,15 +1,21 @@
 """Borders between pieces: the border length of every adjacent pair."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.graph.bands import bands_of_rows
+
 if TYPE_CHECKING:
     from scipy import sparse
 
-__all__ = ["Contacts", "contacts"]
+__all__ = ["STEPS", "Contacts", "Meetings", "contacts", "contacts_at", "meetings"]
+
+STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+"""From a cell down and right to half of its neighbours: the other half are the same pairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,29 +47,57 @@ class Contacts:
         return sparse.csr_array((values, index), shape=(count, count))
 
 
+@dataclass(frozen=True, eq=False)
+class Meetings:
+    """Where two different pieces meet along one of ``STEPS``, row by row.
+
+    Parameters
+    ----------
+    cells_rc : tuple of two (M,) int64
+        Rows and columns of the first cells; the second ones are a step further.
+    keys : (M,) int64
+        ``first R + second``, the smaller piece first.
+    """
+
+    cells_rc: tuple[NDArray[np.int64], NDArray[np.int64]]
+    keys: NDArray[np.int64]
+
+
+def meetings(piece: NDArray[np.int32], count: int) -> list[Meetings]:
+    """Where the pieces of a raster (H, W) meet, -1 for cells without a piece: one per step."""
+    return [_along(piece, count, down, right) for down, right in STEPS]
+
+
+def _along(piece: NDArray[np.int32], count: int, down: int, right: int) -> Meetings:
+    height, width = piece.shape
+    start, stop = max(0, -right), width - max(0, right)
+    found = []
+    for rows in bands_of_rows((height - down, width)):  # bounds the memory for huge maps
+        first = piece[rows, start:stop]
+        second = piece[rows.start + down : rows.stop + down, start + right : stop + right]
+        r, c = np.nonzero(first != second)
+        pair = np.stack([first[r, c], second[r, c]]).astype(np.int64)
+        inside = pair.min(axis=0) >= 0
+        key = pair.min(axis=0) * count + pair.max(axis=0)
+        found.append((r[inside] + rows.start, c[inside] + start, key[inside]))
+    found.append((np.zeros(0, np.int64),) * 3)
+    r, c, keys = (np.concatenate(part) for part in zip(*found, strict=True))
+    return Meetings((r, c), keys)
+
+
 def contacts(piece: NDArray[np.int32], count: int) -> Contacts:
     """The borders between the pieces of a raster (H, W), -1 for cells without a piece."""
-    side_keys = [
-        _keys(piece[:, :-1], piece[:, 1:], count),
-        _keys(piece[:-1], piece[1:], count),
-    ]
-    corner_keys = [
-        _keys(piece[:-1, :-1], piece[1:, 1:], count),
-        _keys(piece[:-1, 1:], piece[1:, :-1], count),
-    ]
-    sides, side_counts = np.unique(np.concatenate(side_keys), return_counts=True)
-    corners, corner_counts = np.unique(np.concatenate(corner_keys), return_counts=True)
+    return contacts_at(meetings(piece, count), count)
+
+
+def contacts_at(met: Sequence[Meetings], count: int) -> Contacts:
+    """The borders of pieces that meet at known places."""
+    keys_of = [item.keys for item in met]
+    sides, side_counts = np.unique(np.concatenate(keys_of[:2]), return_counts=True)
+    corners, corner_counts = np.unique(np.concatenate(keys_of[2:]), return_counts=True)
     keys = np.union1d(sides, corners)
     lengths = np.zeros((2, len(keys)), np.int64)
     lengths[0, np.searchsorted(keys, sides)] = side_counts
     lengths[1, np.searchsorted(keys, corners)] = corner_counts
     pairs = np.stack([keys // max(count, 1), keys % max(count, 1)], axis=1).astype(np.int32)
     return Contacts(pairs, lengths[0], lengths[1])
-
-
-def _keys(first: NDArray[np.int32], second: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """One number per place where two different pieces meet."""
-    meet = (first >= 0) & (second >= 0) & (first != second)
-    a, b = first[meet].astype(np.int64), second[meet].astype(np.int64)
-    keys: NDArray[np.int64] = np.minimum(a, b) * count + np.maximum(a, b)
-    return keys

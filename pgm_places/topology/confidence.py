@@ -49,7 +49,10 @@ def mean_probabilities(
     counts, sums = np.zeros(pieces.count, np.int64), np.zeros((pieces.count, n_labels))
     for rows in bands_of_rows(grid.shape):
         piece = pieces.piece[rows]
-        node = coarsening.paint(layout.node_of_cell, -1, rows=rows)
+        if coarsening.factor == 1:
+            node = layout.nodes_in(rows)
+        else:
+            node = coarsening.paint(layout.node_of_cell, -1, rows=rows)
         known = (piece >= 0) & (node >= 0)
         numbers, nodes = piece[known], node[known]
         counts += np.bincount(numbers, minlength=pieces.count)

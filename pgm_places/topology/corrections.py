@@ -71,9 +71,7 @@ def correct_regions(
     pieces = connected_components(raster)
     merging = _Merging(pieces, label_names, resolution_m**2, rules, fixed_doorways)
     log = [merging.entry(raster.shape[1], *step) for step in merging.run()]
-    # The last entry is for cells without a piece: index -1.
-    table = np.append(merging.final_labels(), np.int32(-1)).astype(raster.dtype)
-    return table[pieces.piece], log
+    return _painted(pieces, merging.final_labels().astype(raster.dtype)), log
 
 
 def drop_islands(
@@ -96,12 +94,12 @@ def drop_islands(
         rules or CorrectionRules(),
         fixed_doorways,
     )
-    table = np.append(merging.final_labels(), np.int32(-1)).astype(labels.dtype)
+    final = merging.final_labels().astype(labels.dtype)
     log = []
     for region in range(len(merging.label)):
         if not merging.borders[region] and merging.is_wrong(region):
             label = merging.label[region]
-            table[region] = -1
+            final[region] = -1
             log.append(
                 replace(
                     merging.entry(
@@ -117,7 +115,13 @@ def drop_islands(
             )
     if not log:
         return labels, log
-    return table[merging.pieces.piece], log
+    return _painted(merging.pieces, final), log
+
+
+def _painted(pieces: Components, label: NDArray[LabelType]) -> NDArray[LabelType]:
+    """(H, W) the label (R,) of each cell's piece, -1 for none; the pieces are used up."""
+    same = label.dtype == pieces.piece.dtype  # a huge map has no room for another raster
+    return pieces.on_cells(label, -1, out=pieces.piece if same else None)
 
 
 class _Merging:

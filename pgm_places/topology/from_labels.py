@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster, sealed
-from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -95,14 +94,12 @@ def topological_map(
     """
     names = tuple(str(name) for name in label_names)
     raster = label_raster("labels", labels, grid.shape, n_labels=len(names))
-    raster = np.where(grid.free, raster, np.int16(-1))
     rules = rules or CorrectionRules()
-    clearance = squared_clearance(~grid.free)
     if doorways is not None and len(doorways) and rules.doorway_label in names:
         found = pieces_between(raster, grid, names, doorways, rules, correct=correct)
     else:
         doorways = None
-        found = _labelled_pieces(raster, names, grid.resolution_m, clearance, rules, correct)
+        found = _labelled_pieces(raster, names, grid, rules, correct)
     pieces = found.pieces
     probabilities = None
     if beliefs is not None:
@@ -113,6 +110,7 @@ def topological_map(
         ids, next_id = known.identify(pieces, grid, names)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
+    clearance = squared_clearance(~grid.free)  # not before: huge maps have room for few rasters
     regions = describe_regions(
         pieces,
         grid,
@@ -126,12 +124,10 @@ def topological_map(
         tolerance=tolerance,
     )
     connections = connections_of(pieces, grid, ids, clearance, min_width_m)
-    table = np.array([*ids, 0], np.int32)  # the last entry is for cells without a piece
-    for rows in bands_of_rows(raster.shape):  # in place, to save the memory of a copy
-        pieces.piece[rows] = table[pieces.piece[rows]]
+    region = pieces.on_cells(np.array(ids, np.int32), 0, out=pieces.piece)
     return TopologicalMap(
         grid,
-        sealed(pieces.piece),
+        sealed(region),
         tuple(sorted(regions, key=lambda region: region.id)),
         connections,
         names,
@@ -142,17 +138,17 @@ def topological_map(
 
 
 def _labelled_pieces(
-    raster: NDArray[np.int16],
+    labels: NDArray[np.int16],
     names: tuple[str, ...],
-    resolution_m: float,
-    clearance: NDArray[np.int32],
+    grid: OccupancyGrid,
     rules: CorrectionRules,
     correct: bool,
 ) -> GatePieces:
     """The pieces of equal labels, none of them a gate."""
+    raster = np.where(grid.free, labels, np.int16(-1))
     corrections: list[Correction] = []
     if correct:
-        raster, corrections = _corrected(raster, names, resolution_m, clearance, rules)
+        raster, corrections = _corrected(raster, names, grid, rules)
     pieces = connected_components(raster)
     return GatePieces(pieces, np.full(pieces.count, -1), tuple(corrections))
 
@@ -172,12 +168,14 @@ def _gates_of(
 def _corrected(
     raster: NDArray[np.int16],
     names: tuple[str, ...],
-    resolution_m: float,
-    clearance: NDArray[np.int32],
+    grid: OccupancyGrid,
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int16], list[Correction]]:
     """The corrected labels and all corrections in the order they were made."""
     log: list[Correction] = []
+    resolution_m, clearance = grid.resolution_m, np.empty((0, 0), np.int32)
+    if rules.widest_doorway_m or rules.split_rooms_m:
+        clearance = squared_clearance(~grid.free)
     if rules.close_leaks_m:  # first: a doorway that leaks would be dropped for joining nothing
         raster, found = close_leaks(raster, names, resolution_m, rules)
         log += found

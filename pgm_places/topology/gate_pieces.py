@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.number_type import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.topology.corrections import (
@@ -18,6 +20,8 @@ from pgm_places.topology.corrections import (
 )
 
 __all__ = ["GatePieces", "pieces_between"]
+
+Numbers: TypeAlias = NDArray[np.int16] | NDArray[np.int32]
 
 _NEIGHBOURS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
@@ -59,7 +63,7 @@ def pieces_between(
     Parameters
     ----------
     labels : (H, W) int16
-        Label per cell, -1 for none and where the map is not free.
+        Label per cell, -1 for none; labels of cells that are not free are ignored.
     grid : OccupancyGrid
     label_names : sequence of str
         The label of doorways among them.
@@ -73,13 +77,14 @@ def pieces_between(
         Whether to apply these corrections.
     """
     doorway = label_names.index(rules.doorway_label)
+    labels = np.where(grid.free, labels, np.int16(-1))
     gate = _painted_gates(labels, grid, doorways)
-    place, n_places = _numbered_places(labels, gate, doorways.place_on(grid), grid, rules)
     painted = (labels == doorway) & (gate < 0)
     log = _without_gate(labels, gate, painted, doorway, label_names, grid)
-    plain = _relabelled(labels, painted, gate, place, doorway, len(label_names))
-    key, names = _keys(plain, gate, place, n_places, label_names, len(doorways), doorway)
-    del gate, place, painted, plain  # a huge map's rasters
+    place, n_places = _numbered_places(labels, gate, doorways.place_on(grid), grid, rules)
+    labels = _relabelled(labels, painted, gate, place, doorway, len(label_names))
+    key, names = _keys(labels, gate, place, n_places, label_names, len(doorways), doorway)
+    del gate, place, painted, labels  # a huge map's rasters
     if correct:
         # Gates stay whatever their size; places merge only with places.
         bare = replace(rules, min_doorway_area_m2=0.0)
@@ -89,15 +94,13 @@ def pieces_between(
     return _pieces(key, n_places * len(label_names), len(label_names), doorway, tuple(log))
 
 
-def _painted_gates(
-    labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways
-) -> NDArray[np.int32]:
+def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways) -> Numbers:
     """(H, W) number of the gate that each labelled cell is in, -1 for none.
 
     Rectangles extend one cell into the walls and are thick enough that no diagonal step between
     cells passes them.
     """
-    found = np.full(grid.shape, -1, np.int32)
+    found: Numbers = np.full(grid.shape, -1, number_type(len(doorways)))
     side = grid.resolution_m
     edge = 1e-6 * side  # cell centres on the edge of a rectangle are inside, whatever its heading
     for g in np.argsort(doorways.probability, kind="stable").tolist():
@@ -111,14 +114,14 @@ def _painted_gates(
 
 def _numbered_places(
     labels: NDArray[np.int16],
-    gate: NDArray[np.int32],
-    place: NDArray[np.int32],
+    gate: Numbers,
+    place: Numbers,
     grid: OccupancyGrid,
     rules: CorrectionRules,
-) -> tuple[NDArray[np.int32], int]:
+) -> tuple[Numbers, int]:
     """(H, W) place of each labelled cell outside gates, -1 elsewhere, and the number of places.
 
-    The numbers are written into ``place``.
+    The numbers are written into ``place``, where they fit.
 
     Pieces separated only by rectangles belong together, except for places of at least
     ``min_area_m2`` that are joined by a leak beside a gate: the border between places is at the
@@ -137,22 +140,23 @@ def _numbered_places(
         largest[piece],
     )
     used, number = np.unique(home, return_inverse=True)
+    place = place.astype(np.promote_types(place.dtype, number_type(len(used))), copy=False)
     for rows in bands_of_rows(labels.shape):
         inside = parted.piece[rows] >= 0
-        both = parted.piece[rows][inside] * np.int64(n) + place[rows][inside] + 1
+        both = parted.piece[rows][inside].astype(np.int64) * n + place[rows][inside] + 1
         place[rows] = -1
         place[rows][inside] = number.reshape(-1)[np.searchsorted(kinds, both)]
     return place, len(used)
 
 
 def _counted(
-    piece: NDArray[np.int32], place: NDArray[np.int32], n: int
+    piece: NDArray[np.int32], place: Numbers, n: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The existing pairs of piece and place, ``piece n + place + 1``, and their cell counts."""
     found, counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for rows in bands_of_rows(piece.shape):  # bounds the memory for huge maps
         inside = piece[rows] >= 0
-        both = piece[rows][inside] * np.int64(n) + place[rows][inside] + 1
+        both = piece[rows][inside].astype(np.int64) * n + place[rows][inside] + 1
         kinds, cells = np.unique(both, return_counts=True)
         found.append(kinds)
         counts.append(cells)
@@ -163,7 +167,7 @@ def _counted(
 
 def _without_gate(
     labels: NDArray[np.int16],
-    gate: NDArray[np.int32],
+    gate: Numbers,
     painted: NDArray[np.bool_],
     doorway: int,
     label_names: Sequence[str],
@@ -189,15 +193,17 @@ def _without_gate(
 def _relabelled(
     labels: NDArray[np.int16],
     painted: NDArray[np.bool_],
-    gate: NDArray[np.int32],
-    place: NDArray[np.int32],
+    gate: Numbers,
+    place: Numbers,
     doorway: int,
     n_labels: int,
 ) -> NDArray[np.int16]:
     """The labels, those of painted doorways outside gates replaced by others of their place."""
     found = labels.copy()
     found[painted | (gate >= 0)] = -1
-    counts = np.bincount(found[found >= 0], minlength=n_labels)
+    counts = np.zeros(n_labels, np.int64)
+    for rows in bands_of_rows(found.shape):
+        counts += np.bincount(found[rows][found[rows] >= 0], minlength=n_labels)
     _grow(found, painted, place)
     left = painted & (found < 0)  # places that are all doorway
     others = [k for k in range(n_labels) if k != doorway]
@@ -206,9 +212,9 @@ def _relabelled(
 
 
 def _grow(
-    values: NDArray[np.int16] | NDArray[np.int32],
+    values: Numbers,
     open_cells: NDArray[np.bool_],
-    group: NDArray[np.int32] | NDArray[np.int8],
+    group: Numbers | NDArray[np.int8],
 ) -> None:
     """Assign open cells, ring by ring, the smallest value of their neighbours in the same group.
 
@@ -233,8 +239,8 @@ def _grow(
 
 def _keys(
     labels: NDArray[np.int16],
-    gate: NDArray[np.int32],
-    place: NDArray[np.int32],
+    gate: Numbers,
+    place: Numbers,
     n_places: int,
     label_names: Sequence[str],
     n_gates: int,
@@ -245,9 +251,9 @@ def _keys(
     key = np.full(labels.shape, -1, np.int32)
     for rows in bands_of_rows(labels.shape):
         inside = place[rows] >= 0
-        key[rows][inside] = place[rows][inside] * k + labels[rows][inside]
+        key[rows][inside] = place[rows][inside].astype(np.int32) * k + labels[rows][inside]
         inside = gate[rows] >= 0
-        key[rows][inside] = n_places * k + gate[rows][inside]
+        key[rows][inside] = gate[rows][inside].astype(np.int32) + n_places * k
     return key, [*list(label_names) * n_places, *[label_names[doorway]] * n_gates]
 
 
@@ -266,11 +272,10 @@ def _pieces(
     order = np.argsort(first)  # pieces are numbered in the order of their first cell
     number = np.empty(len(order), np.int32)
     number[order] = np.arange(len(order))
-    table = np.append(number[piece_of.reshape(-1)], np.int32(-1))
-    for rows in bands_of_rows(key.shape):
-        parts.piece[rows] = table[parts.piece[rows]]
-    size = np.bincount(table[:-1], parts.size, len(order)).astype(np.int64)
+    number = number[piece_of.reshape(-1)]
+    piece = parts.on_cells(number, -1, out=parts.piece)
+    size = np.bincount(number, parts.size, len(order)).astype(np.int64)
     found = parts.label[first[order]].astype(np.int64)
     gate = np.where(found >= first_gate, found - first_gate, -1)
     label = np.where(gate >= 0, doorway, found % n_labels).astype(np.int32)
-    return GatePieces(Components(parts.piece, label, size), gate, corrections)
+    return GatePieces(Components(piece, label, size), gate, corrections)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.topology.borders import contacts
+from pgm_places.topology.borders import STEPS, contacts_at, meetings
 
 __all__ = ["Passages", "find_passages"]
 
@@ -51,17 +51,15 @@ def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.in
     >>> found.middle_rc.tolist(), found.width.tolist()
     ([[1.0, 1.5]], [3.0])
     """
-    touching = contacts(piece, count)
+    met = meetings(piece, count)
+    touching = contacts_at(met, count)
     keys, rooms, rows, columns = [], [], [], []
-    for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        first, second, corner = _shifted(piece, dr, dc)
-        where = np.nonzero((first >= 0) & (second >= 0) & (first != second))
-        a, b = first[where].astype(np.int64), second[where].astype(np.int64)
-        keys.append(np.minimum(a, b) * count + np.maximum(a, b))
-        room_first, room_second, _ = _shifted(clearance, dr, dc)
-        rooms.append(np.minimum(room_first[where], room_second[where]))
-        rows.append(where[0] + dr / 2)
-        columns.append(where[1] + corner + dc / 2)
+    for (down, right), item in zip(STEPS, met, strict=True):
+        r, c = item.cells_rc
+        keys.append(item.keys)
+        rooms.append(np.minimum(clearance[r, c], clearance[r + down, c + right]))
+        rows.append(r + down / 2)
+        columns.append(c + right / 2)
     key, room = np.concatenate(keys), np.concatenate(rooms)
     place = np.stack([np.concatenate(rows), np.concatenate(columns)], axis=1)
     # The most clearance first; ties go to the point nearest to the middle of the border.
@@ -71,18 +69,6 @@ def find_passages(piece: NDArray[np.int32], count: int, clearance: NDArray[np.in
     chosen = order[best]
     width = np.maximum(2 * np.sqrt(room[chosen].astype(np.float64)) - 1, 0.0)
     return Passages(touching.pairs, touching.sides, place[chosen], width)
-
-
-def _shifted(
-    raster: NDArray[np.int32], dr: int, dc: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
-    """The cells and their neighbours at an offset, and the first cell's first column."""
-    height, width = raster.shape
-    corner = max(0, -dc)
-    columns = slice(corner, width - max(0, dc))
-    first = raster[: height - dr, columns]
-    second = raster[dr:, columns.start + dc : columns.stop + dc]
-    return first, second, corner
 
 
 def _from_the_middle(key: NDArray[np.int64], place: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -60,7 +60,7 @@ def trim_doorways(
     marked[wide] = len(label_names)
     pieces = connected_components(marked)
     length = contacts(pieces.piece, pieces.count).matrix(pieces.count)
-    table = np.append(pieces.label, np.int16(-1))
+    became = pieces.label.astype(np.int16)
     wanted = pieces.label == len(label_names)
     members, start = _cells_of_pieces(pieces, wanted)
     log = []
@@ -71,13 +71,13 @@ def trim_doorways(
             for share, other in zip(around.data, around.indices, strict=True)
             if pieces.label[other] not in (doorway, len(label_names))
         ]
-        table[number] = pieces.label[min(others)[1]] if others else doorway
+        became[number] = pieces.label[min(others)[1]] if others else doorway
         if others:
             first = divmod(int(members[start[k]]), labels.shape[1])
             area_m2 = int(pieces.size[number]) * resolution_m**2
-            became = label_names[table[number]]
-            log.append(Correction(first, area_m2, rules.doorway_label, became, "too wide"))
-    return table[pieces.piece].astype(np.int16, copy=False), log
+            name = label_names[became[number]]
+            log.append(Correction(first, area_m2, rules.doorway_label, name, "too wide"))
+    return pieces.on_cells(became, -1), log
 
 
 def close_leaks(

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, nearest_name
+from pgm_places._checks import frozen, nearest_name, sealed
 from pgm_places.errors import InputError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.corrections import Correction
 from pgm_places.topology.naming import KnownPlaces
@@ -95,7 +96,10 @@ class TopologicalMap:
         table = np.full(highest + 1, -1, np.int16)
         for region in self.regions:
             table[region.id] = self.label_names.index(region.label)
-        return frozen(table[self.region])
+        found = np.empty(self.region.shape, np.int16)
+        for rows in bands_of_rows(self.grid.shape):  # NumPy looks up by 64-bit copies
+            found[rows] = table[self.region[rows]]
+        return sealed(found)
 
     @cached_property
     def _by_id(self) -> dict[int, Region]:
