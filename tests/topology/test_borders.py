@@ -1,9 +1,11 @@
 """Borders between connected components, against loops."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pgm_places.graph import bands
 from pgm_places.maps.components import connected_components
 from pgm_places.topology.borders import contacts
 from tests.strategies import varied_arrays
@@ -14,8 +16,8 @@ rasters = varied_arrays(
 
 
 @settings(deadline=None)  # the first call compiles
-@given(raster=rasters)
-def test_borders_are_counted_side_by_side(raster: np.ndarray) -> None:
+@given(raster=rasters, band_cells=st.integers(1, 60))
+def test_borders_are_counted_side_by_side(raster: np.ndarray, band_cells: int) -> None:
     pieces = connected_components(raster)
     sides: dict[tuple[int, int], int] = {}
     corners: dict[tuple[int, int], int] = {}
@@ -30,7 +32,9 @@ def test_borders_are_counted_side_by_side(raster: np.ndarray) -> None:
                 if a >= 0 and a != b:
                     counts = sides if dr * dc == 0 else corners
                     counts[a, b] = counts.get((a, b), 0) + 1
-    found = contacts(pieces.piece, pieces.count)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bands, "BAND_CELLS", band_cells)
+        found = contacts(pieces.piece, pieces.count)
     pairs = [(int(i), int(j)) for i, j in found.pairs]
     assert pairs == sorted({*sides, *corners})
     assert found.sides.tolist() == [sides.get(pair, 0) for pair in pairs]

@@ -1,5 +1,6 @@
 """Topological maps whose doorways are gates: rooms and corridors end there, whatever the labels."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pgm_places.graph import bands
+from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
@@ -288,3 +291,21 @@ def test_cells_without_a_label_stay_without_a_place() -> None:
     found = topological_map(grid, labels, NAMES, doorways=gates_of(grid))
     assert (found.region[:, 60:] == 0).all()
     assert places(found) == ["corridor", "doorway", "room", "room"]
+
+
+@pytest.mark.parametrize("with_gates", [False, True])
+def test_memory_stays_small_on_a_huge_map(
+    with_gates: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bands, "BAND_CELLS", 20_000)
+    grid = grid_of(np.tile(ring_of_offices(), (12, 12)))
+    labels = np.where(grid.free, np.int16(ROOM), np.int16(-1))
+    layout = GridLayout.of_mask(grid.free, source=grid)
+    beliefs = np.full((len(layout.cells_rc), 3), 1 / 3, np.float32)
+    doorways = gates_of(grid) if with_gates else None
+    tracemalloc.start()
+    found = topological_map(grid, labels, NAMES, beliefs=beliefs, layout=layout, doorways=doorways)
+    assert found.labels.shape == labels.shape
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20 * labels.size  # bytes: five rasters of 32 bits
