@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from annotated_types import Ge, Gt, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Lt, MinLen
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
@@ -29,8 +29,9 @@ from pgm_places.models.amn_learning import (
     penalties_of,
     weighted,
 )
+from pgm_places.models.cliques import clique_features, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
-from pgm_places.models.decoding import Decoder, decode_as
+from pgm_places.models.decoding import Decoder
 from pgm_places.models.learning_record import LearningRecord
 from pgm_places.models.linear_features import (
     Standardization,
@@ -50,9 +51,11 @@ from pgm_places.solvers.max_margin import (
     OnStep,
     joined,
     reached,
+    set_weights,
     split_weights,
 )
 from pgm_places.solvers.max_margin_qp import QPSolver
+from pgm_places.solvers.set_terms import SetTerms
 
 __all__ = ["AssociativeMarkovNetwork"]
 
@@ -106,6 +109,11 @@ class AssociativeMarkovNetwork(LinearModel):
         in turn with learning; or they are left out with their edges. ``auto`` completes them where
         most links of the labelled nodes lead to them: links learned without those would be far too
         strong. ``completion_objectives`` then holds the objective of each round.
+    clique_dissent : float
+        The share of its nodes, up to a half, that may differ before a set of the problem's
+        ``cliques`` earns nothing. What it earns by label is learned from a constant and the
+        problem's ``clique_features``, with ``cutting-plane`` or ``frank-wolfe``; see
+        :mod:`pgm_places.solvers.set_terms`.
     solver : {"clarabel", "piqp", "osqp"}
         Of the compact QP; the others follow where it fails.
     learning_tolerance : float
@@ -149,6 +157,7 @@ class AssociativeMarkovNetwork(LinearModel):
     edge_features: str | tuple[str, ...] = ("auto",)
     edge_scale: Positive = 2.0
     unlabelled: Literal["auto", "hidden", "dropped"] = "auto"
+    clique_dissent: Annotated[float, Gt(0), Le(0.5)] = 0.5
     solver: QPSolver = "clarabel"
     learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
     max_cuts: Whole = 500
@@ -158,6 +167,7 @@ class AssociativeMarkovNetwork(LinearModel):
     certify_learning: bool = True
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
     edge_weights: NDArray[np.float64] | None = learned()
+    clique_weights: NDArray[np.float64] | None = learned()
     completion_objectives: NDArray[np.float64] | None = learned()
 
     def __post_init__(self) -> None:
@@ -271,10 +281,12 @@ class AssociativeMarkovNetwork(LinearModel):
         search: NDArray[np.float64] | None,
     ) -> Self:
         node_weights, edge_weights = split_weights(task, solution.weights)
+        of_cliques = None if task.sets is None else set_weights(task, solution.weights).copy()
         return replace(
             self,
             node_weights=node_weights.copy(),
             edge_weights=edge_weights.copy(),
+            clique_weights=of_cliques,
             **learned_arrays(scaling, record, solution.history, search),
             completion_objectives=None,
         )
@@ -293,6 +305,7 @@ class AssociativeMarkovNetwork(LinearModel):
     ) -> tuple[Standardization, list[MaxMarginProblem]]:
         """The scaling, and one max-margin problem a map; unknown labels are 0, with a loss of 0."""
         parts = parse_node_features(self.node_features)
+        require_like_cliques([problem for problem, _ in known])
         raw = [node_features(problem, parts) for problem, _ in known]
         scaling = Standardization.of_all(raw)
         names = known[0][0].label_names
@@ -310,6 +323,7 @@ class AssociativeMarkovNetwork(LinearModel):
                 len(names),
                 loss,
                 penalties_of(self.C, AUTO_PENALTIES)[0],
+                self._set_terms(problem),
             )
             for (problem, truth), features, loss in zip(
                 known, raw, np.split(losses, ends), strict=True
@@ -326,6 +340,13 @@ class AssociativeMarkovNetwork(LinearModel):
                 "negative column, or take method 'crf', whose tables may have any sign"
             )
         return self.edge_scale * found
+
+    def _set_terms(self, problem: LabelingProblem) -> SetTerms | None:
+        if problem.cliques is None:
+            return None
+        n, k = problem.graph.n_nodes, problem.n_labels
+        features = clique_features(problem)
+        return SetTerms.of(problem.cliques, features, n, k, self.clique_dissent)
 
     def _learner_options(self) -> LearnerOptions:
         return LearnerOptions(
@@ -368,6 +389,8 @@ class AssociativeMarkovNetwork(LinearModel):
     def potentials(self, problem: LabelingProblem) -> Potentials:
         """The log-potentials that the learned weights give a problem's nodes and edges.
 
+        What its cliques earn is in :meth:`clique_rewards`.
+
         Raises
         ------
         NotFittedError
@@ -384,13 +407,32 @@ class AssociativeMarkovNetwork(LinearModel):
         unary = problem.with_evidence(nodes @ node_weights)
         return Potentials(unary, agreement=edges @ edge_weights)
 
+    def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(C, K) what a clique in which all nodes agree on a label earns for each of them.
+
+        Raises
+        ------
+        InputError
+            Cliques in the problem but not in training, or the other way round; or other features.
+        """
+        weights = self.clique_weights
+        features = clique_features(problem)
+        learned_from = 0 if weights is None else len(weights)
+        if features.shape[1] != learned_from:
+            raise InputError(
+                f"the model was trained on {_told(learned_from)}, this problem has "
+                f"{_told(features.shape[1])}; give cliques as in training"
+            )
+        return features @ weights if weights is not None else np.zeros((0, problem.n_labels))
+
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels of largest score that the chosen decoder finds, with that score.
 
         ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
         one or ``certify`` asks for it.
         """
-        found = decode_as(self, problem, self.potentials(problem), self.inference)
+        potentials, rewards = self.potentials(problem), self.clique_rewards(problem)
+        found = decode_cliques_as(self, problem, potentials, self.inference, rewards)
         return self._with_summary(found)
 
     def _check_learned(self) -> None:
@@ -399,3 +441,12 @@ class AssociativeMarkovNetwork(LinearModel):
         finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
+        if self.clique_weights is not None:
+            finite_array("clique_weights", self.clique_weights, ("G", node_weights.shape[1]))
+            if self.clique_weights.min(initial=0.0) < 0:
+                raise InputError("clique_weights must be at least 0")
+
+
+def _told(n_features: int) -> str:
+    """Of how many clique features a problem is, in words."""
+    return f"cliques with {n_features - 1} features" if n_features else "no cliques"

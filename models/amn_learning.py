@@ -29,7 +29,7 @@ from pgm_places.solvers.max_margin import (
     potentials_of,
 )
 from pgm_places.solvers.max_margin_qp import QPSolver
-from pgm_places.solvers.max_oracle import graph_cut_oracle
+from pgm_places.solvers.max_oracle import problem_oracle
 
 __all__ = [
     "CLASS_WEIGHTS",
@@ -172,7 +172,7 @@ def learn(
 
         return frank_wolfe(
             problems,
-            [graph_cut_oracle(problem.n_nodes, problem.edges) for problem in problems],
+            [problem_oracle(problem) for problem in problems],
             tolerance=options.tolerance,
             max_passes=options.max_cuts,
             exact=problems[0].n_labels <= 2,
@@ -182,17 +182,18 @@ def learn(
     from pgm_places.solvers.cutting_plane import cutting_plane
 
     problem = joined(problems)
+    exact = problem.n_labels <= 2  # one cut: nothing is left to verify
     return cutting_plane(
         problem,
-        graph_cut_oracle(problem.n_nodes, problem.edges, from_last=True),
-        thorough=graph_cut_oracle(problem.n_nodes, problem.edges),
+        problem_oracle(problem, from_last=True),
+        thorough=problem_oracle(problem),
         tolerance=options.tolerance,
         max_iterations=options.max_cuts,
         time_limit_s=options.time_limit_s,
         cuts=cuts,
-        verifier=None if options.certified_tolerance is None else certify_weights,
+        verifier=None if exact or options.certified_tolerance is None else certify_weights,
         verified_tolerance=options.certified_tolerance or 0.0,
-        exact=problem.n_labels <= 2,
+        exact=exact,
         on_iteration=on_iteration,
     )
 
@@ -239,7 +240,7 @@ def choose_penalty(
         counts = held_out.loss > 0  # what weighs nothing is not asked either
         truth.append(held_out.labels[counts])
         cuts: tuple[Cut, ...] = ()
-        oracle = graph_cut_oracle(held_out.n_nodes, held_out.edges)
+        oracle = problem_oracle(held_out)
         for number, penalty in enumerate(penalties):
             priced = [replace(problem, penalty=penalty) for problem in train]
             solution = learn(priced, quick, cuts=cuts)
@@ -293,7 +294,7 @@ def learn_hidden(
         [smooth_completion(problem.node_features, around, truth, problem.n_labels)],
         lambda labels: node_losses(labels, names, class_weight),
         lambda now, cuts: learn([now], quick, cuts=cuts, on_iteration=on_iteration),
-        graph_cut_oracle(problem.n_nodes, problem.edges),
+        problem_oracle(problem),
         lambda now: learn([now], options, on_iteration=on_iteration),
     )
 
@@ -310,7 +311,7 @@ def choose_completed(
     quick = replace(
         options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
     )
-    best = graph_cut_oracle(problem.n_nodes, problem.edges)
+    best = problem_oracle(problem)
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         found = []
@@ -339,12 +340,14 @@ def weighted(
 
 
 def _counting(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
-    share = part_means(task.n_nodes, task.edges, weight)[:, None]
+    joins = [task.edges] if task.sets is None else [task.edges, task.sets.joins]
+    share = part_means(task.n_nodes, np.concatenate(joins), weight)[:, None]
     return replace(
         task,
         node_features=share * task.node_features,
         edge_features=share[task.edges[:, 0]] * task.edge_features,
         loss=weight * task.loss,
+        sets=None if task.sets is None else task.sets.times(share[:, 0]),
     )
 
 
@@ -361,4 +364,5 @@ def _restricted(problem: MaxMarginProblem, keep: NDArray[np.bool_]) -> MaxMargin
         edge_features=problem.edge_features[inside],
         labels=problem.labels[keep],
         loss=problem.loss[keep],
+        sets=None if problem.sets is None else problem.sets.among(keep),
     )

@@ -1,32 +1,39 @@
-"""Robust P^n Potts potentials: sets of nodes that want one label, by one further node each.
+"""Decoding where sets of nodes want one label: robust P^n Potts potentials.
 
 A set of n nodes of which at most d differ from label k earns ``weight (n - d / dissent)``, the most
 over all k, or nothing where that is negative: the more nodes differ the less, until a share
-``dissent`` of them does (P. Kohli, L. Ladicky, P. Torr, "Robust higher order potentials for
-enforcing label consistency", IJCV 82 (2009)). A node that stands for the set takes label k, or a
-label of its own that says "mixed"; links reward the nodes that agree with it. What is left is
-pairwise and associative, so that every decoder takes it.
+``dissent`` of them does. :mod:`pgm_places.solvers.set_nodes` makes that pairwise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array
+from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.models.decoding import decode
+from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.decoding import Decoder, DecodingOptions, decode, decode_as
+from pgm_places.solvers.set_nodes import SetNodes
 
-__all__ = ["clique_score", "decode_with_cliques", "with_set_nodes"]
+__all__ = [
+    "clique_features",
+    "clique_score",
+    "decode_cliques_as",
+    "decode_with_cliques",
+    "require_like_cliques",
+    "with_set_nodes",
+]
 
 
 def clique_score(
-    cliques: Cliques, labels: ArrayLike, n_labels: int, *, weight: float, dissent: float
+    cliques: Cliques, labels: ArrayLike, n_labels: int, *, weight: ArrayLike, dissent: float
 ) -> float:
     """What the sets of a labelling (N,) earn together.
 
@@ -37,46 +44,42 @@ def clique_score(
     [4.0, 2.0]
     """
     chosen = integer_array("labels", labels, ("N",), low=0, high=n_labels)
-    nodes, of_set = cliques.links.T
-    agreed = np.zeros((len(cliques.sizes), n_labels))
-    np.add.at(agreed, (of_set, chosen[nodes]), 1.0)
-    differing = cliques.sizes - agreed.max(axis=1, initial=0.0)
-    return float(weight * np.maximum(cliques.sizes - differing / dissent, 0.0).sum())
+    sets = SetNodes(cliques, len(chosen), n_labels, dissent)
+    return sets.score(_rewards(sets, weight), chosen)
 
 
 def with_set_nodes(
-    graph: LabelGraph, potentials: Potentials, cliques: Cliques, *, weight: float, dissent: float
+    graph: LabelGraph,
+    potentials: Potentials,
+    cliques: Cliques,
+    *,
+    weight: ArrayLike,
+    dissent: float,
 ) -> tuple[LabelGraph, Potentials]:
-    """The graph with a node for each set after its own, and the potentials with a label "mixed".
+    """The graph with the nodes of sets after its own, and the potentials of all.
+
+    Where there are three labels or more, the potentials have one more: "mixed".
 
     Raises
     ------
     InputError
         A weight below 0, or a dissent that is no share above 0.
     """
-    if not (weight >= 0 and 0 < dissent <= 1):
-        raise InputError(
-            f"a set's weight must be at least 0 and its dissent in (0, 1], got {weight}, {dissent}"
-        )
     potentials.check_fits(graph)
-    n, k = potentials.unary.shape
-    sizes, links = cliques.sizes, cliques.links
-    unary = np.full((n + len(sizes), k + 1), -np.inf)
-    unary[:n, :k] = potentials.unary
-    unary[n:, :k] = (weight * sizes * (1.0 - 1.0 / dissent))[:, None]
-    unary[n:, k] = 0.0
-    links = links + np.array([0, n])
-    edges = np.concatenate([graph.edges, links])
+    k = potentials.n_labels
+    sets = SetNodes(cliques, graph.n_nodes, k, dissent)
+    rewards = _rewards(sets, weight)
+    edges = np.concatenate([graph.edges, sets.links])
     order = np.lexsort((edges[:, 1], edges[:, 0]))
-    whole = LabelGraph.from_edges(len(unary), edges)
-    reward = np.full((len(links), k + 1), weight / dissent)
+    whole = LabelGraph.from_edges(sets.n_whole, edges)
+    unary = sets.unary(potentials.unary, rewards)
     earned = _agreement(graph, potentials)
     if earned is not None:
-        padded = np.pad(earned, ((0, 0), (0, 1)))
-        return whole, Potentials(unary, agreement=np.concatenate([padded, reward])[order])
-    tables = np.pad(potentials.edge_tables(graph), ((0, 0), (0, 1), (0, 1)))
-    tables = np.concatenate([tables, reward[:, :, None] * np.eye(k + 1)])
-    return whole, Potentials(unary, pairwise=tables[order])
+        return whole, Potentials(unary, agreement=sets.agreement(earned, rewards)[order])
+    wider = (0, sets.n_whole_labels - k)
+    tables = np.pad(potentials.edge_tables(graph), ((0, 0), wider, wider))
+    links = sets.link_rewards(rewards)[:, :, None] * np.eye(sets.n_whole_labels)
+    return whole, Potentials(unary, pairwise=np.concatenate([tables, links])[order])
 
 
 def decode_with_cliques(
@@ -85,7 +88,7 @@ def decode_with_cliques(
     cliques: Cliques,
     method: str = "graph-cut",
     *,
-    weight: float,
+    weight: ArrayLike,
     dissent: float = 0.5,
     certify: bool = False,
     max_iterations: int | None = None,
@@ -101,8 +104,9 @@ def decode_with_cliques(
         The sets.
     method : str
         A decoder of :mod:`pgm_places.models.decoding`; not ``exact``, since sets close cycles.
-    weight : float
-        What a set in which all nodes agree earns for each of them.
+        With two labels ``graph-cut`` finds the best labelling of all.
+    weight : float or (C, K) float
+        What a set in which all nodes agree earns for each of them, or that by set and label.
     dissent : float
         The share of its nodes, above 0 and up to 1, that may differ before a set earns nothing.
     certify, max_iterations, on_iteration
@@ -114,8 +118,8 @@ def decode_with_cliques(
     >>> unary = Potentials([[1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
     >>> room = Cliques.of([[0, 1, 2, 3]], 4)
     >>> found = decode_with_cliques(alone, unary, room, weight=0.5)
-    >>> found.labels.tolist(), found.score
-    ([0, 0, 0, 0], 5.0)
+    >>> found.labels.tolist(), found.score, found.status
+    ([0, 0, 0, 0], 5.0, <Status.EXACT: 'exact'>)
     """
     whole, extended = with_set_nodes(graph, potentials, cliques, weight=weight, dissent=dissent)
     found = decode(
@@ -134,6 +138,66 @@ def decode_with_cliques(
     bound = None if found.bound is None else max(found.bound, total)
     status = Status.CONVERGED if found.status is Status.EXACT and bound is None else found.status
     return replace(found, labels=labels, beliefs=beliefs, score=total, bound=bound, status=status)
+
+
+class _Options(DecodingOptions, Protocol):
+    """What methods that decode with cliques let their users choose."""
+
+    @property
+    def clique_dissent(self) -> float: ...
+
+
+def decode_cliques_as(
+    method: _Options,
+    problem: LabelingProblem,
+    potentials: Potentials,
+    inference: Decoder,
+    weight: ArrayLike,
+) -> Labeling:
+    """:func:`~pgm_places.models.decoding.decode_as`, with the problem's cliques if it has some."""
+    if problem.cliques is None:
+        return decode_as(method, problem, potentials, inference)
+    return decode_with_cliques(
+        problem.graph,
+        potentials,
+        problem.cliques,
+        inference,
+        weight=weight,
+        dissent=method.clique_dissent,
+        certify=method.certify,
+        max_iterations=method.max_iterations,
+    )
+
+
+def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:
+    """(C, 1 + G) a constant and the problem's own features of its cliques; (0, 0) without any."""
+    if problem.cliques is None:
+        return np.zeros((0, 0))
+    constant = np.ones((len(problem.cliques.sizes), 1))
+    given = problem.clique_features
+    return constant if given is None else np.concatenate([constant, given], axis=1)
+
+
+def require_like_cliques(problems: Sequence[LabelingProblem]) -> None:
+    """Refuse problems of which some have cliques and others none, or with other features."""
+    counts = [clique_features(problem).shape[1] for problem in problems]
+    if len(set(counts)) > 1:
+        told = ["none" if not n else f"cliques with {n - 1} features" for n in counts]
+        raise InputError(
+            f"training problems must all have cliques with the same features, or none of them, got "
+            f"{', '.join(told)}; a problem without sets has Cliques.of([], n_nodes)"
+        )
+
+
+def _rewards(sets: SetNodes, weight: ArrayLike) -> NDArray[np.float64]:
+    """(C, K) what a set earns for each node by label."""
+    shape = (sets.n_sets, sets.n_labels)
+    given = np.asarray(weight)
+    full = np.broadcast_to(given, shape) if given.ndim == 0 else given
+    rewards = finite_array("a set's weight", full, shape)
+    if rewards.min(initial=0.0) < 0:
+        raise InputError(f"a set's weight must be at least 0, got {rewards.min():g}")
+    return rewards
 
 
 def _agreement(graph: LabelGraph, potentials: Potentials) -> NDArray[np.float64] | None:

@@ -15,7 +15,7 @@ from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem, weights_of
+from pgm_places.inference.problem import LabelingProblem, require_no_cliques, weights_of
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Example,
@@ -307,6 +307,7 @@ class ConditionalRandomField(LinearModel):
         return scaling, LearningTask(beside(fields), truth, loss, loss_of)
 
     def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        require_no_cliques(problem)
         parts = parse_node_features(self.node_features)
         if "auto" in parts:
             there = "raw" if problem.unary is None else "logz"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.edge_kind import EdgeKind
-from pgm_places.inference.problem import LabelingProblem, require_no_cliques
+from pgm_places.inference.problem import LabelingProblem
 
 __all__ = [
     "EDGE_FEATURES",
@@ -80,10 +80,8 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
     Raises
     ------
     InputError
-        A part needs the problem's unary or node features, and there are none; or the problem has
-        cliques.
+        A part needs the problem's unary or node features, and there are none.
     """
-    require_no_cliques(problem)
     columns = []
     for part in _resolved(problem, parts):
         if part == "raw":

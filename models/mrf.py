@@ -14,8 +14,8 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.inference.temperature import Temperature, tempered
-from pgm_places.models.cliques import decode_with_cliques
-from pgm_places.models.decoding import GIVING_BELIEFS, Decoder, decode_as
+from pgm_places.models.cliques import decode_cliques_as
+from pgm_places.models.decoding import GIVING_BELIEFS, Decoder
 from pgm_places.options import AtLeastZero, Whole, check_options
 
 __all__ = ["PottsField"]
@@ -53,7 +53,7 @@ class PottsField:
         What a set of nodes in the problem's ``cliques`` earns for each node while all agree.
     clique_dissent : float
         The share of its nodes that may differ before a set earns nothing; see
-        :mod:`pgm_places.models.cliques`.
+        :mod:`pgm_places.solvers.set_nodes`.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
     temperature : float or "auto"
@@ -146,18 +146,7 @@ class PottsField:
         if self.edge_weights == "given":
             earned = np.repeat(weight * _given(problem), problem.n_labels, axis=1)
             potentials = Potentials(unary, agreement=earned)
-        if problem.cliques is None:
-            return decode_as(self, problem, potentials, self.inference)
-        return decode_with_cliques(
-            problem.graph,
-            potentials,
-            problem.cliques,
-            self.inference,
-            weight=self.clique_weight,
-            dissent=self.clique_dissent,
-            certify=self.certify,
-            max_iterations=self.max_iterations,
-        )
+        return decode_cliques_as(self, problem, potentials, self.inference, self.clique_weight)
 
 
 def _by_degree(graph: LabelGraph) -> float:

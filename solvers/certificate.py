@@ -54,7 +54,7 @@ def certify_weights(
         They end after so many in any case.
     """
     unary, agreement = problem.augmented_potentials(weights)
-    graph = ExpansionGraph(problem.n_nodes, problem.edges)
+    graph = ExpansionGraph(problem.n_whole, problem.whole_edges)
     quick = graph.expand(unary, agreement)
     found = certify(
         problem,
@@ -65,7 +65,8 @@ def certify_weights(
         max_iterations=max_iterations,
     )
     # moves from there reach further than from the best unaries, where the quick oracle starts
-    return replace(found, labels=graph.expand(unary, agreement, found.labels).labels)
+    labels = graph.expand(unary, agreement, found.labels).labels
+    return replace(found, labels=labels[: problem.n_nodes])
 
 
 @dataclass(frozen=True, eq=False)

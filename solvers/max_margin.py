@@ -9,6 +9,9 @@ and learning minimises, with the true labelling t, node losses l and N nodes::
 
     f(w) = 1/2 |w|^2 + C H(w),   H(w) = 1/N max_y ( score(y) + sum_i l_i [y_i != t_i] - score(t) ).
 
+Where sets of nodes want one label (:mod:`pgm_places.solvers.set_terms`) there are clique weights
+(G, K) >= 0, too, in which the score is linear all the same.
+
 The penalty C multiplies a mean over nodes, so it means the same on a small and on a large map.
 B. Taskar, V. Chatalbashev, D. Koller, "Learning associative Markov networks", ICML 2004.
 """
@@ -25,6 +28,7 @@ from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
 from pgm_places.kernels.lane_access import FOUR
 from pgm_places.solvers._max_margin_kernels import add_feature_difference, multiply_rows
+from pgm_places.solvers.set_terms import SetTerms
 
 __all__ = [
     "REACHED",
@@ -43,6 +47,7 @@ __all__ = [
     "reached",
     "relative_gap",
     "relaxed_lower_bound",
+    "set_weights",
     "split_weights",
 ]
 
@@ -125,6 +130,8 @@ class MaxMarginProblem:
         l, what a wrong label costs at each node; ones are the Hamming loss.
     penalty : float
         C > 0, the price of the mean hinge against the size of the weights.
+    sets : SetTerms, optional
+        Sets of nodes that want to have one label, and their features.
     """
 
     node_features: NDArray[np.float64]
@@ -134,6 +141,7 @@ class MaxMarginProblem:
     n_labels: int
     loss: NDArray[np.float64]
     penalty: float
+    sets: SetTerms | None = None
 
     def __post_init__(self) -> None:
         nodes = finite_array("node_features", self.node_features, ("N", "D"))
@@ -150,6 +158,8 @@ class MaxMarginProblem:
             raise InputError(f"loss must be at least 0 at every node, got {loss.min()}")
         if not (np.isfinite(self.penalty) and self.penalty > 0):
             raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
+        if self.sets is not None:
+            self.sets.check_fits(n_nodes, self.n_labels)
         object.__setattr__(self, "node_features", frozen(nodes))
         object.__setattr__(self, "edges", frozen(edges.astype(np.int32, copy=False)))
         object.__setattr__(self, "edge_features", frozen(features))
@@ -172,16 +182,37 @@ class MaxMarginProblem:
         return self.n_node_weights
 
     @property
-    def n_weights(self) -> int:
-        """(D + F) K, the length of the flat weight vector."""
+    def n_pair_weights(self) -> int:
+        """(D + F) K: where the clique weights begin in the flat weight vector."""
         return self.n_node_weights + self.edge_features.shape[1] * self.n_labels
+
+    @property
+    def n_weights(self) -> int:
+        """(D + F + G) K, the length of the flat weight vector."""
+        of_sets = 0 if self.sets is None else self.sets.features.shape[1]
+        return self.n_pair_weights + of_sets * self.n_labels
+
+    @property
+    def n_whole(self) -> int:
+        """Nodes of the graph on which the score is pairwise: N, and those of sets after them."""
+        return self.n_nodes if self.sets is None else self.sets.nodes.n_whole
+
+    @cached_property
+    def whole_edges(self) -> NDArray[np.int32]:
+        """Its edges: E, and the links of sets after them."""
+        if self.sets is None:
+            return self.edges
+        return frozen(np.concatenate([self.edges, self.sets.nodes.links]))
 
     def augmented_potentials(
         self, weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Unary and agreement of score plus loss: l_i is added to every wrong label of node i."""
+        """Unary and agreement of score plus loss: l_i is added to every wrong label of node i.
+
+        They are those of :func:`potentials_of`.
+        """
         unary, agreement = potentials_of(self, weights)
-        unary += self.loss[:, None]
+        unary[: self.n_nodes] += self.loss[:, None]
         unary[np.arange(self.n_nodes), self.labels] -= self.loss
         return unary, agreement
 
@@ -197,6 +228,9 @@ class MaxMarginProblem:
             self.edge_features,
             *split_weights(self, difference),
         )
+        if self.sets is not None:
+            start = self.n_pair_weights
+            difference[start:] = self.truth_features[start:] - self.sets.joint_features(labels)
         return Cut(difference / self.n_nodes, wrong / self.n_nodes)
 
     @cached_property
@@ -315,6 +349,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
             and problem.edge_features.shape[1] == first.edge_features.shape[1]
             and problem.n_labels == first.n_labels
             and problem.penalty == first.penalty
+            and problem.n_weights == first.n_weights
         )
         if not same:
             raise InputError("training maps must have the same features, labels and penalty")
@@ -328,6 +363,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
         first.n_labels,
         np.concatenate([problem.loss for problem in problems]),
         first.penalty,
+        SetTerms.beside([problem.sets for problem in problems if problem.sets is not None], starts),
     )
 
 
@@ -335,24 +371,31 @@ def split_weights(
     problem: MaxMarginProblem, weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Node weights (D, K) and edge weights (F, K) of a flat weight vector; views."""
-    start = problem.n_node_weights
+    start, end = problem.n_node_weights, problem.n_pair_weights
     shape = (-1, problem.n_labels)
-    return weights[:start].reshape(shape), weights[start:].reshape(shape)
+    return weights[:start].reshape(shape), weights[start:end].reshape(shape)
+
+
+def set_weights(problem: MaxMarginProblem, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Clique weights (G, K) of a flat weight vector, G = 0 without sets; a view."""
+    return weights[problem.n_pair_weights :].reshape(-1, problem.n_labels)
 
 
 def joint_features(problem: MaxMarginProblem, labels: NDArray[np.int64]) -> NDArray[np.float64]:
     """The vector phi(y) with score(y) = w . phi(y), flat like the weights.
 
-    Per label: the sum of the features of its nodes, then of the edges whose ends both have it.
+    Per label: the sum of the features of its nodes, then of the edges whose ends both have it, then
+    of the sets that earn something by it, times what they earn.
     """
     first, second = labels[problem.edges[:, 0]], labels[problem.edges[:, 1]]
     agreed = np.where(first == second, first, problem.n_labels)
-    return np.concatenate(
-        [
-            _sums_by_label(problem.node_features, labels, problem.n_labels).ravel(),
-            _sums_by_label(problem.edge_features, agreed, problem.n_labels).ravel(),
-        ]
-    )
+    parts = [
+        _sums_by_label(problem.node_features, labels, problem.n_labels).ravel(),
+        _sums_by_label(problem.edge_features, agreed, problem.n_labels).ravel(),
+    ]
+    if problem.sets is not None:
+        parts.append(problem.sets.joint_features(labels))
+    return np.concatenate(parts)
 
 
 def _sums_by_label(
@@ -367,12 +410,18 @@ def _sums_by_label(
 def potentials_of(
     problem: MaxMarginProblem, weights: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unary (N, K) and agreement (E, K) of the score."""
+    """Unary (N, K) and agreement (E, K) of the score.
+
+    With sets they are those of the graph that has their nodes and links, too, with one more label
+    where there are three or more; the labels of its first N nodes are meant.
+    """
     node_weights, edge_weights = split_weights(problem, weights)
-    return (
-        _products(problem.node_features, node_weights),
-        _products(problem.edge_features, edge_weights),
-    )
+    unary = _products(problem.node_features, node_weights)
+    agreement = _products(problem.edge_features, edge_weights)
+    if problem.sets is None:
+        return unary, agreement
+    nodes, rewards = problem.sets.nodes, problem.sets.features @ set_weights(problem, weights)
+    return nodes.unary(unary, rewards), nodes.agreement(agreement, rewards)
 
 
 def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -86,12 +86,14 @@ def max_margin_qp(
     Raises
     ------
     InputError
-        An unknown solver.
+        An unknown solver, or a problem with sets of nodes.
     SolverError
         No solver found a solution; the message lists every status.
     """
     if solver not in QP_SOLVERS:
         raise InputError(f"the QP's solver must be one of {', '.join(QP_SOLVERS)}, got {solver!r}")
+    if problem.sets is not None:
+        raise InputError("the compact QP knows no cliques; take learner='cutting-plane'")
     start = time.perf_counter()
     unit, problem = _in_units(problem)
     program = _compact_program(problem)

@@ -4,9 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.solvers.expansion import ExpansionGraph
-from pgm_places.solvers.max_margin import Oracle
+from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
 
-__all__ = ["graph_cut_oracle"]
+__all__ = ["graph_cut_oracle", "problem_oracle"]
+
+
+def problem_oracle(problem: MaxMarginProblem, *, from_last: bool = False) -> Oracle:
+    """:func:`graph_cut_oracle` of a problem's graph, with the nodes of sets where it has some."""
+    whole = graph_cut_oracle(problem.n_whole, problem.whole_edges, from_last=from_last)
+    return lambda unary, agreement: whole(unary, agreement)[: problem.n_nodes]
 
 
 def graph_cut_oracle(n_nodes: int, edges: NDArray[np.int32], *, from_last: bool = False) -> Oracle:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -75,16 +76,33 @@ class Cliques:
         """(C,) the number of nodes in each set."""
         return np.diff(self.start)
 
-    @property
+    @cached_property
     def links(self) -> NDArray[np.int64]:
         """(M, 2) each node with the number of a set that it is in."""
-        return np.stack([self.members, np.repeat(np.arange(len(self.sizes)), self.sizes)], axis=1)
+        of_set = np.repeat(np.arange(len(self.sizes)), self.sizes)
+        return frozen(np.stack([self.members, of_set], axis=1))
 
     def among(self, keep: NDArray[np.bool_]) -> "Cliques":
         """The sets without the nodes that a mask (N,) leaves out; empty ones are dropped."""
         number = np.cumsum(keep) - 1
-        nodes, of_set = self.links.T
-        inside = keep[nodes]
-        sizes = np.bincount(of_set[inside], minlength=len(self.sizes))
-        members = number[nodes[inside]]
+        inside = keep[self.members]
+        sizes = self.sizes_among(keep)
+        members = number[self.members[inside]]
         return Cliques(frozen(members), frozen(np.cumsum([0, *sizes[sizes > 0]])))
+
+    def sizes_among(self, keep: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """(C,) how many nodes of each set a mask (N,) keeps; :meth:`among` drops those with 0."""
+        of_set = self.links[keep[self.members], 1]
+        return np.bincount(of_set, minlength=len(self.sizes)).astype(np.int64, copy=False)
+
+    @staticmethod
+    def beside(parts: Sequence["Cliques"], starts: ArrayLike) -> "Cliques":
+        """The sets of several graphs as those of one; ``starts`` are the graphs' first nodes."""
+        begin = np.asarray(starts, np.int64)
+        members = [part.members + first for part, first in zip(parts, begin, strict=True)]
+        sizes = np.concatenate([part.sizes for part in parts])
+        return Cliques(frozen(np.concatenate(members)), frozen(np.cumsum([0, *sizes])))
+
+    def check_fits(self, n_nodes: int) -> None:
+        """Raise InputError unless all members are nodes of a graph of that many."""
+        integer_array("cliques", self.members, ("M",), low=0, high=max(n_nodes, 1))

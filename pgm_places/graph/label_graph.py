@@ -10,11 +10,18 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array, number_array
+from pgm_places._checks import (
+    finite_array,
+    frozen,
+    integer_array,
+    number_array,
+    require_type,
+)
 from pgm_places.errors import InputError
 from pgm_places.graph._edges import empty_pairs, lattice_edges, nearest_pairs, sparse_pairs
 from pgm_places.graph._networkx import networkx_parts, to_networkx
 from pgm_places.graph._values import mapped_edges, mapped_nodes, matrix_edges
+from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout
@@ -45,6 +52,8 @@ class LabelGraph:
         What the nodes are called elsewhere, each name once; messages then name them so.
     node_kind : (N,) int8 or None
         A :class:`~pgm_places.graph.node_kind.NodeKind` per node; None where all are of one kind.
+    cliques : Cliques or None
+        Sets of nodes that want to have one label; problems on the graph take them over.
 
     Use the named constructors; the plain one checks and refuses, it does not repair.
 
@@ -63,6 +72,7 @@ class LabelGraph:
     layout: GridLayout | StepLayout | None = None
     node_names: tuple[Hashable, ...] | None = None
     node_kind: NDArray[np.int8] | None = None
+    cliques: Cliques | None = None
 
     def __post_init__(self) -> None:
         if self.n_nodes < 0:
@@ -78,6 +88,9 @@ class LabelGraph:
         if self.node_kind is not None:
             kinds = integer_array("node_kind", self.node_kind, (self.n_nodes,), low=0, high=128)
             object.__setattr__(self, "node_kind", frozen(kinds.astype(np.int8)))
+        if self.cliques is not None:
+            require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
+            self.cliques.check_fits(self.n_nodes)
         if isinstance(self.layout, GridLayout) and len(self.layout.cells_rc) != self.n_nodes:
             raise InputError(
                 f"the layout has {len(self.layout.cells_rc)} cells "
@@ -102,6 +115,8 @@ class LabelGraph:
     def __repr__(self) -> str:
         kind = type(self.layout).__name__.removesuffix("Layout").lower() if self.layout else ""
         suffix = f", {kind}" if kind else ""
+        if self.cliques is not None:
+            suffix = f", {len(self.cliques.sizes)} cliques{suffix}"
         return f"LabelGraph({self.n_nodes} nodes, {self.n_edges} edges{suffix})"
 
     # ------------------------------------------------------------------ constructors
@@ -341,9 +356,23 @@ class LabelGraph:
         positions = None
         if first.positions_m is not None and second.positions_m is not None:
             positions = np.concatenate([first.positions_m, second.positions_m])
-        return cls.from_edges(
+        both = cls.from_edges(
             first.n_nodes + second.n_nodes, edges, edge_kind=kinds, positions_m=positions
         )
+        sets = [(g.cliques, at) for g, at in ((first, 0), (second, shift)) if g.cliques is not None]
+        if not sets:
+            return both
+        return both.with_cliques(Cliques.beside(*zip(*sets, strict=True)))
+
+    def with_cliques(self, cliques: Cliques) -> Self:
+        """The graph with sets of nodes that want to have one label.
+
+        Examples
+        --------
+        >>> LabelGraph.from_lattice((4,)).with_cliques(Cliques.of([[0, 1], [2, 3]], 4))
+        LabelGraph(4 nodes, 3 edges, 2 cliques)
+        """
+        return replace(self, cliques=cliques)
 
     # ------------------------------------------------------------------ conversions
 
@@ -379,7 +408,8 @@ class LabelGraph:
     def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
         """The graph of the nodes where the mask (N,) is true, renumbered in order.
 
-        A grid's layout is kept (with fewer cells), a trajectory's is dropped.
+        A grid's layout is kept (with fewer cells), a trajectory's is dropped; cliques lose the
+        nodes that are left out, and those without any node are dropped.
         """
         keep = np.asarray(nodes, np.bool_)
         if keep.shape != (self.n_nodes,):
@@ -391,6 +421,7 @@ class LabelGraph:
             self.layout.part(keep) if isinstance(self.layout, GridLayout) else None,
             None if self.node_names is None else tuple(compress(self.node_names, keep)),
             None if self.node_kind is None else self.node_kind[keep],
+            None if self.cliques is None else self.cliques.among(keep),
         )
 
     # ------------------------------------------------------------------ derived

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
+from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.label_graph import LabelGraph
 
 __all__ = ["ProblemDescription", "describe"]
@@ -50,6 +51,11 @@ class Problem(Protocol):
         """(N,) known labels, -1 for none, where there are any."""
         ...
 
+    @property
+    def cliques(self) -> Cliques | None:
+        """C sets of nodes, where there are any."""
+        ...
+
 
 @dataclass(frozen=True)
 class ProblemDescription:
@@ -73,6 +79,13 @@ class ProblemDescription:
         median: from about there on labels are spread rather than smoothed.
     warnings : tuple of str
         What is likely to go wrong, and what to do.
+    n_cliques : int
+        Sets of nodes that want to have one label.
+    in_cliques : float
+        Share of the nodes that are in one.
+    clique_purity : float or None
+        Mean share of the most frequent label among the labelled nodes of a set; where it is low,
+        the sets tell little. None where no set has such nodes.
     """
 
     n_nodes: int
@@ -85,6 +98,9 @@ class ProblemDescription:
     median_margin: float | None
     collapse_weight: float | None
     warnings: tuple[str, ...]
+    n_cliques: int = 0
+    in_cliques: float = 0.0
+    clique_purity: float | None = None
 
     def __str__(self) -> str:
         lines = [
@@ -97,6 +113,12 @@ class ProblemDescription:
                 f"{name} {100 * share:.1f} %" for name, share in self.balance.items()
             )
             lines.append(f"of these: {shares}")
+        if self.n_cliques:
+            pure = self.clique_purity
+            of_one = "" if pure is None else f", {100 * pure:.0f} % of their labels the same"
+            lines.append(
+                f"{self.n_cliques} cliques with {100 * self.in_cliques:.0f} % of the nodes{of_one}"
+            )
         if self.median_margin is not None:
             lines.append(f"unary: best label over second {self.median_margin:.2f} (median)")
         if self.collapse_weight is not None:
@@ -131,7 +153,25 @@ def describe(problem: Problem, labels: ArrayLike | None = None) -> ProblemDescri
         median_margin=margin,
         collapse_weight=collapse,
         warnings=tuple(warnings),
+        **_about_cliques(problem, truth),
     )
+
+
+def _about_cliques(problem: Problem, truth: NDArray[np.int64]) -> dict[str, Any]:
+    """The fields of a description that tell of sets of nodes."""
+    sets = problem.cliques
+    if sets is None:
+        return {}
+    nodes, of_set = sets.links[truth[sets.members] >= 0].T
+    counts = np.zeros((len(sets.sizes), problem.n_labels))
+    np.add.at(counts, (of_set, truth[nodes]), 1.0)
+    counts = counts[counts.any(axis=1)]
+    purity = counts.max(axis=1) / counts.sum(axis=1)
+    return {
+        "n_cliques": len(sets.sizes),
+        "in_cliques": len(np.unique(sets.members)) / max(problem.graph.n_nodes, 1),
+        "clique_purity": float(purity.mean()) if len(purity) else None,
+    }
 
 
 def _margins(problem: Problem) -> NDArray[np.float64] | None:

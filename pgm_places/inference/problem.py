@@ -54,7 +54,11 @@ class LabelingProblem:
         evidence for labelling: what is learned from are the labelings that ``fit`` is given, and
         no model stores it.
     cliques : Cliques, optional
-        Sets of nodes that want to have one label, such as superpixels; ``potts`` knows them.
+        Sets of nodes that want to have one label, such as superpixels: C of them; the graph's by
+        default. ``potts`` and ``amn`` know them.
+    clique_features : (C, G) float, optional
+        Features of these sets, at least 0, for models that learn weights of sets: how alike their
+        nodes are, how sure one is that they belong together, or 1 in the column of their kind.
 
     At least one of ``unary``, ``node_features`` and ``known`` is needed; with ``known`` alone the
     unary is 0 for all labels.
@@ -80,6 +84,7 @@ class LabelingProblem:
     edge_features: NDArray[np.float64] | None = None
     known: NDArray[np.int64] | None = None
     cliques: Cliques | None = None
+    clique_features: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         require_type("graph", self.graph, LabelGraph)
@@ -98,9 +103,7 @@ class LabelingProblem:
             object.__setattr__(self, "known", frozen(known))
             if self.unary is None and self.node_features is None:
                 object.__setattr__(self, "unary", np.zeros((n, len(names))))
-        if self.cliques is not None:
-            require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
-            integer_array("cliques", self.cliques.members, ("M",), low=0, high=max(n, 1))
+        self._check_cliques()
         if self.unary is None and self.node_features is None:
             raise InputError(
                 f"a problem needs unary log-probabilities of shape ({n}, {len(names)}) or "
@@ -117,12 +120,35 @@ class LabelingProblem:
             edges = finite_array("edge_features", self.edge_features, (e, "F"))
             object.__setattr__(self, "edge_features", frozen(edges))
 
+    def _check_cliques(self) -> None:
+        """Take the graph's cliques over, and refuse features that do not fit them."""
+        if self.cliques is None:
+            object.__setattr__(self, "cliques", self.graph.cliques)
+        if self.cliques is not None:
+            require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
+            self.cliques.check_fits(self.graph.n_nodes)
+        if self.clique_features is None:
+            return
+        if self.cliques is None:
+            raise InputError("clique_features need cliques, the sets of nodes that they are of")
+        found = finite_array(
+            "clique_features", self.clique_features, (len(self.cliques.sizes), "G")
+        )
+        if found.min(initial=0.0) < 0:
+            raise InputError(
+                f"clique_features must be at least 0, got {found.min():g}; split signed features "
+                "into a positive and a negative column"
+            )
+        object.__setattr__(self, "clique_features", frozen(found))
+
     def __repr__(self) -> str:
         given = [
             f"{name} {values.shape}"
-            for name in ("unary", "node_features", "edge_features", "known")
+            for name in ("unary", "node_features", "edge_features", "known", "clique_features")
             if (values := getattr(self, name)) is not None
         ]
+        if self.cliques is not None and self.cliques is not self.graph.cliques:
+            given.append(f"{len(self.cliques.sizes)} cliques")
         names = ", ".join(self.label_names)
         return f"LabelingProblem({self.graph!r}, labels {names}; {', '.join(given)})"
 
@@ -171,6 +197,9 @@ class LabelingProblem:
         keep = np.asarray(nodes, np.bool_)
         graph = self.graph.subgraph(keep)
         inside = keep[self.graph.edges].all(axis=1)
+        sets, of_sets = self.cliques, self.clique_features
+        if sets is not None and of_sets is not None:
+            of_sets = of_sets[sets.sizes_among(keep) > 0]
         return type(self)(
             graph,
             self.label_names,
@@ -178,7 +207,8 @@ class LabelingProblem:
             None if self.node_features is None else self.node_features[keep],
             None if self.edge_features is None else self.edge_features[inside],
             None if self.known is None else self.known[keep],
-            None if self.cliques is None else self.cliques.among(keep),
+            graph.cliques if sets is self.graph.cliques or sets is None else sets.among(keep),
+            of_sets,
         )
 
     def describe(self, labels: ArrayLike | None = None) -> ProblemDescription:
@@ -267,7 +297,10 @@ ONE_BY_ONE = "; the problems of a list are labelled one by one"
 def require_no_cliques(problem: LabelingProblem) -> None:
     """Refuse a problem with sets of nodes, for a method that would pass over them."""
     if problem.cliques is not None:
-        raise InputError("cliques are known to method 'potts' only; take it, or leave them out")
+        raise InputError(
+            "cliques are known to methods 'potts' and 'amn' only; take one of them, or leave the "
+            "cliques out"
+        )
 
 
 def evident_unary(

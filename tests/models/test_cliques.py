@@ -9,18 +9,10 @@ from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.inference.potentials import Potentials
 from pgm_places.models.cliques import clique_score, decode_with_cliques
+from tests.reference.cliques import set_score
 from tests.reference.energy import Model, labelings, score
 
 GRAPHS = [graph for graph in nx.graph_atlas_g() if 3 <= len(graph) <= 6][::23]
-
-
-def set_score(nodes: list[int], labels: tuple[int, ...], weight: float, dissent: float) -> float:
-    """Written out from the definition."""
-    best = 0.0
-    for k in set(labels):
-        differing = sum(labels[node] != k for node in nodes)
-        best = max(best, weight * (len(nodes) - differing / dissent))
-    return best
 
 
 @pytest.mark.parametrize("form", ["agreement", "table", "tables"])
@@ -41,7 +33,7 @@ def test_decoders_agree_with_all_labellings(number: int, form: str) -> None:
     model = Model(unary, built.edges.astype(np.int64), **given)
 
     def total(labels: tuple[int, ...]) -> float:
-        return score(model, labels) + sum(set_score(s, labels, weight, dissent) for s in sets)
+        return score(model, labels) + sum(set_score(s, labels, [weight] * k, dissent) for s in sets)
 
     best = max(total(labels) for labels in labelings(model))
     cliques = Cliques.of(sets, n)
@@ -54,6 +46,8 @@ def test_decoders_agree_with_all_labellings(number: int, form: str) -> None:
         assert found.score is not None
         assert found.bound is not None
         assert found.bound >= best - 1e-9
+        if k == 2 and decoder == "graph-cut":  # one minimum cut
+            assert found.status is Status.EXACT
         if found.status is Status.EXACT:
             assert found.score == pytest.approx(best)
         elif form != "tables":
@@ -108,5 +102,47 @@ def test_methods_that_know_no_sets_say_so() -> None:
     problem = LabelingProblem(
         graph, ("a", "b"), np.zeros((3, 2)), cliques=Cliques.of([[0, 1, 2]], 3)
     )
-    with pytest.raises(InputError, match="cliques are known to method 'potts' only"):
-        build("amn").fit([problem], [np.array([0, 1, 0])])
+    with pytest.raises(InputError, match="cliques are known to methods 'potts' and 'amn' only"):
+        build("crf").fit([problem], [np.array([0, 1, 0])])
+    with pytest.raises(InputError, match="cliques are known to methods 'potts' and 'amn' only"):
+        build("independent").infer(problem)
+
+
+def test_a_graph_hands_its_sets_to_its_parts_and_problems() -> None:
+    sets = Cliques.of([[0, 1], [2, 3], [1]], 4)
+    graph = LabelGraph.from_lattice((4,)).with_cliques(sets)
+    problem = LabelingProblem(graph, ("a", "b"), np.zeros((4, 2)), clique_features=np.eye(3))
+    assert problem.cliques is sets
+    part = problem.subproblem(np.array([False, False, True, True]))
+    assert part.graph.cliques is part.cliques is not None
+    assert part.cliques.links.tolist() == [[0, 0], [1, 0]]
+    assert part.clique_features is not None
+    assert part.clique_features.tolist() == [[0.0, 1.0, 0.0]]
+    both = LabelGraph.joined(LabelGraph.from_lattice((2,)), graph, np.zeros((0, 2), np.int64))
+    assert both.cliques is not None
+    assert both.cliques.members.tolist() == [2, 3, 4, 5, 3]
+    assert repr(both) == "LabelGraph(6 nodes, 4 edges, 3 cliques)"
+
+
+def test_features_of_sets_are_checked() -> None:
+    graph = LabelGraph.from_lattice((3,))
+    flat, sets = np.zeros((3, 2)), Cliques.of([[0, 1], [1, 2]], 3)
+    with pytest.raises(InputError, match=r"clique_features must have shape \(2, G\), got \(1, 1\)"):
+        LabelingProblem(graph, ["a", "b"], flat, cliques=sets, clique_features=np.ones((1, 1)))
+    with pytest.raises(InputError, match="clique_features must be at least 0, got -1"):
+        LabelingProblem(graph, ["a", "b"], flat, cliques=sets, clique_features=-np.ones((2, 1)))
+    with pytest.raises(InputError, match="clique_features need cliques"):
+        LabelingProblem(graph, ["a", "b"], flat, clique_features=np.ones((2, 1)))
+    with pytest.raises(InputError, match="must hold integers from 0 to 2, got 5"):
+        graph.with_cliques(Cliques.of([[5]], 6))
+
+
+def test_the_description_tells_how_pure_the_sets_are() -> None:
+    graph = LabelGraph.from_lattice((6,)).with_cliques(Cliques.of([[0, 1], [2, 3, 4]], 6))
+    problem = LabelingProblem(graph, ("a", "b"), np.zeros((6, 2)))
+    found = problem.describe([0, 0, 0, 1, -1, 1])
+    assert found.n_cliques == 2
+    assert found.in_cliques == pytest.approx(5 / 6)
+    assert found.clique_purity == pytest.approx((1.0 + 0.5) / 2)
+    assert "2 cliques with 83 % of the nodes, 75 % of their labels the same" in str(found)
+    assert "2 cliques with 83 % of the nodes\n" in str(problem.describe())

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
+from tests.reference.cliques import set_score
 
 
 def all_labelings(n_nodes: int, n_labels: int) -> NDArray[np.int64]:
@@ -19,13 +20,27 @@ def score(
     """The definition, node by node and edge by edge."""
     d, f, k = problem.node_features.shape[1], problem.edge_features.shape[1], problem.n_labels
     node_weights = weights[: d * k].reshape(d, k)
-    edge_weights = weights[d * k :].reshape(f, k)
+    edge_weights = weights[d * k : (d + f) * k].reshape(f, k)
     total = 0.0
     for i, label in enumerate(labels):
         total += float(problem.node_features[i] @ node_weights[:, label])
     for e, (i, j) in enumerate(problem.edges):
         if labels[i] == labels[j]:
             total += float(problem.edge_features[e] @ edge_weights[:, labels[i]])
+    return total + _sets_score(problem, weights[(d + f) * k :], labels)
+
+
+def _sets_score(
+    problem: MaxMarginProblem, weights: NDArray[np.float64], labels: NDArray[np.int64]
+) -> float:
+    if problem.sets is None:
+        return 0.0
+    cliques, dissent = problem.sets.nodes.cliques, problem.sets.nodes.dissent
+    total = 0.0
+    for c, features in enumerate(problem.sets.features):
+        members = cliques.members[cliques.start[c] : cliques.start[c + 1]].tolist()
+        rewards = features @ weights.reshape(-1, problem.n_labels)
+        total += set_score(members, labels.tolist(), rewards.tolist(), dissent)
     return total
 
 
@@ -45,8 +60,8 @@ def objective(problem: MaxMarginProblem, weights: NDArray[np.float64]) -> float:
 
 def optimum(problem: MaxMarginProblem) -> tuple[float, NDArray[np.float64]]:
     """The least objective and its weights, with one constraint per labelling."""
-    d, f, k = problem.node_features.shape[1], problem.edge_features.shape[1], problem.n_labels
-    basis = np.eye((d + f) * k)
+    d, k = problem.node_features.shape[1], problem.n_labels
+    basis = np.eye(problem.n_weights)
     labelings = all_labelings(problem.n_nodes, k)
     features = np.array([[score(problem, unit, y) for unit in basis] for y in labelings])
     truth = np.array([score(problem, unit, problem.labels) for unit in basis])
