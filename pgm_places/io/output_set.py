@@ -17,7 +17,7 @@ from pgm_places.io.folder_swap import (
     finish,
     swap_in,
 )
-from pgm_places.io.staging import as_output_errors, locked, make_folders, stage
+from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 
 __all__ = ["RECORD_FILE", "OutputSet", "claim", "has_all_files", "output_set"]
 
@@ -84,7 +84,7 @@ def output_set(
     """
     shown = Path(folder)
     with as_output_errors(shown):
-        tidy(shown)
+        _tidy(shown)
         target = shown.resolve()
         _check(shown, set(names), by, force=force, shared=shared)
         inside = shared or (target.is_dir() and not can_be_exchanged(target))
@@ -123,11 +123,17 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
     """
     shown = Path(folder)
     with as_output_errors(shown):
-        tidy(shown)
+        _tidy(shown)
         _check(shown, set(), "", force=force, shared=False)
         if _record(shown) is None:
             write_text(shown / RECORD_FILE, _record_text({}))
     return shown
+
+
+def _tidy(folder: Path) -> None:
+    """Put right what a killed run left, also one that was killed while it claimed the folder."""
+    tidy(folder)
+    remove_leftovers(folder.resolve(), RECORD_FILE)
 
 
 def has_all_files(folder: Path) -> bool:

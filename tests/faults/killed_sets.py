@@ -8,6 +8,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from pgm_places.io.output_set import RECORD_FILE, claim
 from tests.faults.sets import content, whole, write_set
 from tests.faults.steps import count_steps, killed_at, leftovers
 
@@ -52,6 +53,22 @@ def check_kills(folder: Path, mode: str) -> int:
     return len(chosen)
 
 
+def check_claims(folder: Path) -> int:
+    """Kill at every step of claiming a folder; the number of kills."""
+    n_steps = count_steps(partial(claim, folder / "counted"))
+    assert n_steps > 3
+    for number in range(1, n_steps + 1):
+        for name, again in (("claimed", claim), ("written", partial(write_set, name="new"))):
+            target = folder / f"{name}{number}"
+            assert killed_at(number, partial(claim, target))
+            again(target)
+            assert (target / RECORD_FILE).exists()
+            assert not leftovers(target)
+    return n_steps
+
+
 if __name__ == "__main__":
     os.fsync = lambda number: None  # type: ignore[assignment]  # no power fails here, and it is slow
-    sys.stdout.write(f"{check_kills(Path(sys.argv[1]), sys.argv[2])}\n")
+    where, how = Path(sys.argv[1]), sys.argv[2]
+    n_kills = check_claims(where) if how == "claimed" else check_kills(where, how)
+    sys.stdout.write(f"{n_kills}\n")

@@ -31,6 +31,13 @@ def test_a_kill_at_any_step_leaves_the_old_set_or_the_new_one(tmp_path: Path, mo
     assert int(done.stdout) > 3  # of steps; 'make faults' takes every one
 
 
+@posix
+def test_a_kill_while_a_folder_is_claimed_does_not_bar_it(tmp_path: Path) -> None:
+    done = run_module("killed_sets", tmp_path, "claimed")
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 3
+
+
 @pytest.mark.parametrize("shared", [False, True])
 def test_a_disk_that_is_full_at_any_step_leaves_the_old_set_or_the_new_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared: bool
