@@ -151,6 +151,7 @@ def test_learn_from_the_paint_then_fill_rename_and_export(
     page.keyboard.press("Enter")
     wait_revision(page, 3)
     until(page, "studio.places.regions.some((r) => r.name === 'hall of fame')")
+    until(page, "document.getElementById('readout').textContent.includes('hall of fame')")
     page.keyboard.press("f")
     page.keyboard.press("3")
     click(page, 10.5, 10.5)
@@ -197,6 +198,31 @@ def colours_of_panes(page: Any, x: float, y: float) -> list[tuple[int, ...]]:
     page.wait_for_timeout(200)
     panes = page.evaluate("studio.view.panes")
     return [tuple(page.evaluate(PIXEL, [x, y, k])) for k in range(panes)]
+
+
+def test_when_the_order_changes_the_next_place_is_the_one_that_has_moved_up(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    corners = [((6, 6), (14, 12)), ((27, 6), (35, 12)), ((6, 18), (14, 24)), ((27, 18), (35, 24))]
+    for number, (first, last) in enumerate(corners):
+        page.keyboard.press("1" if number % 2 else "2")
+        page.keyboard.press("r")
+        drag(page, first, last)
+    wait_taught(page, 4)
+    until(page, "studio.placesVersion === `${studio.state.lesson.number}.4`")
+    ids = page.evaluate("studio.places.checks.map((check) => check.id)")
+    assert len(ids) >= 3
+    page.click("#tab-review")
+    page.keyboard.press("n")
+    assert page.evaluate("studio.chosen") == ids[0]
+    # As a correction of the first place would leave the list; which it does depends on the rest.
+    page.evaluate("studio.places.checks.unshift(...studio.places.checks.splice(1, 1))")
+    page.evaluate("studio.changed()")
+    page.keyboard.press("n")
+    assert page.evaluate("studio.chosen") == ids[1]
+    page.keyboard.press("n")
+    assert page.evaluate("studio.chosen") == ids[0]
 
 
 def test_a_doorway_is_shown_in_its_own_colour_before_it_is_painted(
@@ -255,6 +281,21 @@ def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
         assert page.evaluate("studio.swipe.way") == "one"
     labels = painted(map_yaml).labels
     assert (labels[9:13, 31:39] == 0).all() and (labels[:, :26] == -1).all()
+
+
+def test_on_a_phone_the_lower_labelling_is_named_above_the_readout(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    page.set_viewport_size({"width": 390, "height": 780})
+    page.keyboard.press("Shift+S")
+    until(page, "document.getElementById('stage').dataset.panes === 'stacked'")
+    page.mouse.move(*at(page, 10, 10))
+    until(page, "document.getElementById('readout').textContent.includes(' m')")
+    title, readout = (
+        page.locator(f"#{name}").bounding_box() for name in ("right-title", "readout")
+    )
+    assert title["y"] + title["height"] <= readout["y"]
 
 
 def test_two_methods_of_a_model_are_compared(opened: Open, map_yaml: Path) -> None:

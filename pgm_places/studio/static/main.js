@@ -75,6 +75,7 @@ class Studio {
     this.placesVersion = version;
     if (chosen && !this.places.byId.has(this.chosen)) this.chosen = null;
     if (this.asked) this.#ask(this.asked);
+    this.#readSoon();
     this.changed();
   }
 
@@ -222,6 +223,11 @@ class Studio {
     this.tools.pointer = this.view.toMap(screen.x, screen.y);
     if (this.tools.name !== "look") this.redraw();
     this.hover = this.tools.pointer;
+    this.#readSoon();
+  }
+
+  /** Say what the server knows of the cell under the pointer, not more often than it can answer. */
+  #readSoon() {
     if (this.asking) return;
     this.asking = setTimeout(async () => {
       this.asking = null;

@@ -6,11 +6,15 @@ export class Review {
   constructor(studio) {
     this.studio = studio;
     this.element = h("div", { className: "panel" });
-    this.at = -1;
+    this.at = -1; // where in the list the last place was when it was chosen
   }
 
   render(state) {
     const { checks } = this.studio.places;
+    if (this.studio.chosen !== this.last) {
+      this.last = this.studio.chosen;
+      this.at = checks.findIndex((check) => check.id === this.last);
+    }
     const key = JSON.stringify([this.studio.placesVersion, this.studio.chosen, state.classes, !!state.lesson]);
     if (key === this.key) return;
     this.key = key;
@@ -42,8 +46,10 @@ export class Review {
   next(step) {
     const { checks } = this.studio.places;
     if (!checks.length) return;
-    const now = checks.findIndex((check) => check.id === this.studio.chosen);
-    this.go((now + step + checks.length) % checks.length);
+    // A place that was corrected has left for the end of the list, and another one has moved up.
+    const stays = this.at < 0 || checks[this.at]?.id === this.studio.chosen;
+    const k = stays || step < 0 ? this.at + step : this.at;
+    this.go((k + 2 * checks.length) % checks.length);
   }
 
   go(k) {
