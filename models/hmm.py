@@ -17,7 +17,6 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
-from pgm_places.models.baum_welch import with_unlabelled
 from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import (
     count_chains,
@@ -167,6 +166,8 @@ class HiddenMarkovModel:
             learning_curve=None,
         )
         if self.unlabelled == "hidden":
+            from pgm_places.models.baum_welch import with_unlabelled  # labelling does without it
+
             tables = with_unlabelled(learned_now, problems, labelings, self._moved, weights)
             learned_now = replace(learned_now, **tables)
         return learned_now.with_sequences(problems, labelings, sample_weight=sample_weight)

@@ -22,16 +22,7 @@ from pgm_places.labelers.method import (
     infer,
     place_methods,
 )
-from pgm_places.labelers.place_learning import (
-    LabelledNodes,
-    common_resolution,
-    learn_from_scores,
-    learn_methods,
-    map_problem,
-    movement_of,
-    shown_names,
-    without_halls,
-)
+from pgm_places.labelers.place_problem import map_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
@@ -39,7 +30,6 @@ from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import FeatureTables
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.kept_table import KeptTable
-from pgm_places.unary.learning import LearnedUnary, fit_unary
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import (
     ClassifierOptions,
@@ -55,6 +45,7 @@ from pgm_places.unary.options import (
 if TYPE_CHECKING:  # scikit-learn takes a second to import, and labelling does without it
     from pgm_places.models.decision_list import DecisionListClassifier
     from pgm_places.models.hmm import HiddenMarkovModel
+    from pgm_places.unary.learning import LearnedUnary
 
 __all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 
@@ -232,13 +223,16 @@ class PlaceLabeler(Labeler):
         feature_cache: FeatureTables | None = None,
         n_threads: int | None = None,
         progress: Progress | None = None,
-    ) -> LearnedUnary:
+    ) -> "LearnedUnary":
+        from pgm_places.labelers import place_learning as learning  # which labelling does without
+        from pgm_places.unary.learning import fit_unary
+
         progress = progress or Silent()
         maps, names = list(maps), tuple(self.label_names)
         self.check_options()
         require_examples(maps, names)
-        maps, names, halls = without_halls(maps, names)
-        resolution_m = common_resolution(maps)
+        maps, names, halls = learning.without_halls(maps, names)
+        resolution_m = learning.common_resolution(maps)
         methods = self.resolved_methods()
         wanted = {method.unary for method in methods.values()}
         unary = fit_unary(
@@ -255,20 +249,20 @@ class PlaceLabeler(Labeler):
             learn_on=self.learn_on,
             n_folds=self.n_folds,
             features=as_features(self.features),
-            with_scores=with_scores or learn_from_scores(methods),
+            with_scores=with_scores or learning.learn_from_scores(methods),
             feature_cache=feature_cache,
             n_threads=n_threads,
             progress=progress,
         )
-        nodes = LabelledNodes.of_maps(maps, self.connectivity, names, unary.scores)
+        nodes = learning.LabelledNodes.of_maps(maps, self.connectivity, names, unary.scores)
         held_out = unary.scores is not None and self.learn_on == "out-of-fold"
-        fitted, seconds = learn_methods(methods, nodes, held_out, progress)
+        fitted, seconds = learning.learn_methods(methods, nodes, held_out, progress)
         self.set_learned(
             unary_model_=unary.model,
             methods_=fitted,
             learn_seconds_=seconds,
             resolution_m_=resolution_m,
-            movement_=movement_of(maps, unary, len(names), progress),
+            movement_=learning.movement_of(maps, unary, len(names), progress),
             label_names_=shown_names(names, unary.model, self.halls),
         )
         return unary

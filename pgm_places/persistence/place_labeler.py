@@ -12,7 +12,7 @@ from pgm_places.features.own import FEATURES, as_features, n_columns
 from pgm_places.inference.backends import METHODS
 from pgm_places.labelers.method import unfitted
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
-from pgm_places.labelers.place_learning import shown_names
+from pgm_places.labelers.place_problem import shown_names
 from pgm_places.maps.occupancy_grid import check_resolution
 from pgm_places.options import check_option
 from pgm_places.persistence.backend import dump_backend, load_backend
