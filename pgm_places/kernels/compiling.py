@@ -12,6 +12,7 @@ from typing import Any
 import numba
 
 from pgm_places.kernels.cache import cache_folder
+from pgm_places.kernels.call_types import remembered
 from pgm_places.kernels.code_cache import KernelCache
 from pgm_places.kernels.deferred import Deferred, Helper, Instruction, called_names
 from pgm_places.kernels.instruction_rules import intrinsic_named
@@ -42,7 +43,8 @@ def compile_for(
     """The machine code of a kernel for arguments of these types, and what can be kept of it."""
     dispatcher = dispatcher_of(kernel)
     types = tuple(numba.typeof(value) for value in arguments)
-    code = dispatcher.compile(types)
+    with remembered():
+        code = dispatcher.compile(types)
     cache = dispatcher._cache
     if not isinstance(cache, KernelCache):
         return code, None
