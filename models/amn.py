@@ -38,11 +38,10 @@ from pgm_places.models.linear_features import (
     edge_feature_count,
     edge_features,
     node_features,
-    parse_edge_features,
     parse_node_features,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
-from pgm_places.options import Positive, Whole, check_options
+from pgm_places.options import Positive, Whole
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
     REACHED,
@@ -169,13 +168,6 @@ class AssociativeMarkovNetwork(LinearModel):
     edge_weights: NDArray[np.float64] | None = learned()
     clique_weights: NDArray[np.float64] | None = learned()
     completion_objectives: NDArray[np.float64] | None = learned()
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        parse_node_features(self.node_features)
-        object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
-        if self.node_weights is not None:
-            self._check_learned()
 
     # ------------------------------------------------------------------ learning
 

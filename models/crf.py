@@ -42,11 +42,10 @@ from pgm_places.models.linear_features import (
     Standardization,
     edge_features,
     node_features,
-    parse_edge_features,
     parse_node_features,
 )
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
-from pgm_places.options import Positive, Whole, check_options
+from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import is_forest
 from pgm_places.solvers.max_margin import OnStep
@@ -155,13 +154,6 @@ class ConditionalRandomField(LinearModel):
     by_margin: NDArray[np.bool_] | None = learned()
     link_scales: NDArray[np.float64] | None = learned()
 
-    def __post_init__(self) -> None:
-        check_options(self)
-        parse_node_features(self.node_features)
-        object.__setattr__(self, "edge_features", parse_edge_features(self.edge_features))
-        if self.node_weights is not None:
-            self._check_learned()
-
     # ------------------------------------------------------------------ learning
 
     def fit(
@@ -251,7 +243,7 @@ class ConditionalRandomField(LinearModel):
             return None
         if options.learner == "max-margin":
             raise InputError(
-                "warm_start begins at the weights learned so far, which the planes of max margin "
+                "warm_start begins at the weights learned so far, which max-margin learning "
                 "cannot; take a likelihood as the learner, or warm_start=False"
             )
         node_weights, tables = self._learned("node_weights", "tables")

@@ -13,7 +13,12 @@ from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
-from pgm_places.models.linear_features import Standardization
+from pgm_places.models.linear_features import (
+    Standardization,
+    parse_edge_features,
+    parse_node_features,
+)
+from pgm_places.options import check_options
 from pgm_places.solvers.max_margin import LearningStep
 
 __all__ = ["LinearModel", "learned_arrays", "require_edge_features"]
@@ -31,6 +36,14 @@ class LinearModel:
     learning: NDArray[np.float64] | None = learned()
     learning_history: NDArray[np.float64] | None = learned()
     penalty_search: NDArray[np.float64] | None = learned()
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        options: Any = self  # each model declares its own
+        parse_node_features(options.node_features)
+        object.__setattr__(self, "edge_features", parse_edge_features(options.edge_features))
+        if self.node_weights is not None:
+            self._check_learned()
 
     @property
     def summary(self) -> Mapping[str, Any]:

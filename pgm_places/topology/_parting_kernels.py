@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pgm_places.kernels.jit import fused, inlined, njit
 from pgm_places.topology._refinement_kernels import write_chords
 
-__all__ = ["Floor", "Room", "part_regions"]
+__all__ = ["Candidates", "Doorways", "Drawing", "Floor", "Room", "part_regions"]
 
 GAP, NEAR = -1, -2
 
@@ -63,6 +63,47 @@ class Room(NamedTuple):
     """Waters that spread in it, int64."""
     left: Any
     """Its cells outside the gap that are not in filled parts, int64."""
+
+
+class Candidates(NamedTuple):
+    """Cells that chords are drawn through: ``start[k]`` to ``start[k + 1]`` are those of k."""
+
+    start: Any
+    """(M + 1,) int64."""
+    rows: Any
+    """(n,) int64."""
+    columns: Any
+    """(n,) int64."""
+    directions: Any
+    """(D, 2) float64, a row and a column step of length 1."""
+    longest: float
+    """Of the chords, in cells."""
+
+
+class Drawing(NamedTuple):
+    """How a doorway is drawn, and when."""
+
+    label: int
+    reach: float
+    """Cells up to this far from the chord are the doorway's."""
+    cell_m2: float
+    least_m2: float
+    """Area of the smaller part from which on it is drawn."""
+
+
+class Doorways(NamedTuple):
+    """What has been drawn: an entry for each doorway, and their cells one after the other."""
+
+    ends: Any
+    """(M, 4) float64, row and column of the chord's ends."""
+    piece: Any
+    """(M,) int32, the region that it parts."""
+    sizes: Any
+    """(M, 2) int64, cells of the larger and the smaller part."""
+    stop: Any
+    """(M,) int64, where its cells end in ``cells``."""
+    cells: Any
+    """(H W,) int64."""
 
 
 @inlined
@@ -309,57 +350,45 @@ def part_regions(
     floor: Floor,
     room: Room,
     blocked: NDArray[np.bool_],
-    start: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    directions: NDArray[np.float64],
-    longest: float,
-    reach: float,
-    doorway: int,
-    cell_m2: float,
-    least_m2: float,
-    ends: NDArray[np.float64],
-    number: NDArray[np.int32],
-    sizes: NDArray[np.int64],
-    stop: NDArray[np.int64],
-    cells: NDArray[np.int64],
+    candidates: Candidates,
+    drawing: Drawing,
+    doorways: Doorways,
 ) -> int:
     """Draw the doorways that part a region in two, and return their number.
 
-    Candidate k offers the chords through its cells, ``start[k]`` to ``start[k + 1]`` of ``rows``
-    and ``columns``; the shortest that leaves two parts of ``least_m2`` is drawn, at most one of
-    each candidate. For each doorway ``ends`` (M, 4) receives row and column of the chord's ends,
-    ``number`` (M,) the piece, ``sizes`` (M, 2) the cells of its larger and smaller part, and
-    ``stop`` (M,) where its cells end in ``cells``.
+    Of each candidate's chords the shortest that leaves two large enough parts is drawn, at most
+    one; ``doorways`` receives it.
     """
+    start, directions = candidates.start, candidates.directions
     length, chord = np.empty(len(directions)), np.empty((len(directions), 4))
     found, filled = 0, 0
     for k in range(len(start) - 1):
         own = slice(start[k], start[k + 1])
-        write_chords(blocked, rows[own], columns[own], directions, longest, length, chord)
+        rows, columns = candidates.rows[own], candidates.columns[own]
+        write_chords(blocked, rows, columns, directions, candidates.longest, length, chord)
         while True:
             d = np.argmin(length)
             if not length[d] < np.inf:
                 break
             length[d] = np.inf
             y0, x0, y1, x1 = chord[d]
-            n_gap = _find_gap(floor, room, y0, x0, y1, x1, reach, doorway)
+            n_gap = _find_gap(floor, room, y0, x0, y1, x1, drawing.reach, drawing.label)
             if n_gap == 0:
                 continue
             piece = _main_piece(floor, room, n_gap)
             n_waters, n_touched = _pour(floor, room, n_gap)
             n_wet = _flow(floor, room, n_waters, n_touched)
             first, second = _two_largest(room, n_waters, n_touched, piece)
-            splits = second > 0 and not second * cell_m2 < least_m2
+            splits = second > 0 and not second * drawing.cell_m2 < drawing.least_m2
             if splits:
-                _draw(floor, room, n_gap, n_touched, n_wet, doorway)
+                _draw(floor, room, n_gap, n_touched, n_wet, drawing.label)
             _dry(room, n_gap, n_wet)
             if splits:
-                ends[found], number[found] = chord[d], piece
-                sizes[found, 0], sizes[found, 1] = first, second
-                cells[filled : filled + n_gap] = room.gap[:n_gap]
+                doorways.ends[found], doorways.piece[found] = chord[d], piece
+                doorways.sizes[found, 0], doorways.sizes[found, 1] = first, second
+                doorways.cells[filled : filled + n_gap] = room.gap[:n_gap]
                 filled += n_gap
-                stop[found] = filled
+                doorways.stop[found] = filled
                 found += 1
                 break
     return found

@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.maps.components import connected_components
-from pgm_places.topology._parting_kernels import Floor, Room, part_regions
+from pgm_places.topology._parting_kernels import (
+    Candidates,
+    Doorways,
+    Drawing,
+    Floor,
+    Room,
+    part_regions,
+)
 from pgm_places.topology.chords import Chord, chord_directions
 
 __all__ = ["Parting", "Split"]
@@ -92,31 +99,26 @@ class Parting:
         """
         # With 0.75 cells on both sides, no step between cells, even a diagonal one, crosses it.
         reach = max(0.75, DOORWAY_DEPTH_M / self.resolution_m / 2)
-        most = len(start) - 1
-        ends, number = np.empty((most, 4)), np.empty(most, np.int32)
-        sizes, stop = np.empty((most, 2), np.int64), np.empty(most, np.int64)
-        gaps = np.empty(self.blocked.size, np.int64)  # pages are only touched as far as it is used
+        most, n_cells = len(start) - 1, self.blocked.size
+        found = Doorways(
+            np.empty((most, 4)),
+            np.empty(most, np.int32),
+            np.empty((most, 2), np.int64),
+            np.empty(most, np.int64),
+            np.empty(n_cells, np.int64),  # pages are only touched as far as it is used
+        )
         rows, columns = np.divmod(cells, self.blocked.shape[1])
         count = part_regions(
             self._floor,
-            _room(self.blocked.size, longest + 2 * reach),
+            _room(n_cells, longest + 2 * reach),
             self.blocked,
-            start,
-            rows,
-            columns,
-            chord_directions(),
-            longest,
-            reach,
-            self.doorway,
-            self.resolution_m**2,
-            self.min_part_m2,
-            ends,
-            number,
-            sizes,
-            stop,
-            gaps,
+            Candidates(start, rows, columns, chord_directions(), float(longest)),
+            Drawing(self.doorway, reach, self.resolution_m**2, float(self.min_part_m2)),
+            found,
         )
-        drawn = np.split(gaps[: stop[count - 1] if count else 0], stop[: max(count - 1, 0)])
+        drawn = np.split(
+            found.cells[: found.stop[count - 1] if count else 0], found.stop[: max(count - 1, 0)]
+        )
         return [
             Split(
                 Chord((y0, x0), (y1, x1)),
@@ -125,10 +127,10 @@ class Parting:
                 (larger, smaller),
             )
             for (y0, x0, y1, x1), gap, piece, (larger, smaller) in zip(
-                ends[:count].tolist(),
+                found.ends[:count].tolist(),
                 drawn[:count],
-                number[:count],
-                (sizes[:count] * self.resolution_m**2).tolist(),
+                found.piece[:count],
+                (found.sizes[:count] * self.resolution_m**2).tolist(),
                 strict=True,
             )
         ]
