@@ -358,8 +358,11 @@ class HiddenMarkovModel:
         Arguments as of :meth:`step`, but for the state, which is None at the first step: what the
         model has to know of all before. Here that is the belief.
         """
-        belief, was_possible = self.step(unary, state, moved_m=moved_m, further=further)
-        return belief, belief, was_possible
+        row, observed = self._observed(unary, further)
+        belief, after, was_possible = self._next(observed, state, moved_m)
+        if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
+            belief, after, _ = self._next(observed, state, moved_m, everything_possible=True)
+        return belief, after, was_possible
 
     def step(
         self,
@@ -383,13 +386,22 @@ class HiddenMarkovModel:
         further : (K,) float, optional
             Log-likelihoods of what else was observed.
         """
-        row, observed = self._observed(unary, further)
-        stays = moved_m is not None and moved_m < self.stay_below_m
-        action = STAY if stays else MOVE
-        after, was_possible = self._forward.step(observed, belief, action)
-        if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
-            after, _ = self._forward_of_possible.step(observed, belief, action)
+        after, _, was_possible = self.advance(unary, belief, moved_m=moved_m, further=further)
         return after, was_possible
+
+    def _next(
+        self,
+        observed: NDArray[np.float64],
+        state: Any,
+        moved_m: float | None,
+        *,
+        everything_possible: bool = False,
+    ) -> tuple[NDArray[np.float64], Any, bool]:
+        """As :meth:`advance`, of checked log-likelihoods."""
+        stays = moved_m is not None and moved_m < self.stay_below_m
+        forward = self._forward_of_possible if everything_possible else self._forward
+        belief, was_possible = forward.step(observed, state, STAY if stays else MOVE)
+        return belief, belief, was_possible
 
     def _observed(
         self, unary: ArrayLike, further: ArrayLike | None

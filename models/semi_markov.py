@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,34 +111,19 @@ class SemiMarkovModel(HiddenMarkovModel):
                 "a semi-Markov model cannot go on from a belief, which does not say how long the "
                 "place has lasted; use advance, which returns a state"
             )
-        found, _, was_possible = self.advance(unary, moved_m=moved_m, further=further)
-        return found, was_possible
+        return super().step(unary, moved_m=moved_m, further=further)
 
-    def advance(
+    def _next(
         self,
-        unary: ArrayLike,
-        state: Any = None,
+        observed: NDArray[np.float64],
+        state: SemiMarkovState | None,
+        moved_m: float | None,
         *,
-        moved_m: float | None = None,
-        further: ArrayLike | None = None,
+        everything_possible: bool = False,
     ) -> tuple[NDArray[np.float64], SemiMarkovState, bool]:
-        """The belief (K,) after one more observation, the state to go on from, and if possible.
-
-        Parameters
-        ----------
-        unary, further : (K,) float
-            As of :meth:`HiddenMarkovModel.step`.
-        state : SemiMarkovState, optional
-            That of the step before; None at the first step.
-        moved_m : float, optional
-            Distance from the step before.
-        """
-        row, observed = self._observed(unary, further)
+        chain = self._chain_of_possible if everything_possible else self._chain
         stays = state is None or moved_m is None or moved_m < self.stay_below_m
-        moved = 0.0 if stays else float(moved_m or 0.0)
-        after, was_possible = self._chain.step(observed, state, moved)
-        if not was_possible and (row == -np.inf).any() and row.max() > -np.inf:
-            after, _ = self._chain_of_possible.step(observed, state, moved)
+        after, was_possible = chain.step(observed, state, 0.0 if stays else float(moved_m or 0.0))
         return after.belief, after, was_possible
 
     def _explained(
