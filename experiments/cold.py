@@ -1,21 +1,43 @@
 """Trajectories of the COLD campaign, tracked in a building that was not learned from."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.reproduce.cold import (
     CLASSES,
     NAMES,
     PLACES,
     STEP_M,
-    load_cold,
+    load_cold_folder,
     place_classes,
-    thinned,
 )
+from pgm_places.trajectories.trajectory import Trajectory
+
+CELLS_KEPT = 0.2
+
+
+def load_cold(
+    data: Path, building: str, classes: Mapping[str, str], names: tuple[str, ...]
+) -> tuple[list[LabelledMap], list[tuple[LabelledMap, Trajectory]]]:
+    """The labelled maps of a building, and every run with the map that it was recorded in."""
+    maps, runs = [], []
+    for folder in sorted(data.glob(f"cold_{building}_*")):
+        known, found = load_cold_folder(folder, classes, names)
+        maps.append(known)
+        runs += [(known, run) for run in found]
+    return maps, runs
+
+
+def thinned(known: LabelledMap) -> LabelledMap:
+    """The map with a share of its labels, drawn at random: neighbouring cells look alike."""
+    kept = np.random.default_rng(0).random(known.labels.shape) < CELLS_KEPT
+    return replace(known, labels=np.where(kept, known.labels, -1).astype(np.int16))
 
 
 def table(data: Path, classes: Mapping[str, str], names: tuple[str, ...]) -> list[str]:

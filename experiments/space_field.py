@@ -7,16 +7,14 @@ not seen the building that they score. Fields label the same lattice of cells. T
 chosen, or learned, on the other folds of buildings.
 """
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.cli.progress import LineProgress
+from experiments.setting import asked_setting
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
@@ -40,7 +38,6 @@ from pgm_places.reproduce.building_maps import (
 from pgm_places.reproduce.building_scores import lattice_graph
 from pgm_places.reproduce.buildings import N_FOLDS
 from pgm_places.reproduce.figures import percent
-from pgm_places.reproduce.setting import Setting, data_folder
 from pgm_places.spaces.door_truth import match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
@@ -307,11 +304,7 @@ def _counted(names: Sequence[str]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--kept", type=Path, help="folder of what is slow to compute")
-    parser.add_argument("--threads", type=int)
-    given = parser.parse_args()
-    setting = Setting(data_folder(), LineProgress(), given.threads, given.kept)
+    setting = asked_setting(__doc__)
     samples = sampled_maps(setting)
     recipes = {LISTS: RECIPES[LISTS]}
     scored = scored_maps(setting, samples, building_numbers(samples, N_FOLDS), recipes)

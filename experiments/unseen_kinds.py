@@ -8,15 +8,13 @@ from. ``--kept FOLDER`` keeps there what is slow to compute. Without PGM_PLACES_
 folder of the real maps, lists learn from generated buildings alone.
 """
 
-import argparse
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from pgm_places.cli.progress import LineProgress
+from experiments.setting import asked_setting
 from pgm_places.datasets import MapSimulation, generate_building, simulate_map
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels
@@ -35,7 +33,7 @@ from pgm_places.reproduce.building_maps import (
 )
 from pgm_places.reproduce.building_scores import SHIPPED, doors_of, places_of, rescaled
 from pgm_places.reproduce.kept import KeptArrays
-from pgm_places.reproduce.setting import Setting, data_folder
+from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.space_model import with_gates
 
@@ -152,11 +150,7 @@ def row(name: str, maps: Sequence[Figures]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--kept", type=Path, help="folder of what is slow to compute")
-    parser.add_argument("--threads", type=int)
-    given = parser.parse_args()
-    setting = Setting(data_folder(), LineProgress(), given.threads, given.kept)
+    setting = asked_setting(__doc__)
     found = figures(scored_unseen(setting))
     print(
         "| kind left out | accuracy / balanced / doorway F1 | worst map | doors found / invented "

@@ -6,7 +6,7 @@ train`` reads, and what the stored models name as their source.
 
 import csv
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -113,7 +113,7 @@ temperature = 1.6
 """The temperature is from buildings left out: see docs/trained_models.md."""
 
 
-def configuration(title: str, maps: Iterator[Table], examples: int, space: str = "") -> str:
+def configuration(title: str, maps: Iterable[Table], examples: int, space: str = "") -> str:
     """The TOML text of a model; ``space`` are options of the list with spaces."""
     tables = []
     for item in maps:
@@ -146,7 +146,7 @@ def _value(key: str, value: str | int | bool) -> str:
 def main() -> None:
     """Write both files."""
     made = [{**item, "domain": "generated"} for item in generated(STYLES + MORE_STYLES, 4)]
-    everything = iter([*robot_maps(), *floors(), *made])
+    everything = [*robot_maps(), *floors(), *made]
     (HERE / "default.toml").write_text(
         configuration("All labelled buildings", everything, 1500, ROUNDS), encoding="utf-8"
     )

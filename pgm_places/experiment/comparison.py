@@ -91,8 +91,22 @@ class TestMap:
         return square_blocks(self.layout.cells_rc, side)
 
 
+class _Painted:
+    """What is not labelled cell by cell, as its layout paints it on a raster."""
+
+    @cached_property
+    def truth(self: Any) -> NDArray[np.int16]:
+        """(H, W) true label where a node is painted, -1 elsewhere and where it is unknown."""
+        return self.layout.to_raster(self.node_truth.astype(np.int16), fill=-1)
+
+    @property
+    def window(self: Any) -> NDArray[np.bool_]:
+        """(H, W) the cells that a node is painted on."""
+        return self.layout.node_of_cell >= 0
+
+
 @dataclass(frozen=True, eq=False)
-class TestDrive:
+class TestDrive(_Painted):
     """A drive whose steps were labelled, with their true places.
 
     Parameters
@@ -124,23 +138,13 @@ class TestDrive:
         assert self.trajectory.labels is not None
         return self.trajectory.labels
 
-    @cached_property
-    def truth(self) -> NDArray[np.int16]:
-        """(H, W) true label along the path, -1 elsewhere and where it is unknown."""
-        return self.layout.to_raster(self.node_truth.astype(np.int16), fill=-1)
-
-    @property
-    def window(self) -> NDArray[np.bool_]:
-        """(H, W) the cells of the path."""
-        return self.layout.node_of_cell >= 0
-
     def blocks(self) -> NDArray[np.int64]:
         """(T,) number of the stretch of ``STRETCH_M`` that holds each step."""
         return stretches(self.trajectory)
 
 
 @dataclass(frozen=True, eq=False)
-class TestGraph:
+class TestGraph(_Painted):
     """A graph of one's own whose nodes were labelled, with their true labels.
 
     Parameters
@@ -169,16 +173,6 @@ class TestGraph:
     def grid(self) -> OccupancyGrid:
         """The picture without its nodes' values."""
         return self.layout.grid
-
-    @cached_property
-    def truth(self) -> NDArray[np.int16]:
-        """(H, W) true label of each dot, -1 elsewhere and where it is unknown."""
-        return self.layout.to_raster(self.node_truth.astype(np.int16), fill=-1)
-
-    @property
-    def window(self) -> NDArray[np.bool_]:
-        """(H, W) the dots."""
-        return self.layout.node_of_cell >= 0
 
     def blocks(self) -> NDArray[np.int64]:
         """(N,) number of the part, some ``NODES_PER_BLOCK`` nodes, that holds each one."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 __all__ = ["GraphLayout"]
@@ -98,15 +99,7 @@ class GraphLayout:
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Values (N, ...) of the nodes on the raster (H, W, ...); ``fill`` beside the dots."""
-        array = np.asarray(values)
-        if len(array) != self.graph.n_nodes:
-            raise InputError(
-                f"values must have one row per node ({self.graph.n_nodes}), got {len(array)}"
-            )
-        shown = self.node_of_cell >= 0
-        raster = np.full((*self.shape, *array.shape[1:]), fill, array.dtype)
-        raster[shown] = array[self.node_of_cell[shown]]
-        return raster
+        return painted(self.node_of_cell, self.graph.n_nodes, values, fill)
 
     def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
         """The raster's values (H, W, ...) at the dots' centres (N, ...)."""

@@ -12,7 +12,7 @@ from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["CellMap", "GridLayout", "StepLayout"]
+__all__ = ["CellMap", "GridLayout", "StepLayout", "painted"]
 
 
 @runtime_checkable
@@ -182,6 +182,17 @@ class GridLayout:
             )
         gathered: NDArray[Any] = array[self.cells_rc[:, 0], self.cells_rc[:, 1]]
         return gathered
+
+
+def painted(node_of_cell: NDArray[np.int32], n_nodes: int, values: ArrayLike, fill: Any) -> Any:
+    """Node values (N, ...) on a raster (H, W, ...) whose cells show a node each, or -1."""
+    array = np.asarray(values)
+    if len(array) != n_nodes:
+        raise InputError(f"values must have one row per node ({n_nodes}), got {len(array)}")
+    shown = node_of_cell >= 0
+    raster = np.full((*node_of_cell.shape, *array.shape[1:]), fill, array.dtype)
+    raster[shown] = array[node_of_cell[shown]]
+    return raster
 
 
 @dataclass(frozen=True)

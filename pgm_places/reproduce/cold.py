@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +18,8 @@ __all__ = [
     "NAMES",
     "PLACES",
     "STEP_M",
-    "load_cold",
     "load_cold_folder",
     "place_classes",
-    "thinned",
 ]
 
 CLASSES: Mapping[str, str] = {
@@ -38,7 +35,6 @@ CLASSES: Mapping[str, str] = {
 NAMES = tuple(dict.fromkeys(CLASSES.values()))
 PLACES = ("corridor", "room", "doorway")
 RESOLUTION_M = 0.1
-CELLS_KEPT = 0.2
 STEP_M = 0.1
 """Recorded positions are a metre apart, far more than a robot drives between two updates."""
 
@@ -52,18 +48,6 @@ def place_classes() -> dict[str, str]:
     """The places of all classes of the campaign, by their codes."""
     others = dict.fromkeys(("LO", "CF", "RL", "TR"), "room")
     return {code: place_of(name) for code, name in CLASSES.items()} | others
-
-
-def load_cold(
-    data: Path, building: str, classes: Mapping[str, str], names: tuple[str, ...]
-) -> tuple[list[LabelledMap], list[tuple[LabelledMap, Trajectory]]]:
-    """The labelled maps of a building, and every run with the map that it was recorded in."""
-    maps, runs = [], []
-    for folder in sorted(data.glob(f"cold_{building}_*")):
-        known, found = load_cold_folder(folder, classes, names)
-        maps.append(known)
-        runs += [(known, run) for run in found]
-    return maps, runs
 
 
 def load_cold_folder(
@@ -90,9 +74,3 @@ def load_cold_folder(
 def _codes(path: Path) -> set[str]:
     features = json.loads(path.read_text(encoding="utf-8"))["features"]
     return {feature["properties"]["class"] for feature in features}
-
-
-def thinned(known: LabelledMap) -> LabelledMap:
-    """The map with a share of its labels, drawn at random: neighbouring cells look alike."""
-    kept = np.random.default_rng(0).random(known.labels.shape) < CELLS_KEPT
-    return replace(known, labels=np.where(kept, known.labels, -1).astype(np.int16))

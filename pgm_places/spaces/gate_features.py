@@ -5,24 +5,12 @@ from numpy.typing import NDArray
 
 from pgm_places.spaces.gates import Gates
 from pgm_places.spaces.segment_features import segment_features
-from pgm_places.spaces.space_spec import GATE_FEATURES, GATE_SHAPE_FEATURES, segment_feature_names
+from pgm_places.spaces.space_spec import GATE_FEATURES, GATE_SHAPE_FEATURES, SEGMENT_FEATURES
 
-__all__ = ["gate_feature_names", "gate_features"]
+__all__ = ["gate_features"]
 
 _FARTHEST_M = 10.0
 _NEAR_M = 3.0
-
-
-def gate_feature_names() -> tuple[str, ...]:
-    """The names of the 75 columns.
-
-    Examples
-    --------
-    >>> names = gate_feature_names()
-    >>> len(names), names[1], names[14], names[-1]
-    (75, 'width', 'small_area', 'width[1.5]')
-    """
-    return tuple(spec.id for spec in GATE_FEATURES)
 
 
 def gate_features(gates: Gates) -> NDArray[np.float64]:
@@ -34,7 +22,7 @@ def gate_features(gates: Gates) -> NDArray[np.float64]:
     radius = finest.radius_m[gates.segments]
     order = np.argsort(radius, axis=1, kind="stable")
     small, large = np.take_along_axis(gates.segments, order, axis=1).T
-    table, names = segment_features(finest), segment_feature_names()
+    table, names = segment_features(finest), [spec.id for spec in SEGMENT_FEATURES]
     sides = [spec.id for spec in GATE_FEATURES if spec.id.startswith("small_")]
     columns = [names.index(id.removeprefix("small_")) for id in sides]
     shape = _shape_columns(gates, np.sort(radius, axis=1))

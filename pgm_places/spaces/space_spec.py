@@ -15,7 +15,6 @@ __all__ = [
     "PLACE_FEATURES",
     "SEGMENT_FEATURES",
     "SpaceSpec",
-    "segment_feature_names",
     "space_features_hash",
 ]
 
@@ -164,18 +163,6 @@ PLACE_EXTRA_FEATURES: tuple[SpaceSpec, ...] = (
 
 PLACE_FEATURES: tuple[SpaceSpec, ...] = (*SEGMENT_FEATURES, *PLACE_EXTRA_FEATURES)
 """The 43 features of a place between accepted gates: those of a segment and six more."""
-
-
-def segment_feature_names() -> tuple[str, ...]:
-    """The names of the columns of ``segment_features``.
-
-    Examples
-    --------
-    >>> names = segment_feature_names()
-    >>> len(names), names[0], names[7]
-    (37, 'area', 'aspect')
-    """
-    return tuple(spec.id for spec in SEGMENT_FEATURES)
 
 
 _DEFINITIONS_VERSION = 1  # counted up where a definition changes but its words do not

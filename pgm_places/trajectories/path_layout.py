@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, sealed
 from pgm_places.errors import InputError
+from pgm_places.graph.layout import painted
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["PathLayout"]
@@ -75,15 +76,7 @@ class PathLayout:
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Values (T, ...) of the steps on the raster (H, W, ...); ``fill`` off the path."""
-        array = np.asarray(values)
-        if len(array) != len(self.positions_m):
-            raise InputError(
-                f"values must have one row per step ({len(self.positions_m)}), got {len(array)}"
-            )
-        on_path = self.node_of_cell >= 0
-        raster = np.full((*self.shape, *array.shape[1:]), fill, array.dtype)
-        raster[on_path] = array[self.node_of_cell[on_path]]
-        return raster
+        return painted(self.node_of_cell, len(self.positions_m), values, fill)
 
     def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
         """The raster's values (H, W, ...) under the steps (T, ...); off the raster, at its edge."""

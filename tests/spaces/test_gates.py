@@ -13,9 +13,10 @@ from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.spaces.door_truth import DoorScores, match_doors, match_painted
-from pgm_places.spaces.gate_features import gate_feature_names, gate_features
+from pgm_places.spaces.gate_features import gate_features
 from pgm_places.spaces.gates import Gate, Gates, gate_candidates
 from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.spaces.space_spec import GATE_FEATURES
 from tests.real_data import real_data_folder
 from tests.spaces.floors import TURNS, corridor_with_rooms, grid_of, two_rooms
 
@@ -27,7 +28,8 @@ def gates_of(free: np.ndarray, resolution_m: float = 0.1) -> Gates:
 
 
 def features_of(gates: Gates) -> dict[str, np.ndarray]:
-    return dict(zip(gate_feature_names(), gate_features(gates).T, strict=True))
+    names = [spec.id for spec in GATE_FEATURES]
+    return dict(zip(names, gate_features(gates).T, strict=True))
 
 
 # ------------------------------------------------------------------ chords

@@ -20,12 +20,12 @@ from pgm_places.spaces.position import area_cut_off, betweenness
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segmentation, Segments
 from pgm_places.spaces.shapes import shapes_of
-from pgm_places.spaces.space_spec import segment_feature_names
+from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 from tests.real_data import real_data_folder
 from tests.reference import spaces as reference
 from tests.spaces.floors import TURNS, corridor_with_doors, corridor_with_rooms, grid_of, two_rooms
 
-NAMES = segment_feature_names()
+NAMES = tuple(spec.id for spec in SEGMENT_FEATURES)
 maps = arrays(
     np.int8,
     st.tuples(st.integers(8, 24), st.integers(8, 24)),
