@@ -1,6 +1,7 @@
 """A Dask cluster over TCP does what processes of this machine do."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,12 +19,20 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def address() -> Iterator[str]:
-    with distributed.LocalCluster(
+    # One for each test: a worker that was killed in one may never come back for the next.
+    cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        yield cluster.scheduler_address
+    )
+    yield cluster.scheduler_address
+    with suppress(TimeoutError):  # closing may wait for ever for a worker that is being restarted
+        cluster.close(timeout=30)
+
+
+def patient(address: str, memory_bytes: int | None = None) -> DaskWorkers:
+    """Workers that may start anew first, which takes long where the machine is busy."""
+    return DaskWorkers(address, memory_bytes, patience_s=120.0)
 
 
 def memory_limit(_: int) -> int:
@@ -31,30 +40,30 @@ def memory_limit(_: int) -> int:
 
 
 def test_every_task_comes_back_with_its_result(address: str) -> None:
-    found = dict(DaskWorkers(address).run(double, iter(range(30))))
+    found = dict(patient(address).run(double, iter(range(30))))
     assert found == {number: 2 * number for number in range(30)}
 
 
 def test_a_killed_worker_loses_no_task(address: str, tmp_path: Path) -> None:
     tasks = [tmp_path / str(number) for number in range(2)]
-    found = {item.task: item.result for item in DaskWorkers(address).run(die_once, tasks)}
+    found = {item.task: item.result for item in patient(address).run(die_once, tasks)}
     assert found == {task: task.name for task in tasks}
 
 
 def test_a_task_that_kills_every_worker_is_given_up(address: str) -> None:
-    assert dict(DaskWorkers(address).run(die_always, [1])) == {1: None}
+    assert dict(patient(address).run(die_always, [1])) == {1: None}
 
 
 def test_what_the_function_raises_is_raised_here(address: str) -> None:
     with pytest.raises(ValueError, match="no"):
-        list(DaskWorkers(address).run(refuse, range(6)))
+        list(patient(address).run(refuse, range(6)))
 
 
 def test_workers_are_told_of_their_memory_while_the_batch_lasts(address: str) -> None:
-    before = {item.result for item in DaskWorkers(address).run(memory_limit, range(8))}
-    told = {item.result for item in DaskWorkers(address, 3_000_000_000).run(memory_limit, range(8))}
+    before = {item.result for item in patient(address).run(memory_limit, range(8))}
+    told = {item.result for item in patient(address, 3_000_000_000).run(memory_limit, range(8))}
     assert told == {3_000_000_000}
-    assert {item.result for item in DaskWorkers(address).run(memory_limit, range(8))} == before
+    assert {item.result for item in patient(address).run(memory_limit, range(8))} == before
 
 
 def test_a_worker_that_was_never_told_is_not_an_error() -> None:
