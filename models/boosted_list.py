@@ -71,7 +71,7 @@ class BoostedList:
                 f"{n_classes} classes need {n_classes - 1} classifiers, got {len(self.classifiers)}"
             )
         if len({item.feature.shape[1:] for item in self.classifiers}) > 1:
-            raise InputError("the classifiers must be all of stumps, or all of trees of one depth")
+            raise InputError("the classifiers must all be stumps, or all be trees of one depth")
         calibration = finite_array("calibration", self.calibration, (n_classes - 1, 2))
         check_decision(self.decision, self.clip, n_classes)
         for k, item in enumerate(self.classifiers):
@@ -175,7 +175,7 @@ class BoostedList:
         )
         if len(own) < len(self.classifiers):
             raise InputError(
-                "a list of trees cannot be parted by columns; boost stumps instead (max_depth=1)"
+                "a list of trees cannot be split by columns; boost stumps instead (max_depth=1)"
             )
         return replace(self, classifiers=own).restricted(kept)
 
@@ -254,8 +254,8 @@ class BoostedList:
         kind, version = meta["kind"], meta["version"]
         if kind != _KIND or version not in (_VERSION, _TREES_VERSION):
             raise ModelFileError(
-                f"a {_KIND!r} of version {_VERSION} or {_TREES_VERSION} is wanted, got {kind!r} "
-                f"of version {version!r}"
+                f"a {_KIND!r} of version {_VERSION} or {_TREES_VERSION} was expected, got "
+                f"{kind!r} of version {version!r}"
             )
         n_features = meta["n_features"]
         if type(n_features) is not int or not 1 <= n_features <= _MAX_FEATURES:
@@ -321,5 +321,7 @@ def _stored_classes(labels: Any) -> NDArray[Any]:
     if not isinstance(labels, list) or len({type(label) for label in labels}) != 1:
         raise ModelFileError("classes must be a list of labels of one type")
     if not isinstance(labels[0], str | int | float | bool):
-        raise ModelFileError(f"a class must be a text or a number, got {type(labels[0]).__name__}")
+        raise ModelFileError(
+            f"a class must be a string or a number, got {type(labels[0]).__name__}"
+        )
     return np.array(labels)

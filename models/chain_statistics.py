@@ -161,7 +161,7 @@ def require_chain(graph: LabelGraph) -> None:
     """Refuse a graph that is no chain."""
     if not graph.is_chain:
         raise InputError(
-            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {graph!r} is none"
+            f"'hmm' labels chains such as LabelGraph.from_trajectory makes; {graph!r} is not one"
         )
 
 

@@ -77,8 +77,8 @@ def _generator(table: NDArray[np.float64]) -> NDArray[np.float64]:
     values = np.linalg.eigvals(table)
     if ((np.abs(values.imag) < 1e-12) & (values.real < LEAST_EIGENVALUE)).any():
         raise InputError(
-            "these transitions cannot be had for part of a step: one step forgets what was before; "
-            "train the model at the distance that it is used at"
+            "these transitions have no fractional power: one step forgets what came before; "
+            "train the model at the distance it is used at"
         )
     rates = np.real(logm(table))
     np.fill_diagonal(rates, 0.0)

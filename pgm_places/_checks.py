@@ -160,7 +160,7 @@ def plain_names(what: str, names: Any, error: type[InputError] = LabelError) -> 
     for name in names:
         if not isinstance(name, str) or not 1 <= len(name) <= LONGEST_NAME:
             raise error(
-                f"{what} must be texts of 1 to {LONGEST_NAME} characters, got {shown(name)}"
+                f"{what} must be strings of 1 to {LONGEST_NAME} characters, got {shown(name)}"
             )
         if not is_printable(name):
             raise error(f"{what} must not hold control characters, got {shown(name)}")

@@ -193,7 +193,7 @@ def frank_wolfe(
     """
     if not problems or len(problems) != len(oracles):
         raise InputError(
-            f"one oracle per training map is wanted, got {len(oracles)} for {len(problems)} maps"
+            f"expected one oracle per training map, got {len(oracles)} for {len(problems)} maps"
         )
     start = time.perf_counter()
     rng = np.random.default_rng(seed)

@@ -86,8 +86,8 @@ def _refuse_names_of_files(maps: Sequence[FoundMap], out: Path) -> None:
     for item in maps:
         if item.name.casefold() in taken:
             raise OutputError(
-                f"{item.path}: its folder would be {out / item.name}, where a list of all maps is "
-                "to stand; rename the map"
+                f"{item.path}: its folder would be {out / item.name}, which is reserved for the "
+                "list of all maps; rename the map"
             )
 
 

@@ -109,7 +109,7 @@ def _same_model(task: MapTask) -> ReadyModel:
     if model.sha256 != task.model_sha256:
         raise InputError(
             f"{task.options.folder} holds another model on a worker than where the batch was "
-            "started; put the model on a disk that all share, and do not change it meanwhile"
+            "started; put the model on a shared disk, and leave it unchanged while the batch runs"
         )
     return model
 

@@ -31,6 +31,6 @@ def memory_bytes(text: str) -> int:
     n_bytes = int(float(number) * factor)
     if n_bytes < _LEAST:
         raise InputError(
-            f"--memory {text}: a worker needs 256MB at least for its libraries and a small map"
+            f"--memory {text}: a worker needs at least 256MB for its libraries and a small map"
         )
     return n_bytes

@@ -46,7 +46,7 @@ def explain(
     from pgm_places.trained import stored_labeler
 
     if not (isfinite(x) and isfinite(y)):
-        raise InputError(f"X and Y must be finite metres, got {x:g} and {y:g}")
+        raise InputError(f"X and Y must be finite coordinates in metres, got {x:g} and {y:g}")
     progress = make_progress(quiet=quiet)
     stored = stored_labeler(model)
     labeler: PlaceLabeler = stored.item

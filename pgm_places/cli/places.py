@@ -154,7 +154,7 @@ def where(
     from pgm_places.io.places.topology_files import load_named_topology
 
     if not (isfinite(x) and isfinite(y)):
-        raise InputError(f"X and Y must be finite metres, got {x:g} and {y:g}")
+        raise InputError(f"X and Y must be finite coordinates in metres, got {x:g} and {y:g}")
     topology = load_named_topology(folder)
     region = topology.region_at(x, y)
     if region is None:

@@ -92,8 +92,9 @@ def track_labeler(
             labeler, changed = labeler.updated_every(options.every_m)
         if changed > MOST_CHANGED:
             progress.warn(
-                f"--every {options.every_m:g}: no continuous motion has exactly the transitions of "
-                f"this model; the nearest that has differs by up to {changed:.3f} in a "
+                f"--every {options.every_m:g}: the transitions of this model are not exactly "
+                "those of any continuous motion; the nearest that are differ by up to "
+                f"{changed:.3f} in a "
                 "probability. For the best labels, train a model at this distance"
             )
     return labeler

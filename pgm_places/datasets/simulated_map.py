@@ -108,7 +108,7 @@ def _check(
     if seed < 0:
         raise InputError(f"seed must not be negative, got {seed}")
     if resolution_m is not None and not (np.isfinite(resolution_m) and resolution_m > 0):
-        raise InputError(f"resolution_m must be positive metres, got {resolution_m}")
+        raise InputError(f"resolution_m must be a positive length in metres, got {resolution_m}")
     if not plan.labelled_cells.any():
         raise LabelError(f"{plan.name}: no free cell has a label; the plan's places are needed")
     most = int(plan.labels.max())

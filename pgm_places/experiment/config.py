@@ -192,16 +192,20 @@ def _check_teaching(config: ExperimentConfig) -> None:
         if not config.methods:
             raise ConfigError("methods: give at least one, as a table [[methods]]")
         if config.teaching != TeachingOptions():
-            raise ConfigError("[teaching] says how a base_model goes on learning; give base_model")
+            raise ConfigError(
+                "[teaching] says how a base_model continues to learn; give base_model"
+            )
     elif given or config.labels.halls != LabelsConfig.halls:
         name = given[0] if given else "labels.halls"
-        raise ConfigError(f"{name} is for training anew; base_model brings its own, so remove it")
+        raise ConfigError(
+            f"{name} is for training from scratch; base_model brings its own, so remove it"
+        )
     elif config.base_model == NO_MODEL:
         alone = {name: getattr(config.teaching, name) for name in OF_PAINT_ALONE}
         if config.teaching != TeachingOptions(**alone):
             raise ConfigError(
                 f"[teaching] takes {' and '.join(OF_PAINT_ALONE)} where base_model = "
-                f"{NO_MODEL!r}: there is no model to keep or to go on from"
+                f"{NO_MODEL!r}: there is no model to keep or to continue from"
             )
 
 
@@ -259,7 +263,7 @@ def _check_nodes(config: ExperimentConfig) -> None:
         if method.unary == "none":
             raise ConfigError(f"methods.{method.id}: unary = 'none' is for nodes = 'graph'")
     if nodes == "both" and not has_drive:
-        raise ConfigError("train: cells and steps are learned together from a drive at least")
+        raise ConfigError("train: learning cells and steps together needs at least one drive")
 
 
 def _check_graphs(config: ExperimentConfig) -> None:
@@ -268,7 +272,7 @@ def _check_graphs(config: ExperimentConfig) -> None:
         for index, item in enumerate(sources):
             if item.graph is None:
                 raise ConfigError(
-                    f"{part}[{index}] is no graph; give graph = 'FILE.graphml', or its tables: "
+                    f"{part}[{index}] is not a graph; give graph = 'FILE.graphml', or its tables: "
                     "graph = { nodes = 'nodes.csv', edges = 'edges.csv' }"
                 )
     given = [

@@ -173,8 +173,8 @@ def _features(
             found.append(column)
         else:
             experiment.warn(
-                f"{where}: column {column!r} holds {shown(odd[0])}, which is no number, and is "
-                "left out of the features"
+                f"{where}: column {column!r} holds {shown(odd[0])}, which is not a number, and "
+                "is left out of the features"
             )
     return tuple(found)
 
@@ -222,7 +222,9 @@ def _label(value: Any, names: Sequence[str], column: str) -> int:
     if is_empty(value):
         return -1
     if str(value) not in names:
-        raise LabelError(f"column {column!r} holds {shown(value)}, which is none of {list(names)}")
+        raise LabelError(
+            f"column {column!r} holds {shown(value)}, which is not one of {list(names)}"
+        )
     return list(names).index(str(value))
 
 

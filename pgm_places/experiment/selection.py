@@ -125,7 +125,7 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
     if experiment.config.nodes == "both" and None in _building_folds(sources, settings.n_folds):
         raise ConfigError(
             "[select] with nodes = 'both' holds out whole buildings, but all training drives and "
-            "maps are of one; add those of others, or name them apart with building"
+            "maps are of one; add those of others, or tell them apart with building"
         )
     method = settings.method or experiment.config.methods[-1].id
     splits = list(held_out_splits(sources, settings.n_folds, len(experiment.config.labels.names)))

@@ -81,7 +81,7 @@ def step_methods(config: ExperimentConfig) -> dict[str, Any]:
     methods = {}
     for method in config.methods:
         if method.unary != "auto" and config.nodes == "steps":
-            raise ConfigError(f"methods.{method.id}: unary is for cells of maps; take it out")
+            raise ConfigError(f"methods.{method.id}: unary is for cells of maps; remove it")
         methods[method.id] = build_method(method)
         if config.nodes == "both":
             check_labels_maps(f"method {method.id!r}", methods[method.id])

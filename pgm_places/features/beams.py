@@ -31,7 +31,7 @@ def check_ranges(ranges: ArrayLike) -> NDArray[Any]:
     if array.ndim != 2 or array.shape[1] < MIN_BEAMS:
         raise InputError(
             f"ranges must have shape (scans, beams) with at least {MIN_BEAMS} beams, "
-            f"got {array.shape}; give one scan as ranges[np.newaxis]"
+            f"got {array.shape}; pass a single scan as ranges[np.newaxis]"
         )
     if array.dtype in (np.float32, np.float64):
         return array

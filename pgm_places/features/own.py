@@ -91,7 +91,9 @@ def as_features(features: Sequence[Any]) -> tuple[Any, ...]:
             )
     counts = Counter(column_names(built))
     if twice := sorted(name for name, count in counts.items() if count > 1):
-        raise ConfigError(f"two feature columns are called {twice[0]!r}; columns need own names")
+        raise ConfigError(
+            f"two feature columns are called {twice[0]!r}; each column needs its own name"
+        )
     return built
 
 

@@ -41,12 +41,14 @@ def require_canonical(edges: NDArray[np.int64]) -> None:
     turned = np.flatnonzero(edges[:, 0] > edges[:, 1])
     if len(turned):
         i, j = edges[turned[0]]
-        raise InputError(f"edge {int(turned[0])} is ({i}, {j}) but i < j is wanted; use from_edges")
+        raise InputError(
+            f"edge {int(turned[0])} is ({i}, {j}) but i < j is required; use from_edges"
+        )
     key = edges[:, 0] * (edges.max() + 1) + edges[:, 1]
     step = np.diff(key)
     if (step == 0).any():
         i, j = edges[int(np.flatnonzero(step == 0)[0])]
-        raise InputError(f"edge ({i}, {j}) comes twice; each pair of nodes may be joined once")
+        raise InputError(f"edge ({i}, {j}) appears twice; each pair of nodes may be joined once")
     if (step < 0).any():
         raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
 

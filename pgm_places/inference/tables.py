@@ -62,7 +62,9 @@ def problem_from_tables(
     number = {name: i for i, name in enumerate(names)}
     if len(number) != len(names):
         twice = next(name for i, name in enumerate(names) if number[name] != i)
-        raise InputError(f"nodes: {twice!r} comes twice in column {node!r}; give each node one row")
+        raise InputError(
+            f"nodes: {twice!r} appears twice in column {node!r}; give each node one row"
+        )
     given = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
     said = [None if is_empty(value) else str(value) for value in given]
     known = sorted({text for text in said if text is not None})
@@ -136,7 +138,7 @@ def _pairs(
         names = _values("edges", edges, column)
         odd = [name for name in names if name not in number]
         if odd:
-            raise InputError(f"edges: {odd[0]!r} in column {column!r} is no node; add its row")
+            raise InputError(f"edges: {odd[0]!r} in column {column!r} is not a node; add its row")
         sides.append([number[name] for name in names])
     pairs = np.sort(np.array(sides, np.int64).reshape(2, -1).T, axis=1)
     return pairs, np.lexsort((pairs[:, 1], pairs[:, 0]))
@@ -152,7 +154,7 @@ def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float6
             found.append(np.asarray(table[column], np.float64))
         except (TypeError, ValueError):
             raise InputError(
-                f"{what}: column {column!r} holds something else than numbers; leave it out, or "
+                f"{what}: column {column!r} holds values that are not numbers; leave it out, or "
                 "make a column of 0 and 1 of each of its values"
             ) from None
     return np.stack(found, axis=1) if found else None

@@ -49,7 +49,7 @@ class CsvTable:
         if (longest := max(map(len, self.names))) > _MAX_NAME:
             raise error(
                 f"{path} has a column name of {longest} characters, more than the {_MAX_NAME} "
-                "allowed; is the first line the heading?"
+                "allowed; is the first line a header?"
             )
         name, times = Counter(self.names).most_common(1)[0]
         if times > 1:
@@ -100,8 +100,8 @@ class CsvTable:
         for number, (found, row) in enumerate(self.rows(numbers), 1):
             if number * (len(numbers) + len(texts)) > MAX_VALUES:
                 raise self._error(
-                    f"{self.path}, row {number} after the heading: more than {MAX_VALUES} values; "
-                    "divide the table"
+                    f"{self.path}, row {number} after the heading: more than {MAX_VALUES} "
+                    "values; split the table"
                 )
             values.extend(found)
             for fields, column in zip(columns, texts, strict=True):

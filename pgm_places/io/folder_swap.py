@@ -102,7 +102,7 @@ def _removed(stage: Path) -> list[str]:
     except (ValueError, RecursionError):
         names = None
     if not (isinstance(names, list) and all(map(_can_be_a_file, names))):
-        raise OSError(f"{path} is damaged; remove {stage} to go on without it")
+        raise OSError(f"{path} is damaged; remove {stage} to continue without it")
     return names
 
 
@@ -117,7 +117,9 @@ def _inside(target: Path, name: str) -> Path:
     """A path below the folder, whatever a damaged or foreign list of names holds."""
     path = target.joinpath(*PurePosixPath(name).parts)
     if ".." in path.parts or not path.parent.resolve().is_relative_to(target.resolve()):
-        raise OSError(f"{name!r} in {target / UNFINISHED} leads out of the folder; remove that one")
+        raise OSError(
+            f"{name!r} in {target / UNFINISHED} points outside the folder; remove that entry"
+        )
     return path
 
 

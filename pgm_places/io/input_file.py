@@ -19,11 +19,11 @@ def user_path(path: Path | str, error: type[InputError]) -> Path:
         There is no such user, or no file can have this name.
     """
     if "\0" in str(path):
-        raise error(f"{path}: no file can have this name")
+        raise error(f"{path}: not a valid file name")
     try:
         return Path(path).expanduser()
     except RuntimeError:
-        raise error(f"{path}: there is no such user; write the folder out") from None
+        raise error(f"{path}: no such user; write the full path") from None
 
 
 def file_kind(path: Path) -> Literal["file", "folder", "other"] | None:
@@ -74,7 +74,7 @@ def open_input(
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
     except ValueError:  # a NUL, or half a character
-        raise error(f"{path}: no file can have this name; expected {what}") from None
+        raise error(f"{path}: not a valid file name; expected {what}") from None
     if file is not None:
         return file
     if stat.S_ISDIR(mode):

@@ -39,21 +39,21 @@ def parsed_json(text: str, path: Path, error: type[InputError]) -> Any:
             text, parse_int=_integer, parse_float=_finite, parse_constant=_refuse_constant
         )
     except RecursionError:
-        raise error(f"{path}: not a JSON file of ours: it is nested too deep") from None
+        raise error(f"{path}: JSON nested too deeply") from None
     except ValueError as problem:
         raise error(f"{path}: not a JSON file: {problem}") from None
 
 
 def _integer(text: str) -> int:
     if len(text) > _MOST_DIGITS + 1:  # the sign
-        raise ValueError(f"a whole number has {len(text)} digits, at most {_MOST_DIGITS} can be")
+        raise ValueError(f"an integer has {len(text)} digits; at most {_MOST_DIGITS} are read")
     return int(text)
 
 
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text[:20]} is too large a number")
+        raise ValueError(f"{text[:20]} is out of range")
     return value
 
 

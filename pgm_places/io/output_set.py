@@ -176,7 +176,7 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
     if others and record is None and not shared:
         raise OutputError(
             f"cannot write into {folder}: it holds files that pgm-places did not write, such as "
-            f"{others[0]}; choose another folder, or pass --force to write there nevertheless"
+            f"{others[0]}; choose another folder, or pass --force to write there anyway"
         )
     record = record or {}
     mine = {name for name, entry in record.items() if entry["by"] == by}
@@ -191,8 +191,8 @@ def _check(folder: Path, names: set[str], by: str, *, force: bool, shared: bool)
         else:
             continue
         raise OutputError(
-            f"cannot overwrite {path}: {what}; choose another folder, move the file away, or pass "
-            "--force to lose it"
+            f"cannot overwrite {path}: {what}; choose another folder, move the file away, or "
+            "pass --force to overwrite it"
         )
 
 

@@ -46,7 +46,7 @@ def read_toml(path: Path, error: type[InputError], what: str) -> dict[str, Any]:
         content = tomllib.loads(text)
         _check_items(content.items(), path, error)
     except RecursionError:
-        raise error(f"{path}: nested too deep; expected {what}") from None
+        raise error(f"{path}: nested too deeply; expected {what}") from None
     except InputError:
         raise
     except tomllib.TOMLDecodeError as problem:

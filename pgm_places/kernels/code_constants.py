@@ -49,7 +49,7 @@ def as_plain(item: Any) -> Any:
             plain = [kind.__name__, arguments, place]
             if as_object(plain) == item:  # and not another class of that name
                 return plain
-    raise ValueError(f"{item!r} is no built-in exception")
+    raise ValueError(f"{item!r} is not a built-in exception")
 
 
 def as_object(plain: Any) -> Any:
@@ -73,7 +73,7 @@ def as_object(plain: Any) -> Any:
     name, arguments, place = plain
     kind = getattr(builtins, name, None)
     if not (isinstance(kind, type) and issubclass(kind, Exception)):
-        raise ValueError(f"{name!r} is no built-in exception")
+        raise ValueError(f"{name!r} is not a built-in exception")
     return kind, _tuple(arguments), _tuple(place)
 
 

@@ -83,7 +83,7 @@ class JointGraph:
         """
         if drive is None:
             if cells is None:
-                raise InputError("give a map, a drive, or both; there is neither")
+                raise InputError("give a map, a drive, or both; got neither")
             return cls(cells, cells, None)
         segments = Segments(drive.poses, every_m)
         chain = segments.graph(loop_m=loop_m)

@@ -229,7 +229,7 @@ class JointLabeler(Labeler):
             check_labels_maps(f"method {name!r}" if name else "the method", method)
         progress = progress or Silent()
         if not drives:
-            raise InputError("learning cells and steps together takes a labelled drive at least")
+            raise InputError("learning cells and steps together needs at least one labelled drive")
         names = tuple(self.label_names)
         known = list({id(item): item for item in (*(d.map for d in drives), *maps)}.values())
         places, steps = self._parts()

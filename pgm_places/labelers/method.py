@@ -95,12 +95,12 @@ def place_methods(
         method = item if isinstance(item, PlaceMethod) else PlaceMethod(item)
         if method.unary == "context" and not has_context:
             raise ConfigError(
-                f"method {name!r} wants unary='context' but context_m is empty; give the "
+                f"method {name!r} needs unary='context' but context_m is empty; give the "
                 "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
             )
         if method.unary == "space" and not has_spaces:
             raise ConfigError(
-                f"method {name!r} wants unary='space' but space is None; give its options, "
+                f"method {name!r} needs unary='space' but space is None; give its options, "
                 "for example space=SpaceOptions()"
             )
         found[name] = replace(method, unary=auto) if method.unary == "auto" else method

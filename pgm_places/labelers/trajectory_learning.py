@@ -117,8 +117,8 @@ def trajectory_examples(
     check_scan_features(features)
     if maps and beams.spaces_m > 0:
         raise InputError(
-            "spaces_m: a robot sees the spaces around it on its way, which cells of maps have not; "
-            "train on drives alone, such as simulated ones through these maps"
+            "spaces_m: the spaces that a robot sees along its path are unknown for cells of "
+            "maps; train on drives alone, such as simulated ones through these maps"
         )
     masks = [item.labelled_cells for item in maps]
     truths = [item.labels[mask].astype(np.int64) for item, mask in zip(maps, masks, strict=True)]

@@ -48,8 +48,8 @@ class RosCodec:
         except Exception as error:  # damaged bytes make the reader raise anything at all
             reason = printable(f"{type(error).__name__}: {error}")[:200]
             raise InputError(
-                f"a message of {what} cannot be read as {TYPES[what]} ({reason}); look at what "
-                "publishes it"
+                f"a message of {what} cannot be read as {TYPES[what]} ({reason}); check its "
+                "publisher"
             ) from error
 
     def write(self, message: Any, what: str) -> bytes:

@@ -142,7 +142,7 @@ def _plain(name: str, key: str, value: Any) -> Any:
     if not all(isinstance(part, _PLAIN) for part in parts):
         raise OutputError(
             f"{name} cannot be saved: its parameter {key} is a {type(value).__name__}; use "
-            "numbers, texts or lists of them"
+            "numbers, strings or lists of them"
         )
     return list(value) if isinstance(value, tuple) else value
 

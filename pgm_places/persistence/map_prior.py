@@ -71,7 +71,7 @@ def _probabilities(path: Path, shape: tuple[int, int]) -> NDArray[np.float32]:
     with open_image(path, LabelError) as image:
         if image.shape != shape or image.is_indexed or image.is_deep:
             raise LabelError(
-                f"{path}: expected greys of 8 bits in {shape[0]} rows x {shape[1]} columns, like "
+                f"{path}: expected 8-bit grey values in {shape[0]} rows x {shape[1]} columns, like "
                 "the regions beside it; label the map again"
             )
         return np.asarray(image.stored()[::-1], np.float32) / 255.0

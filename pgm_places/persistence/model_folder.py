@@ -195,8 +195,8 @@ def _arrays(path: Path, sha256: str) -> Arrays:
     data = read_bytes(path, ModelFileError, "the arrays of a model", max_bytes=MAX_ARRAYS)
     if hashlib.sha256(data).hexdigest() != sha256:
         raise ModelFileError(
-            f"{path} is not the file that {MANIFEST} describes (another SHA-256): it was damaged "
-            "or exchanged; copy the folder again or train again"
+            f"{path} is not the file that {MANIFEST} describes (its SHA-256 differs): it was "
+            "damaged or replaced; copy the folder again or train again"
         )
     try:
         return load(data)

@@ -140,7 +140,7 @@ def read(folder: Path | str, *kinds: str) -> Stored:
         use = ""
         if isinstance(kind, str) and kind in USES:  # a damaged manifest may hold anything
             use = f"; use this one with {USES[kind]}"
-        raise ModelFileError(f"{folder} holds a {shown(kind)} model; a {listed} is wanted{use}")
+        raise ModelFileError(f"{folder} holds a {shown(kind)} model; expected a {listed}{use}")
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written
         record = manifest.get("record", {})

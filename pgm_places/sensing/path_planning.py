@@ -67,7 +67,7 @@ class PathPlanner:
 
     def __init__(self, grid: OccupancyGrid, *, radius_m: float = 0.25) -> None:
         if not (np.isfinite(radius_m) and radius_m > 0):
-            raise InputError(f"radius_m must be positive metres, got {radius_m}")
+            raise InputError(f"radius_m must be a positive length in metres, got {radius_m}")
         from scipy.ndimage import distance_transform_edt
 
         self.grid, self.radius_m = grid, float(radius_m)
@@ -111,7 +111,7 @@ class PathPlanner:
             There are fewer than two stops, or one is no place for the robot.
         """
         if len(stops_m) < 2:
-            raise InputError(f"a way has two stops or more, got {len(stops_m)}")
+            raise InputError(f"a path needs at least two stops, got {len(stops_m)}")
         return self._smooth(self._legs([self.nearest(stop) for stop in stops_m]))
 
     def tour(
@@ -141,7 +141,7 @@ class PathPlanner:
             The start is no place for the robot, or the spacing is not positive.
         """
         if not (np.isfinite(spacing_m) and spacing_m > 0):
-            raise InputError(f"spacing_m must be positive metres, got {spacing_m}")
+            raise InputError(f"spacing_m must be a positive length in metres, got {spacing_m}")
         if start_m is None:
             rng = rng or np.random.default_rng(0)
             start = int(rng.integers(len(self.positions_m)))

@@ -113,7 +113,8 @@ def _runs(
     if wanted:
         raise InputError(
             f"{item.name}: {wanted} of {n_runs} simulated runs of {step_m[0]:g} to {step_m[1]:g} m "
-            "found no way; are the free space too small or its labels too sparse for such a step?"
+            "found no path; is the free space too small, or are its labels too sparse, for such "
+            "a step?"
         )
     return np.concatenate([*starts, np.zeros(0, np.int64)]), np.concatenate(
         [*ends, np.zeros(0, np.int64)]

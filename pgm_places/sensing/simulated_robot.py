@@ -153,7 +153,7 @@ class SimulatedRobot(RobotMotion):
         legs = np.diff(way_m, axis=0)
         moving = np.hypot(legs[:, 0], legs[:, 1]) > 0
         if not moving.any():
-            raise InputError("a way wants two different points at least")
+            raise InputError("a path needs at least two different points")
         points = _finely(np.concatenate([way_m[:1], way_m[1:][moving]]))
         legs = np.diff(points, axis=0)
         headings = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))

@@ -63,9 +63,7 @@ class Journal:
             The file cannot be written, or somebody else has written to it.
         """
         if self.was_changed():
-            raise OutputError(
-                f"{self.path} was changed by something else; end the studio and start it again"
-            )
+            raise OutputError(f"{self.path} was changed by another program; restart the studio")
         line = json.dumps(entry, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
         with as_output_errors(self.path):
             try:
@@ -123,7 +121,7 @@ class Journal:
             return []
         first = entries[0]
         if first.get("format") != FORMAT or first.get("schema") != SCHEMA:
-            raise InputError(f"{self.path} is no journal of this studio; choose another --out")
+            raise InputError(f"{self.path} is not a journal of this studio; choose another --out")
         for key, value in subject.items():
             if first.get(key) != value:
                 raise InputError(

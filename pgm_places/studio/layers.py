@@ -99,7 +99,7 @@ class Layers:
         with self._making:  # once, however many tiles are waiting; edits do not wait for it
             lesson, method = self._lesson, source.removeprefix(METHOD)
             if lesson is None or source not in self.sources:
-                raise InputError(f"there are no labels {source[:40]!r}")
+                raise InputError(f"no labels are called {source[:40]!r}")
             found = self._labels.get(source)
             if found is None:
                 found = Pyramid(lesson.labels_by(method), encode_labels)

@@ -89,7 +89,7 @@ def doorway_chord(points: Sequence[tuple[float, float]], grid: OccupancyGrid) ->
     along = end - start
     length = float(np.hypot(*along))
     if length == 0:
-        raise InputError("the ends of a doorway must be two places")
+        raise InputError("the ends of a doorway must be two different points")
     step = along / length
     first, last = _to_wall(start, -step, grid), _to_wall(end, step, grid)
     return Chord((float(first[0]), float(first[1])), (float(last[0]), float(last[1])))

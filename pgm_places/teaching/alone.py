@@ -46,7 +46,7 @@ def learned_alone(
     names = paint.used
     if len(names) < 2:
         raise LabelError(
-            "learning from nothing but paint takes at least two classes, painted are: "
+            "learning from paint alone needs at least two classes; painted so far: "
             f"{', '.join(names) or 'none'}"
         )
     painted, doorway = paint.on(names), _SPACES.doorway(names)

@@ -117,8 +117,8 @@ def split_across(
     large = np.flatnonzero(parts.size * topology.grid.resolution_m**2 >= _LEAST_PART_M2)
     if len(large) < 2:
         raise InputError(
-            f"the line from ({start_m[0]:g}, {start_m[1]:g}) to ({end_m[0]:g}, {end_m[1]:g}) does "
-            f"not part {place.name!r}; draw it from wall to wall"
+            f"the line from ({start_m[0]:g}, {start_m[1]:g}) to ({end_m[0]:g}, {end_m[1]:g}) "
+            f"does not divide {place.name!r}; draw it from wall to wall"
         )
     biggest = large[parts.size[large].argmax()]
     number = _nearest_part(parts, large, cells - origin)

@@ -66,7 +66,9 @@ def propose_splits(
         A width that is not positive, or a map without doorways among its labels.
     """
     if not narrower_than_m > 0:
-        raise InputError(f"narrower_than_m must be positive metres, got {narrower_than_m}")
+        raise InputError(
+            f"narrower_than_m must be a positive length in metres, got {narrower_than_m}"
+        )
     rules = CorrectionRules(
         doorway_label=topology.doorway_label,
         split_rooms_m=narrower_than_m,

@@ -48,7 +48,7 @@ class Similarity:
         numbers = (self.rotation_rad, *self.translation_m, self.scale)
         if len(numbers) != 4 or not all(map(isfinite, numbers)) or self.scale <= 0:
             raise InputError(
-                "a similarity wants a finite rotation, two finite shifts and a positive scale, got "
+                "a similarity needs a finite rotation, two finite shifts and a positive scale, got "
                 f"rotation_rad={self.rotation_rad}, translation_m={self.translation_m}, "
                 f"scale={self.scale}"
             )
@@ -73,7 +73,7 @@ class Similarity:
         source = finite_array("positions_m", positions_m, ("N", 2))
         target = finite_array("seen_at_m", seen_at_m, (len(source), 2))
         if len(source) < 2:
-            raise InputError(f"two points or more determine a similarity, got {len(source)}")
+            raise InputError(f"a similarity needs at least two points, got {len(source)}")
         # In the plane a rotation is a complex factor, and the best one is a quotient of sums.
         p = source @ np.array([1, 1j])
         q = target @ np.array([1, 1j])
@@ -81,7 +81,7 @@ class Similarity:
         spread = np.sum(np.abs(p - p_mean) ** 2)
         factor = np.sum(np.conj(p - p_mean) * (q - q_mean)) / spread if spread else 0
         if factor == 0:
-            raise InputError("the points do not determine a similarity: all lie in one place")
+            raise InputError("the points do not determine a similarity: all coincide")
         shift = q_mean - factor * p_mean
         return cls(
             float(np.angle(factor)), (float(shift.real), float(shift.imag)), float(abs(factor))

@@ -186,7 +186,7 @@ class Trajectory:
         [1, -1]
         """
         if self.labels is None or self.label_names is None:
-            raise LabelError(f"{self.name} has no labels to give other names to")
+            raise LabelError(f"{self.name} has no labels to rename")
         names = tuple(label_names)
         unknown = [name for name in new_names.values() if name not in names]
         if unknown:
@@ -267,7 +267,7 @@ class Trajectory:
             There are scans, which cannot be resampled, or the distance is not positive.
         """
         if self.ranges_m is not None:
-            raise InputError(f"{self.name} has scans, which cannot be taken elsewhere")
+            raise InputError(f"{self.name} has scans, which cannot be resampled")
         if not every_m > 0:
             raise InputError(f"every_m must be above 0 metres, got {every_m}")
         if len(self) < 2:

@@ -60,7 +60,7 @@ class BeamOptions:
         check_missing(self.missing, all_from_map=self.all_from_map)
         if self.spaces_m > 0 and self.missing not in ("local-map", "known-map"):
             raise ConfigError(
-                f"missing = {self.missing!r} makes no map, but spaces_m asks for the spaces around "
+                f"missing = {self.missing!r} builds no map, but spaces_m needs the spaces around "
                 "the robot; use 'local-map' or 'known-map'"
             )
 
@@ -145,7 +145,7 @@ class ScanModel:
         n_own = n_columns(self.features)
         if self.classifier.n_features != n_own + self.n_spaces + len(self.extra_names):
             raise InputError(
-                f"the list wants {self.classifier.n_features} columns, but there are {n_own} "
+                f"the list needs {self.classifier.n_features} columns, but there are {n_own} "
                 f"features of scans, {self.n_spaces} of spaces and {len(self.extra_names)} extra "
                 "columns"
             )
@@ -191,7 +191,7 @@ class ScanModel:
             wants = "looks" if self.sees_spaces else "does not look"
             raise InputError(
                 f"this model {wants} at the spaces around the robot ({self.n_spaces} columns), but "
-                f"{seen.shape[-1]} columns are given; leave spaces_m of the beams as in training"
+                f"{seen.shape[-1]} columns are given; keep spaces_m of the beams as in training"
             )
         columns = check_extra(extra, n_steps, self.extra_names)
         return np.concatenate([seen, columns], axis=1, dtype=np.float32)
@@ -271,8 +271,8 @@ def check_scan_features(features: Sequence[Any]) -> None:
     for item in features:
         if isinstance(item, MapFeature):
             raise InputError(
-                f"the feature {type(item).__name__} looks at a map's cells, which a trajectory's "
-                "scans have not; use features of scans to label both"
+                f"the feature {type(item).__name__} looks at a map's cells, which a "
+                "trajectory's scans do not have; use features of scans to label both"
             )
 
 

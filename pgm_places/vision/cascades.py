@@ -136,9 +136,11 @@ def _load(name: str, path: Path) -> tuple[Any, bool]:
     try:
         cascade = cv2.CascadeClassifier(str(path))
     except (cv2.error, SystemError) as error:
-        raise InputError(f"{path}, the cascade of {name!r}, is no Haar cascade: {error}") from None
+        raise InputError(
+            f"{path}, the cascade of {name!r}, is not a Haar cascade: {error}"
+        ) from None
     if cascade.empty():
-        raise InputError(f"{path}, the cascade of {name!r}, is no Haar cascade of OpenCV's")
+        raise InputError(f"{path}, the cascade of {name!r}, is not a Haar cascade of OpenCV")
     return cascade, path.name in ONE_SIDED
 
 

@@ -27,5 +27,5 @@ def test_what_is_no_size(text: str) -> None:
 
 
 def test_a_slip_of_the_unit_is_refused() -> None:
-    with pytest.raises(InputError, match="a worker needs 256MB at least"):
+    with pytest.raises(InputError, match="a worker needs at least 256MB"):
         memory_bytes("4MB")

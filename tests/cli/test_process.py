@@ -157,7 +157,7 @@ def test_too_many_threads_are_refused_before_the_work(building: Path, run: Run) 
 def test_positions_are_finite(position: tuple[str, str], run: Run) -> None:
     code, _, error = run("where", "nowhere", *position)
     assert code == 2
-    assert error.startswith("pgm-places: X and Y must be finite metres, got ")
+    assert error.startswith("pgm-places: X and Y must be finite coordinates in metres, got ")
 
 
 @pytest.mark.parametrize(

@@ -216,7 +216,11 @@ def test_a_wide_or_a_slanted_doorway_gets_no_leaf() -> None:
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [
-        ({"resolution_m": 0.0}, InputError, "resolution_m must be positive metres, got 0.0"),
+        (
+            {"resolution_m": 0.0},
+            InputError,
+            "resolution_m must be a positive length in metres, got 0.0",
+        ),
         ({"seed": -1}, InputError, "seed must not be negative, got -1"),
         ({"label_names": ("corridor", "room")}, LabelError, "clinic: label index 3 but there are"),
     ],

@@ -127,7 +127,8 @@ def test_columns_without_numbers_are_left_out_with_a_word(tmp_path: Path) -> Non
     [found] = load_graphs(made, "train")
     assert found.features[0] == ("x", "y", "red", "green", "blue")
     assert made.warnings == [
-        "nodes5.csv: column 'owner' holds 'me', which is no number, and is left out of the features"
+        "nodes5.csv: column 'owner' holds 'me', which is not a number, and is left out of the "
+        "features"
     ]
 
 
@@ -157,7 +158,7 @@ def _graph(**keys: Any) -> dict[str, Any]:
         (_graph(features=["label"]), "column 'label' must hold numbers, got 'sky'"),
         (_graph(features=["size"]), "there is no column 'size'"),
         (_graph(positions=["x", "label"]), "column 'label' must hold numbers"),
-        (_graph(known="blue"), "column 'blue' holds '.*', which is none of"),
+        (_graph(known="blue"), "column 'blue' holds '.*', which is not one of"),
         (_graph(probabilities=["red"]), "a column for each of the 3 labels"),
         (_graph(probabilities=["red", "green", "blue"]), "probabilities must be from 0 to 1"),
         (
@@ -165,7 +166,7 @@ def _graph(**keys: Any) -> dict[str, Any]:
             r"translates none of \['field', 'house', 'sky'\]",
         ),
         (_graph(nodes="none.csv"), "none.csv: no such file"),
-        (_graph(edges="nodes0.csv", ends=["node", "label"]), "'sky' in column 'label' is no node"),
+        (_graph(edges="nodes0.csv", ends=["node", "label"]), "'sky' in column 'label' is not a node"),
         ({"labels": {"names": ["sky", "field"]}}, "'house' is not among label_names"),
     ],
 )
@@ -189,7 +190,7 @@ def test_graphs_must_have_the_same_features(tmp_path: Path) -> None:
     ("changes", "message"),
     [
         ({"nodes": "cells"}, r"train\[0\] is a graph; write nodes = 'graph'"),
-        ({"train": [{"generated": 1}]}, r"train\[0\] is no graph; give graph"),
+        ({"train": [{"generated": 1}]}, r"train\[0\] is not a graph; give graph"),
         ({"sensor": {"n_beams": 90}}, "sensor is for maps and drives"),
         ({"methods": [{"name": "potts", "unary": "laser"}]}, "methods.potts: unary is 'auto'"),
         ({"train": [{"graph": {}}]}, r"train\[0\].graph: give either file"),

@@ -41,18 +41,18 @@ def test_a_base_model_goes_on_learning_with_options_that_are_checked() -> None:
         ({"base_model": None}, "methods: give at least one, as a table [[methods]]"),
         (
             {"base_model": None, "methods": [{"name": "potts"}], "teaching": {"keep": 1.0}},
-            "[teaching] says how a base_model goes on learning; give base_model",
+            "[teaching] says how a base_model continues to learn; give base_model",
         ),
         (
             {"methods": [{"name": "potts"}]},
-            "methods is for training anew; base_model brings its own, so remove it",
+            "methods is for training from scratch; base_model brings its own, so remove it",
         ),
-        ({"classifier": {"n_rounds": 7}}, "classifier is for training anew"),
-        ({"resolution_m": 0.1}, "resolution_m is for training anew"),
+        ({"classifier": {"n_rounds": 7}}, "classifier is for training from scratch"),
+        ({"resolution_m": 0.1}, "resolution_m is for training from scratch"),
         (
             {"base_model": "none", "teaching": {"keep": 1.0}},
-            "[teaching] takes max_cells_per_class and seed where base_model = 'none': there is no "
-            "model to keep or to go on from",
+            "[teaching] takes max_cells_per_class and seed where base_model = 'none': there is "
+            "no model to keep or to continue from",
         ),
         ({"teaching": {"n_round": 3}}, "Did you mean 'n_rounds'?"),
         (

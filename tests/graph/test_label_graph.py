@@ -81,7 +81,7 @@ def test_trajectory_is_a_chain() -> None:
     [
         ([(0, 3)], "integers from 0 to 2, got 3 at index (0, 1)"),
         ([(1, 1)], "edge 0 joins node 1 to itself"),
-        ([(0, 1), (1, 0)], "edge (0, 1) comes twice"),
+        ([(0, 1), (1, 0)], "edge (0, 1) appears twice"),
         ([(0.5, 1.0)], "edges must hold integers, got dtype float64"),
         ([(0, 1, 2)], "edges must have shape (E, 2), got (1, 3)"),
     ],
@@ -95,7 +95,7 @@ def test_bad_edges_are_refused(edges: list[tuple[int, ...]], message: str) -> No
 def test_edge_list_refuses_unsorted_edges() -> None:
     with pytest.raises(InputError, match="sorted"):
         EdgeList(np.array([[1, 2], [0, 1]], np.int32))
-    with pytest.raises(InputError, match="i < j is wanted"):
+    with pytest.raises(InputError, match="i < j is required"):
         EdgeList(np.array([[1, 0]], np.int32))
     with pytest.raises(InputError, match="from 0 to 2, got 3"):
         LabelGraph(3, EdgeList(np.array([[1, 3]], np.int32)))

@@ -41,12 +41,20 @@ def test_a_labelling_goes_back_to_names() -> None:
     ("nodes", "edges", "message"),
     [
         ({"name": ["a"]}, EDGES, r"nodes: there is no column 'node', only \['name'\]"),
-        ({**NODES, "node": ["a", "b", "a", "d"]}, EDGES, "nodes: 'a' comes twice in column 'node'"),
-        (NODES, {**EDGES, "target": ["c", "e", "b"]}, "edges: 'e' in column 'target' is no node"),
+        (
+            {**NODES, "node": ["a", "b", "a", "d"]},
+            EDGES,
+            "nodes: 'a' appears twice in column 'node'",
+        ),
+        (
+            NODES,
+            {**EDGES, "target": ["c", "e", "b"]},
+            "edges: 'e' in column 'target' is not a node",
+        ),
         (
             {**NODES, "x": list("wxyz")},
             EDGES,
-            "nodes: column 'x' holds something else than numbers",
+            "nodes: column 'x' holds values that are not numbers",
         ),
         ({**NODES, "label": [None] * 4}, EDGES, "nodes: no node has a label; give label_names"),
     ],

@@ -51,5 +51,5 @@ def test_the_rest_is_one_message(tmp_path: Path, text: str, message: str) -> Non
 def test_the_number_of_values_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(csv_table, "MAX_VALUES", 6)
     assert len(read(tmp_path, "a,b,c\n" + "1,2,3\n" * 2)[0]) == 2
-    with pytest.raises(LogError, match="row 3 after the heading: more than 6 values; divide"):
+    with pytest.raises(LogError, match="row 3 after the heading: more than 6 values; split"):
         read(tmp_path, "a,b,c\n" + "1,2,3\n" * 3)

@@ -62,7 +62,7 @@ def test_a_folder_that_is_not_ours_is_refused_before_the_work(tmp_path: Path) ->
         pytest.fail("the work was begun")
     assert str(caught.value) == (
         f"cannot write into {tmp_path}: it holds files that pgm-places did not write, such as "
-        "notes.txt; choose another folder, or pass --force to write there nevertheless"
+        "notes.txt; choose another folder, or pass --force to write there anyway"
     )
     write(tmp_path, "label", "a", force=True)
     assert names(tmp_path) == {"a", "notes.txt", RECORD_FILE}
@@ -84,7 +84,7 @@ def test_a_file_of_the_user_is_overwritten_with_force_only(
         pytest.fail("the work was begun")
     assert str(caught.value) == (
         f"cannot overwrite {path}: {what}; choose another folder, move the file away, or pass "
-        "--force to lose it"
+        "--force to overwrite it"
     )
     assert path.read_text() == "by hand"
     write(out, "label", "a", "d", text="new", force=True)
@@ -188,7 +188,7 @@ def test_an_unfinished_swap_from_a_stranger_reaches_no_file_outside(
     (out / "link").symlink_to(out.parent)
     (out / UNFINISHED / "new").mkdir(parents=True)
     (out / UNFINISHED / "removed.json").write_text(json.dumps([removed]))
-    with pytest.raises(OutputError, match="leads out of the folder"):
+    with pytest.raises(OutputError, match="points outside the folder"):
         write(out, "label", "a")
     assert (out.parent / "victim").exists()
 
@@ -199,7 +199,9 @@ def test_an_unfinished_swap_that_is_damaged_changes_nothing(out: Path, removed: 
     (out / UNFINISHED / "new").mkdir(parents=True)
     (out / UNFINISHED / "new" / "a").write_text("other")
     (out / UNFINISHED / "removed.json").write_text(removed)
-    with pytest.raises(OutputError, match=r"removed\.json is damaged; remove .* to go on without"):
+    with pytest.raises(
+        OutputError, match=r"removed\.json is damaged; remove .* to continue without"
+    ):
         write(out, "label", "a")
     assert (out / "a").read_text() != "other"
 

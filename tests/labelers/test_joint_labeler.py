@@ -117,9 +117,9 @@ def test_options_go_to_its_parts_by_name() -> None:
 def test_what_cannot_be_labelled_together_is_refused_in_a_line() -> None:
     with pytest.raises(ConfigError, match="labels only chains"):
         unfitted("hmm").fit([MappedDrive(known(0), walk(0))])
-    with pytest.raises(InputError, match="takes a labelled drive at least"):
+    with pytest.raises(InputError, match="needs at least one labelled drive"):
         unfitted().fit([], [known(0)])
-    with pytest.raises(InputError, match="give a map, a drive, or both; there is neither"):
+    with pytest.raises(InputError, match="give a map, a drive, or both; got neither"):
         fitted().label()
     far = replace(walk(0), poses=walk(0).poses + np.array([500.0, 0.0, 0.0]))
     with pytest.raises(InputError, match="none of its positions is on a labelled cell of the map"):

@@ -453,7 +453,7 @@ def changed(index: int, value: float) -> Any:
     [
         (lambda meta, arrays: arrays.pop("alpha"), "lacks 'alpha'"),
         (lambda meta, arrays: meta.pop("classes"), "lacks 'classes'"),
-        (damaged("kind", lambda _: "something"), "of version 1 or 2 is wanted, got 'something'"),
+        (damaged("kind", lambda _: "something"), "of version 1 or 2 was expected, got 'something'"),
         (damaged("version", lambda _: 3), "of version 3"),
         (damaged("feature", changed(0, 6)), "feature must hold integers from 0 to 5, got 6"),
         (damaged("feature", changed(0, -1)), "feature must hold integers from 0 to 5, got -1"),
@@ -474,7 +474,7 @@ def changed(index: int, value: float) -> Any:
         (damaged("calibration", lambda a: a[:1]), "calibration must have shape"),
         (damaged("classes", lambda c: [*c[:-1], c[0]]), "classes must differ"),
         (damaged("classes", lambda c: [*c[:-1], 3]), "classes must be a list of labels of one"),
-        (damaged("classes", lambda c: [[name] for name in c]), "a class must be a text or"),
+        (damaged("classes", lambda c: [[name] for name in c]), "a class must be a string or"),
         (damaged("classes", lambda c: "abcd"), "classes must be a list"),
         (damaged("classes", lambda c: c[:-1]), "first must have shape"),
         (damaged("decision", lambda _: "vote"), "decision must be one of list, argmax"),

@@ -163,7 +163,7 @@ def test_weak_outputs_are_the_distinct_splits() -> None:
 
 
 def test_trees_are_not_parted_by_columns() -> None:
-    with pytest.raises(InputError, match=r"cannot be parted by columns; boost stumps instead"):
+    with pytest.raises(InputError, match=r"cannot be split by columns; boost stumps instead"):
         fitted()[0].boosted_list_.part([0, 1])
 
 
@@ -173,7 +173,7 @@ def test_stumps_and_trees_do_not_mix_in_a_list() -> None:
     trees = fitted()[0].boosted_list_
     stumps = fitted(max_depth=1, shrinkage=1.0)[0].boosted_list_
     mixed = (trees.classifiers[0], stumps.classifiers[1])
-    with pytest.raises(InputError, match="all of stumps, or all of trees of one depth"):
+    with pytest.raises(InputError, match="all be stumps, or all be trees of one depth"):
         replace(trees, classifiers=mixed)
 
 

@@ -147,7 +147,7 @@ def test_what_cannot_be_stored_is_refused(
         ({"format": "other"}, "manifest.json does not describe a pgm_places model"),
         ({"schema": 2}, "has schema 2 (written by version '"),
         ({"content": 3}, "key 'content' is missing or damaged; train again"),
-        ({"arrays_sha256": "0" * 64}, "is not the file that manifest.json describes (another SHA"),
+        ({"arrays_sha256": "0" * 64}, "is not the file that manifest.json describes (its SHA-256"),
     ],
 )
 def test_edited_manifests_are_refused(
@@ -163,8 +163,11 @@ def test_edited_manifests_are_refused(
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda data: data[:-1], "another SHA-256): it was damaged or exchanged; copy the folder"),
-        (lambda data: data[:-1] + b"x", "another SHA-256"),
+        (
+            lambda data: data[:-1],
+            "its SHA-256 differs): it was damaged or replaced; copy the folder",
+        ),
+        (lambda data: data[:-1] + b"x", "its SHA-256 differs"),
     ],
 )
 def test_damaged_arrays_are_refused(tmp_path: Path, damage: Any, message: str) -> None:

@@ -248,7 +248,7 @@ def spoiled(tmp_path: Path, source: Path, keys: tuple[str, ...], value: object) 
         (("label_names",), ["room", "\0"], "label_names must not hold control characters"),
         (("label_names",), ["room", "\ud800"], "label_names must not hold control characters"),
         (("label_names",), ["room", "room"], "label_names must differ, got 'room' twice"),
-        (("label_names",), [1, 2], "label_names must be texts of 1 to 200 characters, got 1"),
+        (("label_names",), [1, 2], "label_names must be strings of 1 to 200 characters, got 1"),
         (("label_names",), "room", "label_names must be a list of names, got 'room'"),
         (("record",), None, "record must be a table of keys and values, got None"),
         (("record", "config"), [], "record.config must be a table of keys and values, got []"),
@@ -261,7 +261,7 @@ def spoiled(tmp_path: Path, source: Path, keys: tuple[str, ...], value: object) 
         (
             ("record", "config", "topology"),
             {"min_area_m2": 10**400},
-            "a whole number has 401 digits",
+            "an integer has 401 digits",
         ),
         (
             ("record", "config", "topology"),

@@ -128,12 +128,12 @@ def test_fine_maps_are_planned_on_coarser_cells() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan])
 def test_a_robot_has_a_size(radius: float) -> None:
-    with pytest.raises(InputError, match="radius_m must be positive metres"):
+    with pytest.raises(InputError, match="radius_m must be a positive length"):
         PathPlanner(rooms(), radius_m=radius)
 
 
 def test_a_way_has_two_ends() -> None:
-    with pytest.raises(InputError, match="two stops or more, got 1"):
+    with pytest.raises(InputError, match="at least two stops, got 1"):
         PathPlanner(rooms()).way([0.0, 6.5])
-    with pytest.raises(InputError, match="spacing_m must be positive"):
+    with pytest.raises(InputError, match="spacing_m must be a positive length"):
         PathPlanner(rooms()).tour(spacing_m=0.0)

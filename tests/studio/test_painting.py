@@ -130,7 +130,7 @@ def test_a_journal_that_others_wrote_to_is_not_written_to(desk: Desk) -> None:
     path = desk.painting.journal.path
     with path.open("a") as file:
         file.write("x\n")
-    with pytest.raises(OutputError, match="changed by something else"):
+    with pytest.raises(OutputError, match="changed by another program"):
         desk.edit(brush(0, (10, 10)))
     assert desk.painting.n_painted == 0
 

@@ -56,7 +56,7 @@ def test_painted_cells_keep_their_labels_and_ids_stay() -> None:
 def test_learning_from_nothing_but_paint() -> None:
     truth, grid = building().labels, building().grid
     teacher = Teacher(grid, classes=NAMES)
-    with pytest.raises(LabelError, match="at least two classes, painted are: none"):
+    with pytest.raises(LabelError, match="at least two classes; painted so far: none"):
         teacher.label(teacher.blank())
     few = np.random.default_rng(0).random(grid.shape) < 0.02
     paint = teacher.blank()

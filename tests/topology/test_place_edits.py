@@ -81,7 +81,7 @@ def test_a_place_is_split_and_the_larger_part_keeps_its_id(how: str, yaw_rad: fl
 
 
 def test_a_line_that_parts_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="does not part 'room 1'; draw it from wall to wall"):
+    with pytest.raises(InputError, match="does not divide 'room 1'; draw it from wall to wall"):
         split_across(house(), "room 1", at(house(), 30, 5), at(house(), 30, 10))
     with pytest.raises(InputError, match="is not in 'room 1'"):
         split_at(house(), "room 1", at(house(), 5, 5))

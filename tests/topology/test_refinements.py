@@ -112,7 +112,7 @@ def test_a_split_is_proposed_and_nothing_changed() -> None:
     assert 11 <= row <= 20
     assert sum(split.areas_m2) == pytest.approx(18.0, abs=0.5)
     assert propose_splits(found, 0.5) == []
-    with pytest.raises(InputError, match="narrower_than_m must be positive"):
+    with pytest.raises(InputError, match="narrower_than_m must be a positive length"):
         propose_splits(found, 0.0)
 
 

@@ -52,7 +52,7 @@ def test_headings_turn_and_stay_within_half_a_turn() -> None:
 
 @pytest.mark.parametrize(
     ("points", "message"),
-    [([[0, 0]], "two points or more"), ([[1, 1], [1, 1]], "all lie in one place")],
+    [([[0, 0]], "at least two points"), ([[1, 1], [1, 1]], "all coincide")],
 )
 def test_too_few_points_are_refused(points: list[list[float]], message: str) -> None:
     with pytest.raises(InputError, match=message):

@@ -119,7 +119,7 @@ def test_only_what_a_method_wants_is_computed(labeler: PlaceLabeler) -> None:
 
 
 def test_a_method_that_wants_spaces_needs_their_options() -> None:
-    with pytest.raises(ConfigError, match="wants unary='space' but space is None"):
+    with pytest.raises(ConfigError, match="needs unary='space' but space is None"):
         from pgm_places import PlaceMethod
 
         PlaceLabeler(NAMES, {"a": PlaceMethod("independent", "space")}, space=None).check_options()

@@ -111,13 +111,13 @@ def test_a_stored_model_still_looks_at_spaces(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("missing", ["mirror", "max-range"])
 def test_spaces_want_a_map(missing: str) -> None:
-    with pytest.raises(ConfigError, match=r"makes no map, but spaces_m asks .* 'local-map'"):
+    with pytest.raises(ConfigError, match=r"builds no map, but spaces_m needs .* 'local-map'"):
         BeamOptions(missing, spaces_m=REACH_M)  # type: ignore[arg-type]
 
 
 def test_what_a_model_looks_at_is_settled_in_training() -> None:
     labeler, (known, path) = fitted(), drive(2)
-    with pytest.raises(InputError, match=r"looks at the spaces .* leave spaces_m of the beams"):
+    with pytest.raises(InputError, match=r"looks at the spaces .* keep spaces_m of the beams"):
         labeler.with_options(beams__spaces_m=0.0).label(path)
-    with pytest.raises(InputError, match=r"spaces_m: .* cells of maps have not"):
+    with pytest.raises(InputError, match=r"spaces_m: .* unknown for cells of maps"):
         TrajectoryLabeler(labeler.label_names_, beams=labeler.beams).fit([known])

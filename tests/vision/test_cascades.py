@@ -84,7 +84,7 @@ def test_files_that_are_no_cascades(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         CascadeDetector({"monitor on": tmp_path / "monitor.xml"})
     (tmp_path / "monitor.xml").write_text("<opencv_storage></opencv_storage>")
-    with pytest.raises(InputError, match="no Haar cascade"):
+    with pytest.raises(InputError, match="not a Haar cascade"):
         CascadeDetector({"monitor on": tmp_path / "monitor.xml"})
     with pytest.raises(InputError, match="at least one cascade"):
         CascadeDetector({})

@@ -58,7 +58,7 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
         )
     if len(trajectory) and trajectory.times_s.min() < 0:
         raise InputError(
-            f"a bag needs time stamps from 0 s on, but {trajectory.name} begins at "
+            f"the time stamps of a bag must not be negative, but {trajectory.name} begins at "
             f"{trajectory.times_s.min():g} s"
         )
     needed("rosbags", extra="bags", purpose="writing ROS bags")

@@ -93,7 +93,7 @@ def read_bag(
     if not (isfinite(max_gap_s) and max_gap_s >= 0):
         raise InputError(f"max_gap_s must be at least 0 seconds, got {max_gap_s}")
     if pose_topic is not None and fixed_frame is not None:
-        raise InputError("poses come from pose_topic or from fixed_frame: give one of them")
+        raise InputError("poses come from either pose_topic or fixed_frame; give one of them")
     with open_bag(path) as reader:
         bag = _Bag(Path(path), reader)
         scans, frame = _read_scans(bag, bag.topic("scan_topic", scan_topic, (_SCANS,)), range_max_m)
@@ -155,7 +155,7 @@ class _Bag:
             raise LogError(f"{self.path} has no topic {wanted}; {self._holds()}")
         if self.types[wanted] not in kinds:
             raise LogError(
-                f"{self.path}: {wanted} holds {self.types[wanted]} messages, but {option} wants "
+                f"{self.path}: {wanted} holds {self.types[wanted]} messages, but {option} expects "
                 f"{names}"
             )
         return wanted

@@ -94,7 +94,7 @@ class CarmenReader:
             raise InputError(f'laser must be "front" or "rear", got {self.laser!r}')
         limit = self.range_max_m
         if limit is not None and not (isfinite(limit) and limit > 0):
-            raise InputError(f"range_max_m must be positive metres, got {limit}")
+            raise InputError(f"range_max_m must be a positive length in metres, got {limit}")
 
     def scan(self, line: bytes) -> Scan | None:
         """The scan of a line, or None where the line is something else or cannot be read."""
@@ -271,5 +271,5 @@ def _odometry_only(reader: CarmenReader, path: Path | str, name: str) -> Traject
         )
     rows = np.frombuffer(reader.odometry).reshape(-1, 4)
     if len(rows) > MAX_SCANS:
-        raise LogError(f"{path}: more than {MAX_SCANS} ODOM lines; divide it")
+        raise LogError(f"{path}: more than {MAX_SCANS} ODOM lines; split it")
     return Trajectory(rows[:, 0], rows[:, 1:], name=name)

@@ -49,7 +49,7 @@ def read_detection_bag(
         The extra ``bags`` is not installed.
     """
     if not together_s > 0:
-        raise LogError(f"together_s must be positive seconds, got {together_s}")
+        raise LogError(f"together_s must be a positive time in seconds, got {together_s}")
     observations: dict[int, dict[str, dict[str, int]]] = {}
     with open_bag(path) as bag:
         chosen = _connections(path, bag, topics)
@@ -76,7 +76,7 @@ def _message(path: Path | str, bag: Any, connection: Any, raw: bytes) -> Any:
         return bag.deserialize(raw, connection.msgtype)
     except KeyError:
         raise LogError(
-            f"{path} does not define {connection.msgtype}, as is usual for old sqlite3 bags; "
+            f"{path} does not define {connection.msgtype}, as is common in older sqlite3 bags; "
             "convert it to MCAP with 'ros2 bag convert'"
         ) from None
 

@@ -102,7 +102,7 @@ class ScanColumns:
         self._n_readings += scan.geometry.n_beams
         if self.n_scans > MAX_SCANS or self._n_readings > MAX_READINGS:
             raise LogError(
-                f"{self.path}: more than {MAX_SCANS} scans or {MAX_READINGS} readings; divide it"
+                f"{self.path}: more than {MAX_SCANS} scans or {MAX_READINGS} readings; split it"
             )
         if len(self._kinds) > _MAX_KINDS:
             raise LogError(

@@ -67,7 +67,7 @@ class LogLines:
         while line := stream.readline(MAX_LINE + 1):
             n_bytes += len(line)
             if n_bytes > MAX_BYTES:
-                raise LogError(f"{self.path}: more than {MAX_BYTES} bytes, unpacked; divide it")
+                raise LogError(f"{self.path}: more than {MAX_BYTES} bytes when unpacked; split it")
             yield _checked(line, str(self.path))
 
 

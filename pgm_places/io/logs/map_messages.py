@@ -50,8 +50,8 @@ def grid_of_message(message: Any) -> OccupancyGrid:
     info, data = message.info, np.asarray(message.data, np.int8)
     if info.width * info.height != len(data):
         raise MapError(
-            f"the map says {info.width} x {info.height} cells, but {len(data)} came; look at what "
-            "publishes it"
+            f"the map says {info.width} x {info.height} cells, but {len(data)} came; check its "
+            "publisher"
         )
     cells = np.full(len(data), UNKNOWN, np.int8)
     cells[(data >= 0) & (data <= FREE_BELOW)] = FREE
@@ -84,8 +84,8 @@ def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessa
             listed = ", ".join(topics) or "none"
             if wanted != "/map" or len(topics) > 1:
                 raise LogError(
-                    f"{path} has no maps on {wanted}; topics of OccupancyGrid: {listed}; name the "
-                    "map's with --map-topic"
+                    f"{path} has no maps on {wanted}; topics of OccupancyGrid: {listed}; choose "
+                    "one with --map-topic"
                 )
             wanted = listed
         chosen = [c for c in reader.connections if c.topic == wanted and c.msgtype == MAP_TYPE]

@@ -38,7 +38,7 @@ def check_mcap(path: Path) -> None:
             if size > length - start:
                 raise LogError(
                     f"{path}: the record at byte {start - 9} states {size} bytes, but the file "
-                    "ends before; is it complete? 'mcap recover' repairs truncated recordings"
+                    "ends before that; is it complete? 'mcap recover' repairs truncated recordings"
                 )
             if kind == _CHUNK:
                 _check_chunk(path, file, size)

@@ -70,7 +70,7 @@ def _from_json(source: Path) -> ObjectCounts:
     if len(content) * len(columns) > MAX_VALUES:
         raise LogError(
             f"{source} has {len(content)} records and {len(columns)} classes: more than "
-            f"{MAX_VALUES} values; divide it"
+            f"{MAX_VALUES} values; split it"
         )
     times, table = np.zeros(len(content)), np.zeros((len(content), len(columns)))
     for row, record in enumerate(content):

@@ -50,8 +50,8 @@ def check_ros1(path: Path) -> None:
             file.seek(record.end)
             if total > FREE_BYTES + MOST_TIMES * length:
                 raise LogError(
-                    f"{path}: it becomes more than {MOST_TIMES} times as large when it is "
-                    "unpacked; no recording does"
+                    f"{path}: it unpacks to more than {MOST_TIMES} times its size, which no "
+                    "recording does"
                 )
     if not (index <= starts and named <= chunks):
         wrong = min((index - starts) | (named - chunks))
@@ -69,7 +69,8 @@ class _Record:
         self.end = file.tell() + self.size
         if self.end > length:
             raise LogError(
-                f"{self.where} states {self.size} bytes, but the file ends before; is it complete? "
+                f"{self.where} states {self.size} bytes, but the file ends before that; is it "
+                "complete? "
                 "'rosbag reindex' repairs truncated recordings"
             )
 
@@ -89,7 +90,7 @@ class _Record:
     def _exactly(self, file: IO[bytes], n_bytes: int) -> bytes:
         data = file.read(n_bytes)
         if len(data) != n_bytes:
-            raise LogError(f"{self.where} is cut off; 'rosbag reindex' repairs such recordings")
+            raise LogError(f"{self.where} is truncated; 'rosbag reindex' repairs such recordings")
         return data
 
     def _fields(self, header: bytes) -> Iterator[tuple[bytes, bytes]]:

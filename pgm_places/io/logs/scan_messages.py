@@ -63,7 +63,7 @@ class ScanMessages:
             except InputError as error:
                 raise LogError(
                     f"{self._source}: a scan of {n_beams} beams says range_min {low:g} and "
-                    f"range_max {high:g}: {error}; give the right one as range_max_m"
+                    f"range_max {high:g}: {error}; give the correct one as range_max_m"
                 ) from None
             if mirrored:
                 geometry = replace(geometry, angles_rad=-geometry.angles_rad[::-1])

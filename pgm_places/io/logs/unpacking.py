@@ -58,7 +58,7 @@ def unpacked_size(compression: str, data: bytes, most: int) -> int:
             while not unpack.eof and total <= most:
                 piece = unpack.decompress(data, _PIECE)
                 if not piece and unpack.needs_input and not unpack.eof:
-                    raise ValueError("it is cut off")
+                    raise ValueError("it is truncated")
                 total, data = total + len(piece), b""
         except (OSError, RuntimeError) as error:
             raise ValueError(str(error)) from None
@@ -92,7 +92,7 @@ def plain_storage(folder: Path) -> Iterator[list[Path]]:
     mode, names = about.get("compression_mode"), about.get("relative_file_paths")
     if isinstance(mode, str) and mode.lower() == "message":
         raise LogError(
-            f"{folder}: its messages are compressed one by one, which cannot be read within "
+            f"{folder}: its messages are compressed individually, which cannot be read within "
             "limits; convert it with 'ros2 bag convert', without compression or by file"
         )
     if not (isinstance(names, list) and names and all(isinstance(n, str) and n for n in names)):
@@ -126,12 +126,13 @@ def _unpacked(path: Path, folder: Path) -> Path:
                 total += len(piece)
                 if total > most:
                     raise LogError(
-                        f"{path}: it becomes more than {MOST_TIMES} times as large when it is "
-                        "unpacked; no recording does"
+                        f"{path}: it unpacks to more than {MOST_TIMES} times its size, which no "
+                        "recording does"
                     )
                 if total > room:
                     raise LogError(
-                        f"{path}: there is no room to unpack it in {folder.parent}; set TMPDIR to "
+                        f"{path}: there is not enough space to unpack it in {folder.parent}; "
+                        "set TMPDIR to "
                         "a folder on a larger disk"
                     )
                 unpacked.write(piece)

@@ -82,7 +82,7 @@ def load_labels(
             )
         if image.is_deep:
             raise LabelError(
-                f"{path}: 16-bit grey values; label values are 0 to 255: save it with 8 bits"
+                f"{path}: 16-bit grey values, but label values are 0 to 255; save it with 8 bits"
             )
         raster = _raster(image, values)
     if classes is not None:

@@ -64,7 +64,8 @@ def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
         pairs = zip(indices.tolist(), by_colour, strict=True)
         index, value = next((index, value) for index, value in pairs if index != value)
         raise LabelError(
-            f"{image.path}: its indices and its colours tell different labels: index {index} has "
+            f"{image.path}: its indices and its colours stand for different labels: index "
+            f"{index} has "
             f"the colour {hex_of(palette[index])}, which stands for {value} ({_listed(values)}); "
             "save it as RGB or as greyscale"
         )
@@ -98,7 +99,8 @@ def values_of_colours(strip: Strip, values: LabelValues, image: RasterImage) -> 
         raise LabelError(
             f"{image.path}: the colour {hex_of(channels[row, column])} at row {strip.row + row} "
             f"from the top, column {column} is not one of the label image's: {_listed(values)}; "
-            "draw with these and without smooth edges, or save it as greyscale or as an indexed "
+            "draw with these colours, without anti-aliasing, or save it as greyscale or as an "
+            "indexed "
             "image"
         )
     stored[coloured] = np.array(found, np.uint8)[which]

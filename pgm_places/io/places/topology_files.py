@@ -60,8 +60,9 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
     target = Path(folder)
     if topology.next_id - 1 > MAX_REGIONS:
         raise OutputError(
-            f"{target}: {topology.next_id - 1} ids have been given, regions.png holds {MAX_REGIONS}"
-            "; correct the labels (larger least areas), or start again in an empty folder"
+            f"{target}: {topology.next_id - 1} ids have been assigned, but regions.png holds "
+            f"only {MAX_REGIONS}"
+            "; raise the minimum areas, or start over in an empty folder"
         )
     written = [
         write_bytes(target / REGION_FILE, _png(topology.region)),
@@ -171,7 +172,9 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     )
     for item in connections:
         if not {item.first, item.second} <= ids:
-            raise InputError(f"a connection joins {item.first} and {item.second}; one is no region")
+            raise InputError(
+                f"a connection joins {item.first} and {item.second}, but not both are regions"
+            )
     corrections = tuple(
         from_mapping(Correction, item, path=f"corrections[{k}]")
         for k, item in enumerate(record["corrections"])
@@ -216,7 +219,7 @@ def _region(
 def _read_ids(path: Path, shape: tuple[int, int], max_pixels: int) -> NDArray[np.int32]:
     with open_image(path, InputError, max_pixels=max_pixels) as image:
         if image.shape != shape or not image.is_deep:
-            raise InputError(f"{path}: {shape} ids of 16 bits were expected, got {image.shape}")
+            raise InputError(f"{path}: expected 16-bit ids of shape {shape}, got {image.shape}")
         return image.stored()[::-1].astype(np.int32)
 
 

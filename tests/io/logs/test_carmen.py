@@ -292,7 +292,7 @@ def test_real_log_of_mixed_messages() -> None:
 def test_the_number_of_scans_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loaded_log, "MAX_SCANS", 3)
     assert len(read_carmen(write(tmp_path / "a.log", *[flaser([1.0])] * 3)).trajectory) == 3
-    with pytest.raises(LogError, match="more than 3 scans or 500000000 readings; divide it"):
+    with pytest.raises(LogError, match="more than 3 scans or 500000000 readings; split it"):
         read_carmen(write(tmp_path / "a.log", *[flaser([1.0])] * 4))
 
 

@@ -89,7 +89,7 @@ def test_an_endless_line_is_refused(tmp_path: Path) -> None:
 def test_an_endless_log_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(log_lines, "MAX_BYTES", 100)
     (tmp_path / "a.log.gz").write_bytes(gzip.compress(b"SYNC\n" * 21))
-    with pytest.raises(LogError, match="more than 100 bytes, unpacked; divide it"):
+    with pytest.raises(LogError, match="more than 100 bytes when unpacked; split it"):
         list(LogLines(tmp_path / "a.log.gz"))
 
 

@@ -93,6 +93,6 @@ def test_a_bag_without_such_a_topic(tmp_path: Path) -> None:
     bag = detection_bag(tmp_path / "bag", [("/left", 1.0, [])])
     with pytest.raises(LogError, match=r"lacks the topic /right of type .*: /left"):
         read_detection_bag(bag, topics=["/right"])
-    with pytest.raises(LogError, match="together_s must be positive"):
+    with pytest.raises(LogError, match="together_s must be a positive time"):
         read_detection_bag(bag, together_s=0.0)
     assert len(read_detection_bag(bag)) == 1

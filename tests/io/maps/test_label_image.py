@@ -126,7 +126,7 @@ def test_indices_and_colours_that_disagree_are_refused(tmp_path: Path) -> None:
     with pytest.raises(LabelError) as caught:
         load_labels(path, NAMES, grid=free_grid(2, 3))
     assert str(caught.value) == (
-        f"{path}: its indices and its colours tell different labels: index 1 has the colour "
+        f"{path}: its indices and its colours stand for different labels: index 1 has the colour "
         "#e69f00, which stands for 2 (room #0072b2, corridor #e69f00, black for none); save it as "
         "RGB or as greyscale"
     )
@@ -228,10 +228,10 @@ def test_a_smoothed_image_lists_only_some_of_its_greys(tmp_path: Path) -> None:
         (
             np.array([[[77, 77, 77], [9, 8, 7]]], np.uint8),
             "the colour #090807 at row 0 from the top, column 1 is not one of the label image's: "
-            "room #0072b2, corridor #e69f00, black for none; draw with these and without smooth "
-            "edges, or save it as greyscale or as an indexed image",
+            "room #0072b2, corridor #e69f00, black for none; draw with these colours, without "
+            "anti-aliasing, or save it as greyscale or as an indexed image",
         ),
-        (np.array([[77, 115]], np.uint16), "16-bit grey values; label values are 0 to 255"),
+        (np.array([[77, 115]], np.uint16), "16-bit grey values, but label values are 0 to 255"),
         (np.array([[0, 0]], np.uint8), "no pixel has a label; are all its values under 'ignore'?"),
     ],
 )

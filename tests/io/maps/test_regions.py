@@ -208,7 +208,7 @@ def test_bad_features_are_refused_by_their_index(tmp_path: Path, item: Any, mess
     ("text", "message"),
     [
         ("{", "not a JSON file: Expecting property name"),
-        ("[" * 100_000, "it is nested too deep"),
+        ("[" * 100_000, "JSON nested too deeply"),
         ("[]", "not a GeoJSON FeatureCollection (its type is None)"),
         ('{"type": "Point"}', "not a GeoJSON FeatureCollection (its type is 'Point')"),
         ('{"type": "FeatureCollection"}', "not a GeoJSON FeatureCollection"),

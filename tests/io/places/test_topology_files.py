@@ -113,9 +113,9 @@ def spoil(folder: Path, **changes: object) -> None:
         ({"label_names": ["\ud800"]}, "must not hold control characters"),
         ({"label_names": "room"}, "label_names must be a list of names"),
         ({"label_names": []}, r"regions\[0\].label 'room' is not among label_names"),
-        ({"doorway_label": None}, "doorway_label must be texts"),
+        ({"doorway_label": None}, "doorway_label must be strings"),
         ({"next_id": 1}, "next_id is 1, but there is a region"),
-        ({"next_id": 10**400}, "a whole number has 401 digits"),
+        ({"next_id": 10**400}, "an integer has 401 digits"),
         ({"corrections": [{"cell_rc": [0]}]}, r"corrections\[0\]"),
     ],
 )
@@ -178,5 +178,5 @@ def test_too_many_ids_are_refused(tmp_path: Path) -> None:
     many = topological_map(
         grid, labels, NAMES, known=type(known)(grid, 0 * known.region, {}, {}, next_id=65530)
     )
-    with pytest.raises(OutputError, match="ids have been given"):
+    with pytest.raises(OutputError, match="ids have been assigned"):
         save_topology(tmp_path, many)
