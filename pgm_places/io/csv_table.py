@@ -25,14 +25,14 @@ _MAX_LINE = 1 << 20
 
 
 class CsvTable:
-    """An open table: its heading, and the requested columns.
+    """An open table: its header, and the requested columns.
 
     Parameters
     ----------
     path : Path
         The file, for messages.
     rows : iterator of lists of str
-        The heading and the rows that follow; empty ones are skipped.
+        The header and the rows that follow; empty ones are skipped.
     error : type
         The exception to raise for everything that is wrong.
     """
@@ -65,11 +65,11 @@ class CsvTable:
         Raises
         ------
         error
-            A row has another number of fields than the heading, or a field that should be a finite
+            A row has another number of fields than the header, or a field that should be a finite
             number is none.
         """
         for number, row in enumerate(self._rows, 1):
-            where = f"{self.path}, row {number} after the heading"
+            where = f"{self.path}, row {number} after the header"
             if len(row) != len(self.names):
                 raise self._error(
                     f"{where}: {len(row)} fields, but there are {len(self.names)} columns"
@@ -100,7 +100,7 @@ class CsvTable:
         for number, (found, row) in enumerate(self.rows(numbers), 1):
             if number * (len(numbers) + len(texts)) > MAX_VALUES:
                 raise self._error(
-                    f"{self.path}, row {number} after the heading: more than {MAX_VALUES} "
+                    f"{self.path}, row {number} after the header: more than {MAX_VALUES} "
                     "values; split the table"
                 )
             values.extend(found)
@@ -134,7 +134,7 @@ def open_table(
     Parameters
     ----------
     path : Path
-        UTF-8 text with a heading, with or without a byte order mark.
+        UTF-8 text with a header, with or without a byte order mark.
     error : type
         The exception to raise for everything that is wrong.
     what : str

@@ -35,7 +35,7 @@ def read_table(path: Path, error: type[InputError] = InputError) -> Table:
     """
     if path.suffix.lower() in (".parquet", ".pq"):
         return _read_parquet(path, error)
-    with open_table(path, error, "a table (CSV with a heading)", max_bytes=MAX_BYTES) as table:
+    with open_table(path, error, "a table (CSV with a header)", max_bytes=MAX_BYTES) as table:
         _, columns = table.read((), range(len(table.names)))
         return dict(zip(table.names, columns, strict=True))
 

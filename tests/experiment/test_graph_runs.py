@@ -166,7 +166,10 @@ def _graph(**keys: Any) -> dict[str, Any]:
             r"translates none of \['field', 'house', 'sky'\]",
         ),
         (_graph(nodes="none.csv"), "none.csv: no such file"),
-        (_graph(edges="nodes0.csv", ends=["node", "label"]), "'sky' in column 'label' is not a node"),
+        (
+            _graph(edges="nodes0.csv", ends=["node", "label"]),
+            "column 'label' is not a node",
+        ),
         ({"labels": {"names": ["sky", "field"]}}, "'house' is not among label_names"),
     ],
 )

@@ -33,8 +33,8 @@ def test_columns_are_taken_in_the_wanted_order(tmp_path: Path, end: str) -> None
         ("a,b," + "c" * 5000, "a column name of 5000 characters, more than the 200 allowed"),
         ("a,b,c\n" + "1" * 200_000 + ",2,3\n", "field larger than field limit"),
         ("a,b,c\n" + "1" * 2_000_000, "a line of more than"),
-        ("a,b,c\n1,2\n", "row 1 after the heading: 2 fields, but there are 3 columns"),
-        ("a,b,c\n1,2,3\n1_000,2,3\n", "row 2 after the heading: a must be a finite number"),
+        ("a,b,c\n1,2\n", "row 1 after the header: 2 fields, but there are 3 columns"),
+        ("a,b,c\n1,2,3\n1_000,2,3\n", "row 2 after the header: a must be a finite number"),
         ("a,b,c\n1,1e400,3\n", "b must be a finite number, got '1e400'"),
         ("a,b,c\n1,\u0661,3\n", "b must be a finite number"),
         ("a,b,c\n1,\0,3\n", "b must be a finite number"),
@@ -51,5 +51,5 @@ def test_the_rest_is_one_message(tmp_path: Path, text: str, message: str) -> Non
 def test_the_number_of_values_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(csv_table, "MAX_VALUES", 6)
     assert len(read(tmp_path, "a,b,c\n" + "1,2,3\n" * 2)[0]) == 2
-    with pytest.raises(LogError, match="row 3 after the heading: more than 6 values; split"):
+    with pytest.raises(LogError, match="row 3 after the header: more than 6 values; split"):
         read(tmp_path, "a,b,c\n" + "1,2,3\n" * 3)

@@ -212,7 +212,7 @@ def read_carmen(
 
     Poses are the laser's. The odometry of the same lines is kept where it differs from them.
     What could be read is kept, with a warning each: the part before the place where compressed
-    data are cut off or damaged; the scans of the most frequent kind where the number of beams
+    data are truncated or damaged; the scans of the most frequent kind where the number of beams
     changes; the ``ODOM`` lines as a trajectory without scans where there are none.
 
     Raises

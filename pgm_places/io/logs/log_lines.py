@@ -146,7 +146,7 @@ def follow_files(
 def _until_replaced(
     path: Path, stream: BinaryIO, poll_s: float, is_over: Callable[[], bool]
 ) -> Iterator[bytes]:
-    """The lines of one file; a part of a line that its successor cut off is none."""
+    """The lines of one file; a last line that was never finished is dropped."""
     ends = partial(_is_replaced, path, stream)
     for line in follow_lines(stream, poll_s=poll_s, is_over=lambda: is_over() or ends()):
         if line.endswith(b"\n") or not ends():

@@ -45,7 +45,7 @@ def grid_of_message(message: Any) -> OccupancyGrid:
     Raises
     ------
     MapError
-        There are more or fewer cells than width times height, or the frame is no frame of a map.
+        There are more or fewer cells than width times height, or the frame is not that of a map.
     """
     info, data = message.info, np.asarray(message.data, np.int8)
     if info.width * info.height != len(data):
@@ -62,7 +62,7 @@ def grid_of_message(message: Any) -> OccupancyGrid:
 
 
 def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessage]:
-    """The maps of a bag in the order of recording; none of a log that is no bag.
+    """The maps of a bag in the order of recording; none for a log that is not a bag.
 
     Parameters
     ----------

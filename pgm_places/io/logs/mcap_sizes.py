@@ -20,12 +20,12 @@ _FOOTER, _CHUNK, _CHUNK_INDEX = 0x02, 0x06, 0x08
 
 
 def check_mcap(path: Path) -> None:
-    """Refuse a file whose records, chunks or index state sizes and places that are not so.
+    """Refuse a file whose records, chunks or index state wrong sizes or positions.
 
     Raises
     ------
     LogError
-        It is damaged, cut off, or has a chunk of more than 256 MiB.
+        It is damaged or truncated, or has a chunk of more than 256 MiB.
     """
     with open_input(path, LogError, "an MCAP file") as file:
         length = path.stat().st_size

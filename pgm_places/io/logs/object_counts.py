@@ -24,7 +24,7 @@ _WANTED = "counts of objects (CSV or JSON)"
 def read_object_counts(path: Path | str) -> ObjectCounts:
     """The counts in a CSV or JSON file.
 
-    CSV has a heading: the column ``t_s``, seconds, and a column per class of objects. JSON is a
+    CSV has a header: the column ``t_s``, seconds, and a column per class of objects. JSON is a
     list of records such as ``{"t_s": 12.3, "counts": {"coffee machine": 1}}``; classes that a
     record does not name count 0. Times are on the clock of the log that they go with.
 
@@ -44,7 +44,7 @@ def _from_csv(source: Path) -> ObjectCounts:
         time = table.index(TIME)
         if time is None or len(table.names) < 2:
             raise LogError(
-                f"{source}: the heading must name {TIME} and at least one class of objects, got "
+                f"{source}: the header must name {TIME} and at least one class of objects, got "
                 f"{shown(table.names)}"
             )
         others = [column for column in range(len(table.names)) if column != time]

@@ -34,7 +34,7 @@ def read_pose_csv(
     label_column: str | None = None,
     label_names: Sequence[str] | None = None,
 ) -> LoadedLog:
-    """The trajectory in a table of comma-separated values with a heading line.
+    """The trajectory in a table of comma-separated values with a header line.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, N
     path : Path
         The file, for messages.
     lines : iterable of bytes
-        From its heading on; see :func:`~pgm_places.io.logs.log_lines.follow_files`.
+        From its header on; see :func:`~pgm_places.io.logs.log_lines.follow_files`.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def _labelled(
     for number, place in enumerate(places, 1):
         if place not in numbers:
             raise LabelError(
-                f"{table.path}, row {number} after the heading: {column} is {shown(place)}, but "
+                f"{table.path}, row {number} after the header: {column} is {shown(place)}, but "
                 f"the labels are {', '.join(names)}"
             )
     return trajectory.with_labels([numbers[place] for place in places], names)

@@ -26,7 +26,7 @@ def check_ros1(path: Path) -> None:
     Raises
     ------
     LogError
-        It is damaged or cut off; a chunk has more than 256 MiB, or all together more than 16 MiB
+        It is damaged or truncated; a chunk has more than 256 MiB, or all together more than 16 MiB
         and a thousand times the file's size.
     """
     length = path.stat().st_size

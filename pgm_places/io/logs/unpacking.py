@@ -49,7 +49,7 @@ def unpacked_size(compression: str, data: bytes, most: int) -> int:
     Raises
     ------
     ValueError
-        The data are damaged or cut off.
+        The data are damaged or truncated.
     """
     total = 0
     while data and total <= most:

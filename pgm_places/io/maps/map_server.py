@@ -23,7 +23,7 @@ __all__ = ["Fractions", "MapFile", "load_map", "save_map"]
 
 _log = logging.getLogger(__name__)
 
-# The greys that map savers write, and the thresholds that tell them apart (Nav2 and ROS 1).
+# The grey values that map savers write, and the thresholds that tell them apart (Nav2 and ROS 1).
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 # Fewer pixels of grey 205 than this share are walls' edges, not the outside of a building.

@@ -68,7 +68,7 @@ class RasterImage:
 
     @property
     def is_deep(self) -> bool:
-        """Whether greys have more than 8 bits in the file."""
+        """Whether grey values have more than 8 bits in the file."""
         if self._graymap is not None:
             return self._graymap.maximum > 255
         return self._picture is not None and self._picture.mode.startswith("I")
@@ -80,7 +80,7 @@ class RasterImage:
         return np.array(colours or [], np.uint8).reshape(-1, 3)
 
     def stored(self) -> NDArray[np.integer]:
-        """(H, W) numbers of an image of greys, from the top, just as the file has them."""
+        """(H, W) numbers of a grey image, from the top, just as the file has them."""
         with self._reported():
             return np.asarray(self._picture)
 

@@ -68,7 +68,7 @@ def export(
     Raises
     ------
     InputError
-        An unknown format, or values that it has no use for.
+        An unknown format, or values that it does not take.
     OutputError
         Where a file cannot be written.
     """

@@ -32,7 +32,7 @@ def read_gate(record: Mapping[str, Any]) -> Gate:
     Raises
     ------
     KeyError, TypeError, ValueError
-        A field is missing or is no number.
+        A field is missing or is not a number.
     """
     x, y = (float(value) for value in record["centre_m"])
     return Gate((x, y), *(float(record[name]) for name in _SIZES))

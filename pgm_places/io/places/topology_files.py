@@ -229,7 +229,7 @@ def write_own_name(folder: Path | str, number: int, name: str) -> Path:
     Raises
     ------
     LabelError
-        The file is damaged, or the name is none.
+        The file is damaged, or the name is empty.
     OutputError
         It cannot be written.
     """

@@ -36,11 +36,11 @@ def test_json_names_only_what_was_seen(tmp_path: Path) -> None:
     ("name", "text", "words"),
     [
         ("a.csv", "", "is empty"),
-        ("a.csv", "time,cup\n1,2\n", "the heading must name t_s"),
+        ("a.csv", "time,cup\n1,2\n", "the header must name t_s"),
         (
             "a.csv",
             "t_s,cup\n1,2\n1\n",
-            "row 2 after the heading: 1 fields, but there are 2 columns",
+            "row 2 after the header: 1 fields, but there are 2 columns",
         ),
         (
             "a.csv",
