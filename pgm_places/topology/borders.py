@@ -75,7 +75,8 @@ def _along(piece: NDArray[np.int32], count: int, down: int, right: int) -> Meeti
     for rows in bands_of_rows((height - down, width)):  # bounds the memory for huge maps
         first = piece[rows, start:stop]
         second = piece[rows.start + down : rows.stop + down, start + right : stop + right]
-        r, c = np.nonzero(first != second)
+        # Few cells lie at a border; NumPy finds them in one dimension several times as fast.
+        r, c = np.divmod(np.flatnonzero(first != second), max(stop - start, 1))
         pair = np.stack([first[r, c], second[r, c]]).astype(np.int64)
         inside = pair.min(axis=0) >= 0
         key = pair.min(axis=0) * count + pair.max(axis=0)

@@ -65,10 +65,10 @@ def trim_doorways(
     members, start = _cells_of_pieces(pieces, wanted)
     log = []
     for k, number in enumerate(np.flatnonzero(wanted).tolist()):
-        around = length[[number]]
+        around = slice(*length.indptr[number : number + 2].tolist())
         others = [
             (-float(share), int(other))
-            for share, other in zip(around.data, around.indices, strict=True)
+            for share, other in zip(length.data[around], length.indices[around], strict=True)
             if pieces.label[other] not in (doorway, len(label_names))
         ]
         became[number] = pieces.label[min(others)[1]] if others else doorway
