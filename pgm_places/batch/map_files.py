@@ -56,15 +56,20 @@ def label_file(
 
     ``known`` (H, W) holds labels that are known, -1 elsewhere.
     """
-    result = label_map(
-        model.labeler,
-        source.grid,
-        method=model.method,
-        known=known,
-        n_threads=n_threads,
-        progress=progress,
+    return write_labelled(
+        label_map(  # without a name here, so that the labels of a huge map's nodes can be freed
+            model.labeler,
+            source.grid,
+            method=model.method,
+            known=known,
+            n_threads=n_threads,
+            progress=progress,
+        ),
+        source,
+        files,
+        model.rules,
+        progress,
     )
-    return write_labelled(result, source, files, model.rules, progress)
 
 
 def write_labelled(
