@@ -7,6 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import times_rows
 from pgm_places.errors import InputError, LabelError
 from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
@@ -155,9 +156,18 @@ def learn(
     options: LearnerOptions,
     *,
     cuts: Sequence[Cut] = (),
+    start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution:
-    """The weights that the chosen learner finds for one or several maps."""
+    """The weights that the chosen learner finds for one or several maps.
+
+    The cutting plane begins at given weights where there are any.
+    """
+    if start is not None and options.learner != "cutting-plane":
+        raise InputError(
+            f"warm_start is for learner 'cutting-plane', got {options.learner!r}; take that, or "
+            "warm_start=False"
+        )
     if options.learner == "qp":
         from pgm_places.solvers.max_margin_qp import max_margin_qp
 
@@ -191,6 +201,7 @@ def learn(
         max_iterations=options.max_cuts,
         time_limit_s=options.time_limit_s,
         cuts=cuts,
+        start=start,
         verifier=None if exact or options.certified_tolerance is None else certify_weights,
         verified_tolerance=options.certified_tolerance or 0.0,
         exact=exact,
@@ -341,13 +352,13 @@ def weighted(
 
 def _counting(task: MaxMarginProblem, weight: NDArray[np.float64]) -> MaxMarginProblem:
     joins = [task.edges] if task.sets is None else [task.edges, task.sets.joins]
-    share = part_means(task.n_nodes, np.concatenate(joins), weight)[:, None]
+    share = part_means(task.n_nodes, np.concatenate(joins), weight)
     return replace(
         task,
-        node_features=share * task.node_features,
-        edge_features=share[task.edges[:, 0]] * task.edge_features,
+        node_features=times_rows(task.node_features, share),
+        edge_features=times_rows(task.edge_features, share[task.edges[:, 0]]),
         loss=weight * task.loss,
-        sets=None if task.sets is None else task.sets.times(share[:, 0]),
+        sets=None if task.sets is None else task.sets.times(share),
     )
 
 

@@ -44,7 +44,12 @@ from pgm_places.models.linear_features import (
     node_features,
     parse_node_features,
 )
-from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.linear_model import (
+    LinearModel,
+    learned_arrays,
+    learned_weights,
+    require_edge_features,
+)
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import is_forest
@@ -110,7 +115,7 @@ class ConditionalRandomField(LinearModel):
         Learning ends after this many seconds with the best weights so far.
     warm_start : bool
         Whether :meth:`fit` of a field that has learned goes on from its weights, with its scaling
-        of the features: with a few more problems it takes fewer steps. For likelihoods.
+        of the features: with a few more problems it takes fewer steps.
     max_iterations : int, optional
         Limit of the decoder's iterations instead of its own.
     certify : bool
@@ -201,7 +206,7 @@ class ConditionalRandomField(LinearModel):
         else:
             penalty = penalties[0]
         start = time.perf_counter()
-        begin = self._weights_to_begin_with(task.field, options)
+        begin = self._weights_to_begin_with(task.field)
         solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
         if (task.labels < 0).any() and options.learner in ("pseudo-likelihood", "piecewise"):
@@ -231,29 +236,12 @@ class ConditionalRandomField(LinearModel):
             link_scales=link_scales,
         )
 
-    @property
-    def _goes_on(self) -> bool:
-        """Whether learning begins with what was learned before."""
-        return self.warm_start and self.node_weights is not None
-
-    def _weights_to_begin_with(
-        self, field: TableField, options: LearningOptions
-    ) -> NDArray[np.float64] | None:
+    def _weights_to_begin_with(self, field: TableField) -> NDArray[np.float64] | None:
         if not self._goes_on:
             return None
-        if options.learner == "max-margin":
-            raise InputError(
-                "warm_start begins at the weights learned so far, which max-margin learning "
-                "cannot; take a likelihood as the learner, or warm_start=False"
-            )
-        node_weights, tables = self._learned("node_weights", "tables")
-        weights = np.concatenate([node_weights.ravel(), tables.ravel()])
-        if len(weights) != field.n_weights or node_weights.shape[1] != field.n_labels:
-            raise InputError(
-                "warm_start needs the labels and features that the field has learned: it has "
-                f"{len(weights)} weights, these problems need {field.n_weights}"
-            )
-        return weights
+        return learned_weights(
+            self._learned("node_weights", "tables"), field.n_weights, field.n_labels
+        )
 
     def _choose_penalty(
         self,

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import times_rows
 from pgm_places.errors import InputError
 from pgm_places.models.amn_learning import SEARCH_TOLERANCE, best_penalty
 from pgm_places.models.completion import (
@@ -131,7 +132,7 @@ def learn(
     start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution | LikelihoodSolution:
-    """The weights that the chosen learner finds; likelihoods may begin at given ones."""
+    """The weights that the chosen learner finds, beginning at given ones where there are any."""
     if options.learner != "max-margin":
         return maximize_likelihood(
             task.field,
@@ -146,7 +147,12 @@ def learn(
             on_iteration=on_iteration,
         )
     if (task.labels >= 0).all():
-        return _widest_margin(task, penalty, options, on_iteration=on_iteration)
+        return _widest_margin(task, penalty, options, start=start, on_iteration=on_iteration)
+    if start is not None:
+        raise InputError(
+            "warm_start with max margin needs unlabelled='dropped': where labels are being "
+            "completed, learning begins with a completion, not with weights"
+        )
     if task.weight is not None:
         raise InputError(
             "sample_weight needs unlabelled='dropped' with max margin: labels are being completed, "
@@ -161,6 +167,7 @@ def _widest_margin(
     options: LearningOptions,
     *,
     cuts: Sequence[Cut] = (),
+    start: NDArray[np.float64] | None = None,
     on_iteration: OnStep | None = None,
 ) -> MaxMarginSolution:
     problem = TableMarginProblem(_weighed(task), task.labels, task.loss, penalty)
@@ -173,6 +180,7 @@ def _widest_margin(
         max_iterations=options.max_steps,
         time_limit_s=options.time_limit_s,
         cuts=cuts,
+        start=start,
         verifier=certify_tables if verified else None,
         verified_tolerance=options.certified_tolerance or 0.0,
         exact=exact,
@@ -185,11 +193,11 @@ def _weighed(task: LearningTask) -> TableField:
     field = task.field
     if task.weight is None:
         return field
-    share = part_means(field.n_nodes, field.around.edges, task.weight)[:, None]
+    share = part_means(field.n_nodes, field.around.edges, task.weight)
     return replace(
         field,
-        node_features=field.node_features * share,
-        edge_features=field.edge_features * share[field.around.edges[:, 0]],
+        node_features=times_rows(field.node_features, share),
+        edge_features=times_rows(field.edge_features, share[field.around.edges[:, 0]]),
     )
 
 

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, nearest_name
+from pgm_places._checks import frozen, is_sparse, nearest_name, stacked_rows
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.inference.problem import LabelingProblem
@@ -93,7 +94,12 @@ def node_features(problem: LabelingProblem, parts: Sequence[str]) -> NDArray[np.
             columns.append(problem.node_features)
         else:
             columns.append(_probabilities(problem, part, logarithm=part == "logz"))
-    return np.concatenate(columns, axis=1)
+    if not any(is_sparse(part) for part in columns):
+        return np.concatenate(columns, axis=1)
+    import scipy.sparse as sp
+
+    beside: Any = sp.hstack([sp.csr_array(part) for part in columns], format="csr")
+    return beside
 
 
 def _resolved(problem: LabelingProblem, parts: Sequence[str]) -> list[str]:
@@ -197,12 +203,17 @@ def _raw_likeness(problem: LabelingProblem) -> NDArray[np.float64]:
     features, edges = problem.node_features, problem.graph.edges
     if not len(edges):
         return np.ones(0)
-    spread = features.std(axis=0)
+    spread = _mean_and_spread(features)[1]
     varying = spread > 0
     if not varying.any():
         return np.ones(len(edges))
-    scaled = features[:, varying] / spread[varying]
-    distance = np.abs(scaled[edges[:, 0]] - scaled[edges[:, 1]]).mean(axis=1)
+    if is_sparse(features):
+        per_column = 1.0 / (spread[varying] * varying.sum())
+        apart = abs(features[edges[:, 0]] - features[edges[:, 1]])
+        distance = apart[:, np.flatnonzero(varying)] @ per_column
+    else:
+        scaled = features[:, varying] / spread[varying]
+        distance = np.abs(scaled[edges[:, 0]] - scaled[edges[:, 1]]).mean(axis=1)
     typical = distance.mean()
     return np.exp(-distance / typical) if typical > 0 else np.ones(len(edges))
 
@@ -237,10 +248,13 @@ class Standardization:
 
         A column is dropped when it is constant or equal to an earlier one up to shift, scale and
         sign, because a linear model gains nothing from it and its weights would not be unique.
+        Sparse columns are scaled only, or they would not be sparse any more, and repetitions stay.
         """
-        mean, scale = features.mean(axis=0), features.std(axis=0)
+        mean, scale = _mean_and_spread(features)
         varying = scale > 1e-12 * np.abs(mean)
         columns = np.flatnonzero(varying)
+        if is_sparse(features):
+            return cls(features.shape[1], columns, np.zeros(len(columns)), scale[columns])
         centred = (features[:, columns] - mean[columns]) / scale[columns]
         likeness = np.abs(centred.T @ centred) / len(features)
         repeats = np.triu(likeness > SAME_COLUMN, k=1).any(axis=0)
@@ -261,7 +275,7 @@ class Standardization:
                 "training problems must have the same number of node features, got "
                 f"{[part.shape[1] for part in features]}"
             )
-        return cls.of(np.concatenate(features))
+        return cls.of(stacked_rows(features))
 
     def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, D' + 1): kept columns standardised and clipped to +-5, then the constant 1.
@@ -269,16 +283,44 @@ class Standardization:
         Raises
         ------
         InputError
-            Another number of columns than in training.
+            Another number of columns than in training, or sparse features after dense ones.
         """
         if features.shape[1] != self.n_columns:
             raise InputError(
                 f"the model was trained on {self.n_columns} node features, this problem has "
                 f"{features.shape[1]}; make them the same way as for training"
             )
+        if is_sparse(features):
+            return self._apply_to_sparse(features)
         out = np.empty((len(features), len(self.columns) + 1))
         np.subtract(features[:, self.columns], self.mean, out=out[:, :-1])
         out[:, :-1] /= self.scale
         np.clip(out[:, :-1], -CLIP, CLIP, out=out[:, :-1])
         out[:, -1] = 1.0
         return out
+
+    def _apply_to_sparse(self, features: Any) -> NDArray[np.float64]:
+        """The same, sparse; zeros stay zeros, since the mean of sparse columns is not taken off."""
+        import scipy.sparse as sp
+
+        if self.mean.any():
+            raise InputError(
+                "the model was trained on dense node features, whose means it takes off; give "
+                "node_features.toarray(), or train it on sparse ones"
+            )
+        kept = features[:, self.columns].multiply(1.0 / self.scale).tocsr()
+        np.clip(kept.data, -CLIP, CLIP, out=kept.data)
+        constant = sp.csr_array(np.ones((features.shape[0], 1)))
+        whole: Any = sp.hstack([kept, constant], format="csr")
+        return whole
+
+
+def _mean_and_spread(
+    features: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(D,) means and standard deviations of columns, dense or sparse."""
+    if not is_sparse(features):
+        return features.mean(axis=0), features.std(axis=0)
+    mean = np.asarray(features.mean(axis=0)).ravel()
+    square = np.asarray((features * features).mean(axis=0)).ravel()
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))

@@ -1,6 +1,6 @@
 """What models that are linear in their weights keep of learning, and what follows from it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from pgm_places.models.linear_features import (
 from pgm_places.options import check_options
 from pgm_places.solvers.max_margin import LearningStep
 
-__all__ = ["LinearModel", "learned_arrays", "require_edge_features"]
+__all__ = ["LinearModel", "learned_arrays", "learned_weights", "require_edge_features"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,6 +58,11 @@ class LinearModel:
         if self.learning is None:
             return {}
         return LearningRecord.from_array(self.learning).summary()
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether learning begins with what was learned before."""
+        return bool(getattr(self, "warm_start", False)) and self.node_weights is not None
 
     def _learned(self, *names: str) -> list[NDArray[Any]]:
         """Learned arrays by name, all of them there."""
@@ -109,6 +114,25 @@ def require_edge_features(count: int, n_known: int) -> None:
             f"the model was trained on {n_known} edge features, this problem has {count}; make "
             "them the same way as for training"
         )
+
+
+def learned_weights(
+    parts: Sequence[NDArray[np.float64]], n_weights: int, n_labels: int
+) -> NDArray[np.float64]:
+    """Learned weights, those of nodes (D, K) first, as the flat vector that learning goes on from.
+
+    Raises
+    ------
+    InputError
+        The problems to learn from have other labels or features.
+    """
+    weights = np.concatenate([part.ravel() for part in parts])
+    if len(weights) != n_weights or parts[0].shape[1] != n_labels:
+        raise InputError(
+            "warm_start needs the labels and features that the model has learned: it has "
+            f"{len(weights)} weights, these problems need {n_weights}"
+        )
+    return weights
 
 
 def learned_arrays(

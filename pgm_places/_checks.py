@@ -1,6 +1,6 @@
 """Checks of arrays that come from outside, each returning the checked array or one clear error."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,15 +10,19 @@ from pgm_places.errors import InputError, LabelError, is_printable, nearest_name
 
 __all__ = [
     "ROWS_AT_ONCE",
+    "feature_rows",
     "finite_array",
     "frozen",
     "integer_array",
+    "is_sparse",
     "label_raster",
     "nearest_name",
     "number_array",
     "plain_names",
     "require_type",
     "sealed",
+    "stacked_rows",
+    "times_rows",
 ]
 
 LONGEST_NAME = 200
@@ -126,6 +130,53 @@ def _all_allowed(array: NDArray[Any], allow_minus_inf: bool) -> bool:
         _all_allowed(array[i : i + ROWS_AT_ONCE], allow_minus_inf)
         for i in range(0, len(array), ROWS_AT_ONCE)
     )
+
+
+def is_sparse(rows: object) -> bool:
+    """Whether an array is a sparse one of SciPy, which is not imported for it."""
+    return hasattr(rows, "tocsr")
+
+
+def feature_rows(name: str, values: Any, n_rows: int | str) -> NDArray[np.float64]:
+    """(N, D) finite features: an array, or sparse rows (``scipy.sparse.csr_array``), read-only.
+
+    Sparse rows stay sparse. They are typed as the array that they stand for: what is done to
+    features (products, rows of a mask, columns) is written alike for both.
+    """
+    if not is_sparse(values):
+        return frozen(finite_array(name, values, (n_rows, "D")))
+    from scipy.sparse import csr_array
+
+    if getattr(values, "ndim", 2) != 2:
+        raise InputError(f"{name} must have shape {_shape_text((n_rows, 'D'))}, got {values.shape}")
+    _check_shape(name, values.shape, (n_rows, "D"))
+    finite_array(f"the values of {name}", values.tocsr().data, ("M",))
+    given = isinstance(values, csr_array) and values.dtype == np.float64
+    if given and not values.data.flags.writeable:
+        return values
+    rows: Any = csr_array(values, dtype=np.float64, copy=True)
+    rows.sum_duplicates()
+    for part in (rows.data, rows.indices, rows.indptr):
+        part.setflags(write=False)
+    return rows
+
+
+def stacked_rows(parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The rows of several arrays below each other; sparse if any is."""
+    if not any(is_sparse(part) for part in parts):
+        return np.concatenate(parts)
+    from scipy.sparse import csr_array, vstack
+
+    rows: Any = vstack([csr_array(part) for part in parts], format="csr")
+    return rows
+
+
+def times_rows(rows: NDArray[np.float64], factors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows (N, D), dense or sparse, each multiplied by its factor (N,)."""
+    if not is_sparse(rows):
+        return rows * factors[:, np.newaxis]
+    scaled: Any = rows.multiply(factors[:, np.newaxis])  # type: ignore[attr-defined]
+    return scaled.tocsr()
 
 
 def integer_array(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.solvers.certificate import Certificate
 from pgm_places.solvers.cut_master import CutMaster
@@ -47,6 +48,7 @@ def cutting_plane(
     max_iterations: int = 1_000,
     time_limit_s: float | None = None,
     cuts: Sequence[Cut] = (),
+    start: NDArray[np.float64] | None = None,
     thorough: Oracle | None = None,
     verifier: Verifier | None = None,
     verified_tolerance: float = 5e-3,
@@ -71,6 +73,9 @@ def cutting_plane(
         Wall-clock seconds; the best weights so far are returned.
     cuts : sequence of Cut
         Planes known from an earlier run on the same nodes and losses (any penalty).
+    start : (n_weights,) float, optional
+        Weights to begin at, such as those learned from other nodes: the first plane is taken there,
+        and the next ones between them and the minimiser of the planes so far.
     thorough : callable, optional
         A slower oracle that misses less: it takes over when the gap has closed with ``oracle``.
     verifier : callable, optional
@@ -111,15 +116,17 @@ certify_weights` for one. Learning goes on with the labelling it found until the
     """
     if not 0 < step <= 1:
         raise InputError(f"step must be in (0, 1], got {step}")
-    start = time.perf_counter()
+    begun = time.perf_counter()
     search = _Search(problem, oracle, thorough, verifier, step, master)
     for cut in cuts:
         search.master.add(cut)
+    if start is not None:
+        search.begin_at(start)
     history: list[LearningStep] = []
     status = "iteration_limit"
     for iteration in range(1, max_iterations + 1):
         exhausted = not search.advance()
-        seconds = time.perf_counter() - start
+        seconds = time.perf_counter() - begun
         record = search.record(iteration, seconds)
         history.append(record)
         stop = on_iteration(record) if on_iteration is not None else False
@@ -175,6 +182,16 @@ class _Search:
         self.lower_bound = 0.0  # f >= 0
         self.n_active = 0
         self.at_master = True
+
+    def begin_at(self, weights: NDArray[np.float64]) -> None:
+        """Take these for the best weights so far, with the plane there."""
+        weights = finite_array("start", weights, (self.problem.n_weights,))
+        if weights[self.problem.n_free :].min(initial=0.0) < 0:
+            raise InputError("start must be at least 0 in the weights of edges and cliques")
+        labels = self.oracle(*self.problem.augmented_potentials(weights))
+        self.weights = weights
+        self._look_again(self.problem.cut_of(labels))
+        self.at_master = False
 
     def advance(self) -> bool:
         """Take one cut; False when neither the oracle nor a fuller step can give a new one."""

@@ -24,7 +24,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._checks import (
+    feature_rows,
+    finite_array,
+    frozen,
+    integer_array,
+    is_sparse,
+    stacked_rows,
+)
 from pgm_places.errors import InputError
 from pgm_places.kernels.lane_access import FOUR
 from pgm_places.solvers._max_margin_kernels import add_feature_difference, multiply_rows
@@ -118,6 +125,7 @@ class MaxMarginProblem:
     Parameters
     ----------
     node_features : (N, D) float
+        Dense or sparse.
     edges : (E, 2) int
         Node pairs, each once.
     edge_features : (E, F) float
@@ -144,8 +152,8 @@ class MaxMarginProblem:
     sets: SetTerms | None = None
 
     def __post_init__(self) -> None:
-        nodes = finite_array("node_features", self.node_features, ("N", "D"))
-        n_nodes = len(nodes)
+        nodes = feature_rows("node_features", self.node_features, "N")
+        n_nodes = nodes.shape[0]
         if n_nodes == 0:
             raise InputError("max-margin learning needs at least one labelled node, got none")
         edges = integer_array("edges", self.edges, ("E", 2), low=0, high=n_nodes)
@@ -160,7 +168,7 @@ class MaxMarginProblem:
             raise InputError(f"penalty (C) must be a positive number, got {self.penalty}")
         if self.sets is not None:
             self.sets.check_fits(n_nodes, self.n_labels)
-        object.__setattr__(self, "node_features", frozen(nodes))
+        object.__setattr__(self, "node_features", nodes)
         object.__setattr__(self, "edges", frozen(edges.astype(np.int32, copy=False)))
         object.__setattr__(self, "edge_features", frozen(features))
         object.__setattr__(self, "labels", frozen(labels))
@@ -169,7 +177,7 @@ class MaxMarginProblem:
     @property
     def n_nodes(self) -> int:
         """N."""
-        return len(self.node_features)
+        return self.node_features.shape[0]
 
     @property
     def n_node_weights(self) -> int:
@@ -220,18 +228,32 @@ class MaxMarginProblem:
         """The plane that a labelling gives: its loss and its joint features against the truth's."""
         wrong = float(self.loss[labels != self.labels].sum())
         difference = np.zeros(self.n_weights)
+        of_nodes, of_edges = split_weights(self, difference)
+        dense = self.node_features
+        if is_sparse(dense):
+            of_nodes += self._sparse_difference(labels)
+            dense, of_nodes = np.zeros((self.n_nodes, 0)), of_nodes[:0]
         add_feature_difference(
             np.ascontiguousarray(labels, np.int64),
             self.labels,
-            self.node_features,
+            dense,
             self.edges,
             self.edge_features,
-            *split_weights(self, difference),
+            of_nodes,
+            of_edges,
         )
         if self.sets is not None:
             start = self.n_pair_weights
             difference[start:] = self.truth_features[start:] - self.sets.joint_features(labels)
         return Cut(difference / self.n_nodes, wrong / self.n_nodes)
+
+    def _sparse_difference(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(D, K) the sums of node features by true label, less those by ``labels``."""
+        wrong = np.flatnonzero(labels != self.labels)
+        sign = np.zeros((len(wrong), self.n_labels))
+        sign[np.arange(len(wrong)), self.labels[wrong]] = 1.0
+        sign[np.arange(len(wrong)), labels[wrong]] = -1.0
+        return self.node_features[wrong].T @ sign
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
@@ -356,7 +378,7 @@ def joined(problems: Sequence[MaxMarginProblem]) -> MaxMarginProblem:
     starts = np.cumsum([0, *(problem.n_nodes for problem in problems[:-1])])
     edges = [problem.edges + start for problem, start in zip(problems, starts, strict=True)]
     return MaxMarginProblem(
-        np.concatenate([problem.node_features for problem in problems]),
+        stacked_rows([problem.node_features for problem in problems]),
         np.concatenate(edges).astype(np.int32),
         np.concatenate([problem.edge_features for problem in problems]),
         np.concatenate([problem.labels for problem in problems]),
@@ -426,6 +448,8 @@ def potentials_of(
 
 def _products(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """``rows @ weights`` for many rows and a few columns, for which BLAS is slow."""
+    if is_sparse(rows):
+        return rows @ weights
     (n_rows, n_features), n_columns = rows.shape, weights.shape[1]
     width = -(-n_columns // FOUR) * FOUR
     padded = np.zeros((n_features, width))

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from pgm_places._checks import is_sparse
 from pgm_places.errors import InputError, SolverError
 from pgm_places.solvers.max_margin import (
     PROVED,
@@ -86,7 +87,7 @@ def max_margin_qp(
     Raises
     ------
     InputError
-        An unknown solver, or a problem with sets of nodes.
+        An unknown solver, or a problem with sets of nodes or sparse features.
     SolverError
         No solver found a solution; the message lists every status.
     """
@@ -94,6 +95,11 @@ def max_margin_qp(
         raise InputError(f"the QP's solver must be one of {', '.join(QP_SOLVERS)}, got {solver!r}")
     if problem.sets is not None:
         raise InputError("the compact QP knows no cliques; take learner='cutting-plane'")
+    if is_sparse(problem.node_features):
+        raise InputError(
+            "the compact QP wants dense node_features; take learner='cutting-plane', or give their "
+            "toarray()"
+        )
     start = time.perf_counter()
     unit, problem = _in_units(problem)
     program = _compact_program(problem)

@@ -10,13 +10,13 @@ Weights are one flat vector: node weights, then tables, both row by row.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from pgm_places._checks import finite_array, frozen
+from pgm_places._checks import feature_rows, finite_array, frozen, is_sparse, stacked_rows
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.forest import is_forest
@@ -40,6 +40,7 @@ class TableField:
     Parameters
     ----------
     node_features : (N, D) float
+        Dense or sparse.
     around : Adjacency
         The graph, N nodes and E edges; the first and second label of a table are those of the
         first and second node of an edge.
@@ -58,11 +59,11 @@ class TableField:
     symmetric: bool = False
 
     def __post_init__(self) -> None:
-        nodes = finite_array("node_features", self.node_features, (self.around.n_nodes, "D"))
-        if not len(nodes):
+        nodes = feature_rows("node_features", self.node_features, self.around.n_nodes)
+        if not self.around.n_nodes:
             raise InputError("a field needs at least one node, got none")
         edges = finite_array("edge_features", self.edge_features, (self.around.n_edges, "F"))
-        object.__setattr__(self, "node_features", frozen(nodes))
+        object.__setattr__(self, "node_features", nodes)
         object.__setattr__(self, "edge_features", frozen(edges))
 
     @property
@@ -143,7 +144,7 @@ def beside(fields: Sequence[TableField]) -> TableField:
     edges = [field.around.edges + start for field, start in zip(fields, starts[:-1], strict=True)]
     return replace(
         fields[0],
-        node_features=np.concatenate([field.node_features for field in fields]),
+        node_features=stacked_rows([field.node_features for field in fields]),
         around=adjacency(int(starts[-1]), np.concatenate(edges)),
         edge_features=np.concatenate([field.edge_features for field in fields]),
     )
@@ -153,7 +154,8 @@ def _sums(
     features: NDArray[np.float64], groups: NDArray[np.int64], n_groups: int
 ) -> NDArray[np.float64]:
     """(D, G) the sum of the features (N, D) of each group's rows."""
-    n = len(features)
+    n = features.shape[0]
     member = sp.csr_array((np.ones(n), groups, np.arange(n + 1)), (n, n_groups))
-    sums: NDArray[np.float64] = np.ascontiguousarray((member.T @ features).T)
-    return sums
+    sums: Any = (member.T @ features).T
+    whole: NDArray[np.float64] = np.ascontiguousarray(sums.toarray() if is_sparse(sums) else sums)
+    return whole

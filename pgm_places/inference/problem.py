@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import (
     ROWS_AT_ONCE,
+    feature_rows,
     finite_array,
     frozen,
     integer_array,
@@ -44,7 +45,8 @@ class LabelingProblem:
     unary : (N, K) float, optional
         Log-probabilities of the labels from a classifier that looks at each node alone.
     node_features : (N, D) float, optional
-        Features of the nodes, for models that learn their own unary potentials.
+        Features of the nodes, for models that learn their own unary potentials. Sparse ones of
+        SciPy (words of a sentence, codes of a vocabulary) stay sparse.
     edge_features : (E, F) float, optional
         Features of the edges, for models that learn weights of edges; associative models need them
         to be at least 0.
@@ -114,8 +116,8 @@ class LabelingProblem:
             object.__setattr__(self, "unary", frozen(unary))
             self._check_allowed()
         if self.node_features is not None:
-            nodes = finite_array("node_features", self.node_features, (n, "D"))
-            object.__setattr__(self, "node_features", frozen(nodes))
+            nodes = feature_rows("node_features", self.node_features, n)
+            object.__setattr__(self, "node_features", nodes)
         if self.edge_features is not None:
             edges = finite_array("edge_features", self.edge_features, (e, "F"))
             object.__setattr__(self, "edge_features", frozen(edges))

@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Gt, Lt
 from numpy.typing import ArrayLike, NDArray
 
+from pgm_places._checks import stacked_rows
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts
@@ -45,7 +46,8 @@ class StructuredLabeler(Labeler):
         Any method of :mod:`pgm_places.inference.backends`, or its name. Its options can be
         searched: ``backend__C``, ``backend__weight``, ...
     classifier : scikit-learn classifier or None
-        Anything with ``predict_proba``; it is cloned and fitted on the problems' node features,
+        Anything with ``predict_proba``; it is cloned and fitted on the problems' node features
+        (sparse ones, if the problems have such: linear and naive Bayes classifiers take them),
         and its log-probabilities become their unary. None takes the unary that is there.
     learn_on : {"out-of-fold", "in-sample"}
         Which unary the backend learns from: that of classifiers which have not seen the node (like
@@ -177,7 +179,7 @@ class StructuredLabeler(Labeler):
     ) -> Any:
         from sklearn.base import clone  # takes a second; a stored decision list does without
 
-        features = np.concatenate([_features(problem) for problem in problems])
+        features = stacked_rows([_features(problem) for problem in problems])
         truth = np.concatenate(truths)
         known = truth >= 0
         extra = {} if weights is None else {"sample_weight": np.concatenate(weights)[known]}
@@ -207,8 +209,8 @@ class StructuredLabeler(Labeler):
         self, classifier: Any, features: NDArray[np.float64], problem: LabelingProblem
     ) -> NDArray[np.float64]:
         """(N, K) log-probabilities; a label that the classifier has not met gets the least."""
-        table = np.zeros((len(features), problem.n_labels))
-        if len(features):
+        table = np.zeros((features.shape[0], problem.n_labels))
+        if len(table):
             table[:, np.asarray(classifier.classes_, np.int64)] = classifier.predict_proba(features)
         table = np.maximum(table, self.min_probability)
         return np.log(table / table.sum(axis=1, keepdims=True))

@@ -433,3 +433,23 @@ def test_a_weight_of_two_is_the_same_map_twice() -> None:
     plain = network.fit(problems, truths).potentials(problems[0])
     np.testing.assert_allclose(heavy.unary, twice.unary, atol=0.02)
     assert np.abs(heavy.unary - plain.unary).max() > 0.1
+
+
+def test_learning_goes_on_from_weights_that_are_known() -> None:
+    examples = [sample(8, 8, seed=seed, n_labels=2) for seed in range(4)]
+    problems, truths = [p for p, _ in examples], [t for _, t in examples]
+    before = AssociativeMarkovNetwork(warm_start=True).fit(problems[:3], truths[:3])
+    warm = before.fit(problems, truths)
+    # the same problem from nothing: with the scaling that was learned before
+    cold = replace(before, warm_start=False).fit(problems[:3], truths[:3])
+    assert before.fit(problems[:3], truths[:3]).summary["iterations"] < cold.summary["iterations"]
+    assert warm.summary["certified_gap"] <= 1e-3
+    np.testing.assert_array_equal(warm.feature_mean, before.feature_mean)
+    hidden = [np.where(np.arange(64) % 9 == 0, -1, truth) for truth in truths]
+    with pytest.raises(InputError, match="warm_start needs unlabelled='dropped'"):
+        replace(before, unlabelled="hidden").fit(problems, hidden)
+    with pytest.raises(InputError, match="warm_start is for learner 'cutting-plane', got 'qp'"):
+        replace(before, learner="qp").fit(problems, truths)
+    other = replace(problems[0], edge_features=np.ones((problems[0].graph.n_edges, 1)))
+    with pytest.raises(InputError, match="labels and features that the model has learned"):
+        before.fit([other], truths[:1])

@@ -128,12 +128,23 @@ def test_learning_goes_on_from_weights_that_are_known() -> None:
     cold = replace(before, warm_start=False).fit(problems, truths)
     assert warm.summary["iterations"] < cold.summary["iterations"]
     assert warm.summary["objective"] == pytest.approx(cold.summary["objective"], rel=0.01)
-    by_margin = replace(before, learner="max-margin")
-    with pytest.raises(InputError, match="warm_start begins at the weights learned so far"):
-        by_margin.fit(problems, truths)
+    hidden = [np.where(np.arange(120) % 9 == 0, -1, truth) for truth in truths]
+    with pytest.raises(InputError, match="warm_start with max margin needs unlabelled='dropped'"):
+        replace(before, learner="max-margin").fit(problems, hidden)
     fewer = LabelingProblem(problems[0].graph, NAMES, node_features=np.zeros((120, 2)))
     with pytest.raises(InputError, match="3 node features, this problem has 2"):
         before.fit([fewer], truths[:1])
+
+
+def test_max_margin_goes_on_from_weights_that_are_known() -> None:
+    examples = [ring(120, seed) for seed in range(5)]
+    problems, truths = [p for p, _ in examples], [t for _, t in examples]
+    before = ConditionalRandomField(learner="max-margin", warm_start=True)
+    before = before.fit(problems[:4], truths[:4])
+    warm = before.fit(problems, truths)
+    cold = replace(before, warm_start=False).fit(problems, truths)
+    assert warm.summary["iterations"] < cold.summary["iterations"]
+    assert warm.summary["objective"] == pytest.approx(cold.summary["objective"], rel=0.05)
 
 
 def test_edge_features_of_any_sign_have_tables_of_their_own() -> None:

@@ -235,6 +235,28 @@ def test_cuts_are_a_warm_start_at_another_penalty() -> None:
     assert warm.iterations < cold.iterations
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_weights_of_other_maps_are_a_warm_start(seed: int) -> None:
+    maps = [grid_problem(9, 9, 2, seed=10 * seed + m, penalty=100.0, n_noise=3) for m in range(4)]
+    before, whole = learn(joined(maps[:3]), tolerance=1e-3), joined(maps)
+    cold = learn(whole, tolerance=1e-3)
+    warm = learn(whole, tolerance=1e-3, start=before.weights)
+    assert warm.iterations < cold.iterations
+    # each is within its tolerance of one and the same optimum
+    assert max(warm.lower_bound, cold.lower_bound) <= min(warm.objective, cold.objective)
+    assert warm.gap <= 1e-3
+    again = learn(joined(maps[:3]), tolerance=1e-3, start=before.weights)
+    assert again.iterations < before.iterations
+
+
+def test_a_start_that_no_weights_can_be_is_refused() -> None:
+    problem = grid_problem(3, 3, 2)
+    with pytest.raises(InputError, match=r"start must have shape \(12,\), got \(3,\)"):
+        learn(problem, start=np.zeros(3))
+    with pytest.raises(InputError, match="start must be at least 0 in the weights of edges"):
+        learn(problem, start=-np.ones(problem.n_weights))
+
+
 # ---------------------------------------------------------------- stopping
 
 
