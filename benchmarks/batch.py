@@ -8,7 +8,7 @@ is Dask's `LocalCluster` of two processes, then a scheduler and two workers star
 that speak TCP on 127.0.0.1.
 Processor time is that of all processes of the batch together, which other work on the machine
 changes little; that of a cluster's workers is not known here.
-For the kills, a batch of 60 smaller maps on two processes is begun again and again; each time, at a
+For the kills, a batch of 10 smaller maps on two processes is begun again and again; each time, at a
 moment drawn by chance from the time that four maps take, the batch or one of its workers is killed
 (`kill -9`). A map is lost if it was complete and is not any more, or is not done in the end,
 and done twice if it is written again after it was complete.
@@ -49,7 +49,7 @@ from pgm_places.progress import Silent
 
 N_MAPS, N_MAPS_QUICK = 1000, 12
 N_KILLS, N_KILLS_QUICK = 50, 4
-N_KILLED_MAPS, N_FIRST = 60, 4
+N_KILLED_MAPS, N_FIRST = 10, 4
 DIFFERENT, TILED_EVERY, PART_M, SMALL_PART_M = 20, 10, 3.0, 2.0
 OPTIONS = LabelOptions()
 
@@ -152,14 +152,15 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
     """What is lost and what is done twice where a batch is killed again and again."""
     maps, out, rng = folder / "small", folder / "out", random.Random(0)
     write_maps(maps, N_KILLED_MAPS, SMALL_PART_M)
-    longest_s = seconds_of(sorted(maps.iterdir())[:N_FIRST], folder / "first")
-    n_killed, n_begun, lost, done_twice = 0, 0, 0, 0
+    few = sorted(maps.iterdir())[:N_FIRST]
+    seconds_of(few, folder / "compiled")  # what compiling takes is no time to kill a batch in
+    longest_s = seconds_of(few, folder / "first")
+    n_killed, lost, done_twice = 0, 0, 0
     done: dict[Path, int] = {}
     start = time.perf_counter()
     while n_killed < n_kills:
-        n_begun += 1
-        if n_begun % 10 == 0:  # so that there is work left for the kills that follow
-            shutil.rmtree(out, ignore_errors=True)
+        if len(done) == N_KILLED_MAPS:  # so that there is work left for the kills that follow
+            shutil.rmtree(out)
             done = {}
         n_killed += killed([maps], out, rng.uniform(0.0, longest_s), rng)
         now = {path: path.stat().st_mtime_ns for path in out.glob("*/manifest.json")}
@@ -184,10 +185,12 @@ def killed(maps: Sequence[Path], out: Path, after_s: float, rng: random.Random) 
         time.sleep(after_s)
         children = psutil.Process(batch.pid).children() if batch.poll() is None else []
         victim = rng.choice([None, *children])
-        if batch.poll() is not None:
-            return False
-        (batch if victim is None else victim).kill()
-    return True
+        alive = batch.poll() is None
+        if alive:
+            (batch if victim is None else victim).kill()
+    if victim is not None or not alive:  # nobody killed the batch itself
+        assert batch.returncode == 0
+    return alive
 
 
 def command_of(maps: Sequence[Path], out: Path) -> list[str]:
