@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from sklearn.tree import DecisionTreeClassifier
 
 from experiments.pictures.kept import (
     IMAGES,
@@ -21,15 +22,23 @@ from experiments.pictures.kept import (
     legend,
     plain,
     right,
-    shipped,
 )
-from experiments.pictures.methods import weak
-from pgm_places import PlaceLabeler, label_map
+from pgm_places import (
+    LabelGraph,
+    LabelingProblem,
+    LabelledMap,
+    PlaceLabeler,
+    StructuredLabeler,
+    build,
+    label_map,
+)
 from pgm_places.datasets import generate_building
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.palette import LABEL_COLOURS, levels
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.sensing.ray_casting import cast_cells
@@ -137,27 +146,37 @@ def _figures(axis: Axes, found: Any) -> None:
 
 def faq() -> None:
     """Three faults, and the same maps after they are mended."""
-    small = generate_building(5, size="small", resolution_m=0.05).grid
-    wrong = small.with_cells(np.where(small.unknown, 0, small.cells))
-    labeler, made, graph, scores = weak()
+    known, made = (generate_building(seed, size="small", resolution_m=0.2) for seed in (0, 2))
+    methods = {
+        "alone": build("independent"),
+        "potts": build("potts"),
+        "long": build("relaxation", {"max_iterations": 100}),
+        "short": build("relaxation", {"max_iterations": 5}),
+    }
+    list_ = DecisionListClassifier(20, order="rarest-first")
+    labeler = PlaceLabeler(
+        NAMES, methods, classifier=list_, context_m=(), space=None, learn_on="in-sample"
+    ).fit([LabelledMap(known.grid, known.labels)])
+    grid = made.grid
+    wrong = grid.with_cells(np.where(grid.unknown, 0, grid.cells))
 
-    def by(method: str) -> Any:
-        return graph.layout.to_raster(labeler.infer(graph, scores, method=method).labels, fill=-1)
+    def by(method: str, seen: OccupancyGrid = grid) -> Any:
+        return label_map(labeler, seen, method=method).labels
 
-    picture = figure(11, 6.2)
+    picture = figure(11, 5.0)
     axes = picture.subplots(2, 3)
-    draw_labels(axes[0, 0], wrong, label_map(shipped(), wrong).labels, "unknown read as free")
-    crop(axes[0, 0], small)
-    draw_labels(axes[1, 0], small, label_map(shipped(), small).labels, "--unknown-value 205")
-    specks, calm = by("independent"), by("amn")
-    draw_labels(axes[0, 1], made.grid, specks, f"specks: {100 * right(made, specks):.1f} % right")
-    draw_labels(axes[1, 1], made.grid, calm, f"amn: {100 * right(made, calm):.1f} % right")
-    few, more = by("relax 100"), by("relax 5")
-    draw_labels(axes[0, 2], made.grid, few, f"100 iterations: {_doorways(made, few)}")
-    draw_labels(axes[1, 2], made.grid, more, f"5 iterations: {_doorways(made, more)}")
-    for row, name in enumerate(("the fault", "mended")):
-        axes[row, 0].text(-0.05, 0.5, name, rotation=90, ha="center", va="center", fontsize=11,
-                          color=MUTED, transform=axes[row, 0].transAxes)  # fmt: skip
+    draw_labels(axes[0, 0], wrong, by("potts", wrong), "unknown read as free")
+    crop(axes[0, 0], grid)
+    draw_labels(axes[1, 0], grid, by("potts"), "--unknown-value 205")
+    for axis, method, title in ((axes[0, 1], "alone", "specks"), (axes[1, 1], "potts", "potts")):
+        labels = by(method)
+        draw_labels(axis, grid, labels, f"{title}: {100 * right(made, labels):.1f} % right")
+    for axis, method, n in ((axes[0, 2], "long", 100), (axes[1, 2], "short", 5)):
+        labels = by(method)
+        draw_labels(axis, grid, labels, f"{n} iterations: {_doorways(made, labels)}")
+    for axis, name in zip(axes[:, 0], ("the fault", "mended"), strict=True):
+        axis.text(-0.05, 0.5, name, rotation=90, ha="center", va="center", fontsize=11,
+                  color=MUTED, transform=axis.transAxes)  # fmt: skip
     legend(picture)
     keep("faq", picture)
 
@@ -170,39 +189,38 @@ def _doorways(made: Any, labels: Any) -> str:
 
 
 def extending() -> None:
-    """What the classes written on the page say of a map."""
+    """What the classes written on the page make of a map."""
     page = (IMAGES.parent / "extending.md").read_text(encoding="utf-8")
-    made: dict[str, Any] = {"__name__": "extending"}
+    own: dict[str, Any] = {"__name__": "extending"}
     for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
-        exec(code, made)
-    building = made["building"]
-    grid = building.grid
-    graph_rc = np.argwhere(grid.free)
-    clearance = made["Clearance"]().of_scans(cast_cells(grid, Sensor()), 30.0)[:, 0]
-    openness = made["OpenSpace"](0.5).of_cells(grid, graph_rc)[:, 0]
-    labeler = PlaceLabeler(
-        building.label_names,
-        {"vote": made["MajorityVote"]()},
-        features=[made["Clearance"](), made["OpenSpace"](0.5)],
-        space=None,
-    ).fit([made["known"]])
-    labels = label_map(labeler, grid).labels
-    picture = figure(11, 5.4)
-    axes = picture.subplots(2, 2)
-    for axis, values, title, colours in (
-        (axes[0, 0], clearance, "a feature: Clearance, its shortest beam", "viridis"),
-        (axes[0, 1], openness, "a feature: OpenSpace(0.5)", "viridis"),
-    ):
-        raster = np.full(grid.shape, np.nan)
-        raster[grid.free] = values
-        draw_ground(axis, grid)
-        axis.imshow(np.ma.masked_invalid(raster), cmap=colours, **at(grid))
-        crop(axis, grid)
-        plain(axis, title)
-    draw_labels(axes[1, 0], grid, labels, "a method: MajorityVote")
-    plain(axes[1, 1], "an exporter: its first lines")
-    axes[1, 1].text(0.02, 0.9, "\n".join(made["lines"][:9]), va="top", family="monospace",
-                    fontsize=10, color=INK, linespacing=1.4,
-                    transform=axes[1, 1].transAxes)  # fmt: skip
+        if "@dataclass" in code:
+            exec(code, own)
+    known, other = (generate_building(seed, size="small", resolution_m=0.1) for seed in (0, 2))
+    features = {"Clearance": own["Clearance"](1), "OpenSpace": own["OpenSpace"](1.0)}
+
+    def problem(grid: OccupancyGrid) -> LabelingProblem:
+        graph = LabelGraph.from_grid(grid)
+        columns = (
+            features["Clearance"].of_scans(cast_cells(grid, Sensor()), 30.0),
+            features["OpenSpace"].of_cells(grid, np.argwhere(grid.free)),
+        )
+        return LabelingProblem(graph, NAMES, node_features=np.concatenate(columns, axis=1))
+
+    learned, asked = problem(known.grid), problem(other.grid)
+    labeler = StructuredLabeler(own["MajorityVote"](), DecisionTreeClassifier(max_depth=6))
+    labeler.fit([learned], [known.labels[known.grid.free].astype(int)])
+    picture = figure(11, 2.9)
+    axes = picture.subplots(1, 3)
+    for axis, name, values in zip(axes, features, asked.node_features.T, strict=False):
+        raster = np.full(other.grid.shape, np.nan)
+        raster[other.grid.free] = values
+        draw_ground(axis, other.grid)
+        axis.imshow(np.ma.masked_invalid(raster), cmap="viridis", **at(other.grid))
+        crop(axis, other.grid)
+        plain(axis, f"a feature: {name}")
+    labels = np.full(other.grid.shape, -1)
+    labels[other.grid.free] = labeler.label(asked).labels
+    draw_labels(axes[2], other.grid, labels, "a method: MajorityVote, on these two features alone")
     legend(picture)
+    print(f"{100 * right(other, labels):.1f} % right")
     keep("extending", picture)

@@ -14,6 +14,7 @@ from experiments.pictures.kept import (
     draw_ground,
     draw_labels,
     figure,
+    floor,
     found_on,
     keep,
     legend,
@@ -223,7 +224,7 @@ def concepts() -> None:
     here = np.asarray(_standing("corridor"))
     ranges, ends = _scan(grid, here)
     low, high = here - np.array((5.0, 6.5)), here + np.array((11.0, 6.5))
-    picture = figure(11, 2.5)
+    picture = figure(11, 2.3)
     axes = picture.subplots(1, 5)
     titles = ("a map", "a scan from each cell", "321 features of it",
               "probabilities (corridor)", "labels that fit together")  # fmt: skip
@@ -254,9 +255,9 @@ def concepts() -> None:
 
 def unknown_as_free() -> None:
     """What the same image means under two thresholds."""
-    grid = found_on(*OFFICE).grid
+    grid = floor(*OFFICE).grid
     pixels = np.where(grid.unknown, 205, np.where(grid.free, 254, 0))
-    picture = figure(10, 2.5)
+    picture = figure(10, 1.85)
     axes = picture.subplots(1, 3)
     axes[0].imshow(pixels, cmap="gray", vmin=0, vmax=255, **at(grid))
     wrong = grid.with_cells(np.where(grid.unknown, 0, grid.cells))

@@ -12,6 +12,7 @@ from pgm_places.palette import ERROR, label_colours, tinted
 from pgm_places.report.canvas import Canvas, label_canvas, view_of
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.figure import INK, MUTED
+from pgm_places.report.name_spots import name_spots
 from pgm_places.report.sheet import draw_scale_bar
 from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.regions import Region
@@ -23,7 +24,7 @@ _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
 _EDGE, _TITLE, _CAPTION, _FOOT = 24, 40, 26, 44
 _PALE = 0.45
-_LINE = 2.2
+_LINE, _RADIUS, _NAME = 2.2, 8.5, 14
 _MOST_MARKED, _LEAST_DOUBTFUL_M2 = 5, 1.0
 _ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 
@@ -159,18 +160,23 @@ def _draw_nodes(
     panel: Drawing, topology: TopologicalMap, regions: Iterable[Region], pixels: _ToPixels
 ) -> None:
     colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
+    squares, discs, names = [], [], []
     for region in regions:
-        [(x, y)] = pixels(region.anchor_m)
-        colour = colours[region.label]
+        [at] = pixels(region.anchor_m)
         if region.label == topology.doorway_label:
-            panel.square((x, y), side=10, fill=colour, edge=INK)
+            squares.append(at)
+            panel.square(tuple(at), side=10, fill=colours[region.label], edge=INK)
         else:
-            panel.disc((x, y), diameter=17, fill=colour, edge=INK)
-            _name(panel, region.name, x, y + 20)
+            discs.append(at)
+            names.append(region.name)
+            panel.disc(tuple(at), diameter=2 * _RADIUS, fill=colours[region.label], edge=INK)
+    spots = name_spots(names, discs, squares, size=_NAME, radius=_RADIUS)
+    for name, (x, y) in zip(names, spots, strict=True):
+        _name(panel, name, x, y)
 
 
 def _name(panel: Drawing, name: str, x: float, y: float) -> None:
-    panel.text(x, y, name, centred=True, halo=2)
+    panel.text(x, y, name, size=_NAME, centred=True, halo=2)
 
 
 def marked_checks(topology: TopologicalMap) -> list[PlaceCheck]:
