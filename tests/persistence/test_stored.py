@@ -124,7 +124,9 @@ def test_the_record_of_training_is_kept() -> None:
 
 
 def test_other_kinds_are_refused_where_one_is_wanted(tmp_path: Path) -> None:
-    with pytest.raises(ModelFileError, match="holds a 'backend' model; a 'place-labeler' or 'traj"):
+    with pytest.raises(
+        ModelFileError, match="holds a 'backend' model; expected a 'place-labeler' or"
+    ):
         read(STORED / "backend_hmm", "place-labeler", "trajectory-labeler")
     save_folder(tmp_path / "joint", {"kind": "joint-labeler"}, {})
     with pytest.raises(ModelFileError, match="use this one with pgm-places track LOG --map MAP"):
@@ -133,7 +135,7 @@ def test_other_kinds_are_refused_where_one_is_wanted(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match="use this one with pgm-places track"):
         read(tmp_path / "steps", "place-labeler")
     save_folder(tmp_path / "cake", {"kind": "cake"}, {})
-    with pytest.raises(ModelFileError, match="holds a 'cake' model; a 'place-labeler' or"):
+    with pytest.raises(ModelFileError, match="holds a 'cake' model; expected a 'place-labeler' or"):
         load(tmp_path / "cake")
 
 

@@ -115,7 +115,9 @@ def test_only_a_fitted_labeler_is_saved(tmp_path: Path) -> None:
 
 def test_another_kind_of_model_is_refused(tmp_path: Path) -> None:
     save(PottsField(), tmp_path / "model")
-    with pytest.raises(ModelFileError, match="holds a 'backend' model; a 'structured-labeler'"):
+    with pytest.raises(
+        ModelFileError, match="holds a 'backend' model; expected a 'structured-labeler'"
+    ):
         read(tmp_path / "model", "structured-labeler")
 
 
