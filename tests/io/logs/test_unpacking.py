@@ -4,6 +4,7 @@ import bz2
 import shutil
 import sqlite3
 import struct
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,7 @@ def test_a_recording_in_several_files_is_read_as_one(tmp_path: Path) -> None:
     shutil.copyfile(first, folder / "bag_1.db3")
     half = float(np.median(PATH.times_s)) * 1e9
     for file, kept in ((first, "<="), (folder / "bag_1.db3", ">")):
-        with sqlite3.connect(file) as database:
+        with closing(sqlite3.connect(file)) as database, database:
             database.execute(f"DELETE FROM messages WHERE NOT timestamp {kept} {half}")
     rename(folder, "- bag.db3", "- bag.db3\n  - bag_1.db3")
     found = read_bag(folder).trajectory
@@ -112,7 +113,7 @@ def test_the_quality_of_service_of_a_stranger_is_not_parsed(
 
     path = write_trajectory(tmp_path / name, PATH)
     if name == "bag":
-        with sqlite3.connect(path / "bag.db3") as database:
+        with closing(sqlite3.connect(path / "bag.db3")) as database, database:
             database.execute("UPDATE topics SET offered_qos_profiles = ?", ("[" * 2000,))
 
     def parsed(*_: object) -> None:
