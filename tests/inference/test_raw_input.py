@@ -32,9 +32,9 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "complex": (lambda: Potentials(FLAT + 1j), "unary must be an array of numbers: its type is co"),
     "ragged tables": (lambda: Potentials(FLAT, pairwise=[[1], [1, 2]]), "pairwise must be an arra"),  # type: ignore[arg-type]
     "weight": (lambda: Potentials.potts(FLAT, "high"), "weight must be an array of numbers"),  # type: ignore[arg-type]
-    "sparse features": (
-        lambda: LabelingProblem(GRAPH, NAMES, node_features=sp.csr_array(FLAT)),  # type: ignore[arg-type]
-        r"node_features must be an array of numbers, got a sparse one; give its toarray\(\)",
+    "sparse unary": (
+        lambda: LabelingProblem(GRAPH, NAMES, sp.csr_array(FLAT)),  # type: ignore[arg-type]
+        r"unary must be an array of numbers, got a sparse one; give its toarray\(\)",
     ),
     "dense matrix": (
         lambda: LabelGraph.from_sparse(np.eye(3)),

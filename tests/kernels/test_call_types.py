@@ -71,7 +71,7 @@ def test_an_operator_is_asked_for_its_types_once(monkeypatch: pytest.MonkeyPatch
 
 def test_numba_is_left_as_it_was() -> None:
     before = BaseFunction.get_call_type
-    with pytest.raises(KeyError), remembered():
+    with pytest.raises(KeyError, match="compiling failed"), remembered():
         assert BaseFunction.get_call_type is not before
-        raise KeyError
+        raise KeyError("compiling failed")
     assert BaseFunction.get_call_type is before

@@ -78,9 +78,16 @@ def test_paint_has_the_colour_of_its_class_and_nothing_elsewhere(
 
 
 @pytest.mark.parametrize(
-    "path", ["paint/1/0/0", "paint/0/1/0", "nothing/0/0/0", "labels-taught/0/0/0", "entropy/0/0/0"]
+    ("path", "problem"),
+    [
+        ("paint/1/0/0", "there"),
+        ("paint/0/1/0", "there"),
+        ("nothing/0/0/0", "there"),
+        ("labels-taught/0/0/0", "no labels are called 'taught'"),
+        ("entropy/0/0/0", "there"),
+    ],
 )
-def test_a_tile_that_does_not_exist_is_refused(client: Client, path: str) -> None:
+def test_a_tile_that_does_not_exist_is_refused(client: Client, path: str, problem: str) -> None:
     found = client.get(f"tile/{path}.png")
     assert found.status_code == 400
-    assert "there" in found.json()["problem"]
+    assert problem in found.json()["problem"]
