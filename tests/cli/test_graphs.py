@@ -5,6 +5,7 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
+import pytest
 
 from pgm_places import LabelGraph, LabelingProblem, load
 from tests.cli.conftest import Run
@@ -27,6 +28,9 @@ unary = "none"
 """
 
 
+COLUMNS = ("looks", "says")
+
+
 def write_ring(folder: Path) -> Any:
     ring = nx.cycle_graph(30)
     noise = np.random.default_rng(0).normal(size=30)
@@ -47,6 +51,25 @@ def test_a_trained_model_labels_problems_of_the_same_columns(tmp_path: Path, run
     looks = graph.node_values(nx.get_node_attributes(ring, "looks"))
     problem = LabelingProblem(graph, ["even", "odd"], node_features=looks[:, None])
     assert load(tmp_path / "model").score([problem], [np.arange(30) % 2]) > 0.9
+
+
+def test_tables_of_parquet_teach_what_graphml_does(tmp_path: Path, run: Run) -> None:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    ring = write_ring(tmp_path)
+    nodes = {"node": list(ring), **{key: [ring.nodes[n][key] for n in ring] for key in COLUMNS}}
+    start, end = zip(*ring.edges, strict=True)
+    parquet.write_table(arrow.table(nodes), tmp_path / "nodes.parquet")
+    parquet.write_table(arrow.table({"source": start, "target": end}), tmp_path / "edges.parquet")
+    tables = '{ nodes = "nodes.parquet", edges = "edges.parquet", label = "says" }'
+    config = tmp_path / "tables.toml"
+    config.write_text(CONFIG.replace('{ file = "ring.graphml", label = "says" }', tables))
+    for name in ("ring", "tables"):
+        code, _, err = run("train", tmp_path / f"{name}.toml", "--out", tmp_path / name)
+        assert code == 0, err
+    one, other = load(tmp_path / "ring"), load(tmp_path / "tables")
+    np.testing.assert_allclose(
+        one.backend_.node_weights, other.backend_.node_weights, rtol=1e-6, atol=1e-9
+    )
 
 
 def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run: Run) -> None:
