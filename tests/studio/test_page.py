@@ -182,6 +182,33 @@ def test_a_doorway_is_two_clicks_from_wall_to_wall(
     assert (painted(map_yaml).labels[13:17, 25] == 2).all()
 
 
+def test_a_region_is_split_by_a_doorway_and_merged_with_another(
+    opened: Open, running: StudioProcess, map_yaml: Path
+) -> None:
+    page = opened(running)
+    page.keyboard.press("r")
+    for key, left, right in (("1", 6, 24), ("2", 27, 45)):
+        page.keyboard.press(key)
+        drag(page, (left, 6), (right, 24))
+    wait_taught(page, 2)
+    page.keyboard.press("v")
+    click(page, 10.5, 10.5)
+    page.click("text=Split by a doorway")
+    click(page, 25.5, 14.3)
+    click(page, 25.5, 15.7)
+    wait_taught(page, 3)
+    until(page, "studio.places.regions.some((region) => region.class === 'doorway')")
+    page.keyboard.press("v")
+    click(page, 10.5, 10.5)
+    page.click("text=Merge with another")
+    click(page, 40.5, 10.5)
+    wait_revision(page, 4)
+    running.stop()
+    labels = painted(map_yaml).labels
+    assert np.unique(labels[labels >= 0]).size == 1
+    assert labels[15, 25] >= 0
+
+
 PIXEL = """([x, y, pane]) => {
     const { view, stage } = studio;
     const at = view.toScreen(x, studio.state.map.rows - y);
