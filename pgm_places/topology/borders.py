@@ -78,9 +78,9 @@ def _along(piece: NDArray[np.int32], count: int, down: int, right: int) -> Meeti
         # Few cells lie at a border; NumPy finds them in one dimension several times as fast.
         r, c = np.divmod(np.flatnonzero(first != second), max(stop - start, 1))
         pair = np.stack([first[r, c], second[r, c]]).astype(np.int64)
-        inside = pair.min(axis=0) >= 0
-        key = pair.min(axis=0) * count + pair.max(axis=0)
-        found.append((r[inside] + rows.start, c[inside] + start, key[inside]))
+        low, high = pair.min(axis=0), pair.max(axis=0)
+        inside = low >= 0
+        found.append((r[inside] + rows.start, c[inside] + start, (low * count + high)[inside]))
     found.append((np.zeros(0, np.int64),) * 3)
     r, c, keys = (np.concatenate(part) for part in zip(*found, strict=True))
     return Meetings((r, c), keys)
