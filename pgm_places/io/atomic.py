@@ -11,6 +11,7 @@ from pgm_places.io.folder_swap import NEW, can_be_exchanged, file_names, finish,
 from pgm_places.io.staging import (
     as_output_errors,
     flush,
+    is_staged,
     locked,
     make_folders,
     remove_leftovers,
@@ -73,9 +74,11 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
         with stage(target.parent, target.name) as folder:
             temporary = folder / target.name
             yield temporary
-            flush(temporary)
+            if not is_staged(target):
+                flush(temporary)
             temporary.replace(target)
-        flush(target.parent)
+        if not is_staged(target):
+            flush(target.parent)
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from pgm_places.io.staging import flush, flush_tree
+from pgm_places.io.staging import flush, flush_tree, is_staged
 
 __all__ = ["NEW", "UNFINISHED", "can_be_exchanged", "file_names", "finish", "swap_in"]
 
@@ -35,6 +35,9 @@ def swap_in(stage: Path, target: Path, removed: Iterable[str] = (), *, in_place:
     The caller holds the lock of a target that exists.
     """
     new, names = stage / NEW, file_names(stage / NEW)
+    if is_staged(target) and not target.exists():
+        new.rename(target)
+        return
     flush_tree(new)
     if not target.exists():
         new.rename(target)

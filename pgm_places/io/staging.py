@@ -19,11 +19,16 @@ __all__ = [
     "as_output_errors",
     "flush",
     "flush_tree",
+    "is_staged",
     "locked",
     "make_folders",
     "remove_leftovers",
     "stage",
 ]
+
+
+_IN_USE: set[Path] = set()
+"""The stages of this process that are being filled."""
 
 
 @contextlib.contextmanager
@@ -40,11 +45,18 @@ def stage(parent: Path, name: str) -> Iterator[Path]:
         lock = _lock(folder)
         if lock is not None:
             break  # otherwise somebody took the new folder for a leftover before it was locked
+    _IN_USE.add(folder.absolute())
     try:
         yield folder
     finally:
+        _IN_USE.discard(folder.absolute())
         shutil.rmtree(folder, ignore_errors=True)
         os.close(lock)
+
+
+def is_staged(path: Path) -> bool:
+    """Whether a path is on a stage, all of which is flushed to disk before it is moved."""
+    return not _IN_USE.isdisjoint(path.absolute().parents)
 
 
 def remove_leftovers(parent: Path, name: str) -> None:

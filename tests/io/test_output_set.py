@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.errors import OutputError
+from pgm_places.io.atomic import atomic_folder, write_text
 from pgm_places.io.folder_swap import UNFINISHED
 from pgm_places.io.output_set import RECORD_FILE, claim, output_set
 
@@ -245,3 +246,23 @@ def test_a_file_that_comes_while_links_are_made_stays(
     write(out, "label", "a", text="new")
     assert (out / "late").read_text() == "mine"
     assert (out / "a").read_text() == "new"
+
+
+def test_what_is_written_with_a_set_is_flushed_to_disk_once_before_it_stands_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, flushed = tmp_path / "out", list[int]()
+
+    def note(number: int) -> None:
+        assert not out.exists() or os.path.samestat(os.fstat(number), tmp_path.stat())
+        flushed.append(os.fstat(number).st_ino)
+
+    monkeypatch.setattr(os, "fsync", note)
+    with output_set(out, "label") as files:
+        write_text(files.stage / "one", "1")
+        with atomic_folder(files.stage / "two") as folder:
+            write_text(folder / "three", "3")
+        assert flushed == []
+    inside = [path.stat().st_ino for path in (out, *out.rglob("*"))]
+    assert len(inside) == 5  # with the folders and the record
+    assert sorted(flushed) == sorted([*inside, tmp_path.stat().st_ino])
