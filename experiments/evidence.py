@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from sklearn.base import clone
 
 from pgm_places.labelers.trajectory_labeler import REACH_M, TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import learn_method, trajectory_examples
@@ -13,7 +12,12 @@ from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.progress import Silent
 from pgm_places.reproduce.building79 import CATEGORY_NAMES, Building79
 from pgm_places.sensing.sensor import Sensor
-from pgm_places.unary.learning import RAREST_FIRST, held_out_scores, with_explicit_order
+from pgm_places.unary.learning import (
+    RAREST_FIRST,
+    fitted_list,
+    held_out_scores,
+    with_explicit_order,
+)
 from pgm_places.unary.scan_model import BeamOptions, ScanModel, observed_along
 
 MODES = ("filter", "smooth", "viterbi")
@@ -40,9 +44,9 @@ def _rows(data: Building79, name: str, beams: BeamOptions) -> Iterator[str]:
     examples = trajectory_examples([], [path], names, sensor=sensor, beams=beams)
     given = examples.features, examples.truth, examples.groups
     unfitted = with_explicit_order(DecisionListClassifier(order=RAREST_FIRST), examples.truth)
-    fitted = clone(unfitted).fit(*given[:2], groups=examples.groups)
-    held_out = held_out_scores(fitted, *given, n_labels, Silent(), "held-out scores")
-    model = ScanModel(fitted.boosted_list_, n_labels, sensor)
+    fitted = fitted_list(unfitted, *given)
+    held_out = held_out_scores(fitted, unfitted, *given, n_labels, Silent(), "held-out scores")
+    model = ScanModel(fitted, n_labels, sensor)
     learned = path.subset(examples.steps[0])
     scores = model.log_proba(observed_along(path, sensor, beams).circles_m)
     for every_m in (0.1, 0.3, 0.5):

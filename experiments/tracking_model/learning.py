@@ -1,6 +1,6 @@
 """What the drives teach: the list of trees, and how a robot moves between places."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,11 +13,21 @@ from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list, learn_method
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.reproduce.building_maps import NAMES
+from pgm_places.reproduce.building_maps import DRAWN, GENERATED, NAMES, SIMULATED
 from pgm_places.unary.learning import RAREST_FIRST
 from pgm_places.unary.scan_model import ScanModel
 
-__all__ = ["METHOD", "OPTIONS", "Learned", "Table", "classifier", "folds", "learned"]
+__all__ = [
+    "METHOD",
+    "OPTIONS",
+    "Composition",
+    "Learned",
+    "Table",
+    "by_source",
+    "classifier",
+    "folds",
+    "learned",
+]
 
 N_FOLDS = 4
 
@@ -96,7 +106,26 @@ def folds(drives: Sequence[Observed], n_folds: int = N_FOLDS) -> NDArray[np.int6
     return np.array([-1 if item.generated else number[item.building] for item in drives], np.int64)
 
 
-def learned(table: Table, unfitted: DecisionListClassifier | None = None) -> Learned:
+Composition = Callable[[Sequence[Observed]], NDArray[np.int64]]
+"""(D,) the domain of each drive, -1 for none: the list is the mean of those without one domain."""
+
+
+def by_source(drives: Sequence[Observed]) -> NDArray[np.int64]:
+    """(D,) the domain of each drive by where its map comes from; maps of real robots have none."""
+    sources = [item.group.rpartition(", ")[2] for item in drives]
+    return np.array(
+        [_SOURCES.index(name) if name in _SOURCES else -1 for name in sources], np.int64
+    )
+
+
+_SOURCES = (DRAWN, SIMULATED, GENERATED)
+
+
+def learned(
+    table: Table,
+    unfitted: DecisionListClassifier | None = None,
+    composition: Composition | None = None,
+) -> Learned:
     """The list learned from all drives of a table, its scores held out by building."""
     buildings = list(dict.fromkeys(item.building for item in table.drives))
     sizes = [len(item.labels) for item in table.drives]
@@ -107,6 +136,7 @@ def learned(table: Table, unfitted: DecisionListClassifier | None = None) -> Lea
         np.repeat(fold, sizes).astype(np.int64),
         (),
         tuple(np.arange(size) for size in sizes),
+        None if composition is None else np.repeat(composition(table.drives), sizes),
     )
     model, scores = learn_list(
         examples, NAMES, sensor=SENSOR, classifier=unfitted or classifier(), sees_spaces=True

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.tracking_model.drives import Observed
-from experiments.tracking_model.learning import METHOD, N_FOLDS, Learned, Table, folds, learned
+from experiments.tracking_model.learning import (
+    METHOD,
+    N_FOLDS,
+    Composition,
+    Learned,
+    Table,
+    folds,
+    learned,
+)
 from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of_79
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.labelers.trajectory_labeler import METHOD as HMM
@@ -63,11 +71,12 @@ def floor_answers(
     table: Table,
     unfitted: DecisionListClassifier | None = None,
     ways: Sequence[str] = tuple(WAYS),
+    composition: Composition | None = None,
 ) -> Iterator[Answer]:
     """Every simulated drive, labelled by a model that saw no drive through its building."""
     fold = folds(table.drives)
     for number in range(N_FOLDS):
-        found = learned(table.only(fold != number), unfitted)
+        found = learned(table.only(fold != number), unfitted, composition)
         print(f"fold {number}", flush=True)
         yield from answers(found, table.only(fold == number).drives, ways)
 

@@ -23,6 +23,7 @@ from pgm_places.trajectories.segments import Segments
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.learning import (
     RAREST_FIRST,
+    fitted_list,
     held_out_scores,
     with_explicit_order,
 )
@@ -70,6 +71,9 @@ class Examples:
         Cells of each map.
     steps : tuple of (n,) int
         Numbers of the labelled steps of each trajectory.
+    domain : (N,) int, optional
+        With several domains, the list is the mean of lists that each leave one of them out; -1 for
+        what all of them learn from.
     """
 
     features: NDArray[np.float32]
@@ -77,6 +81,7 @@ class Examples:
     groups: NDArray[np.int64]
     n_of_map: tuple[int, ...]
     steps: tuple[NDArray[np.int64], ...]
+    domain: NDArray[np.int64] | None = None
 
     def split(
         self, values: NDArray[np.float64]
@@ -169,8 +174,6 @@ def learn_list(
     progress: Progress | None = None,
 ) -> tuple[ScanModel, NDArray[np.float64]]:
     """The list fitted on all examples, and (N, K) what lists say of examples held out."""
-    from sklearn.base import clone
-
     from pgm_places.models.decision_list import DecisionListClassifier
 
     progress = progress or Silent()
@@ -178,12 +181,13 @@ def learn_list(
     # Without the prior in z, unlike on maps: the method knows how frequent labels are.
     unfitted = classifier or DecisionListClassifier(order=RAREST_FIRST)
     unfitted = with_explicit_order(unfitted, truth)
+    given = examples.features, truth, examples.groups
     with progress.stage("decision list"):
-        fitted = clone(unfitted).fit(examples.features, truth, groups=examples.groups)
+        fitted = fitted_list(unfitted, *given, examples.domain)
     scores = held_out_scores(
-        fitted, examples.features, truth, examples.groups, n_labels, progress, "held-out scores"
+        fitted, unfitted, *given, n_labels, progress, "held-out scores", examples.domain
     )
-    model = ScanModel(fitted.boosted_list_, n_labels, sensor, extra_names, features, sees_spaces)
+    model = ScanModel(fitted, n_labels, sensor, extra_names, features, sees_spaces)
     return model, scores
 
 

@@ -32,6 +32,7 @@ __all__ = [
     "Halls",
     "LearnedUnary",
     "fit_unary",
+    "fitted_list",
     "held_out_lists",
     "held_out_scores",
     "with_explicit_order",
@@ -258,11 +259,11 @@ class _Learner:
         if tempered:
             unfitted = _like(unfitted, calibration="none")
         with self.progress.stage(name):
-            fitted = _fitted_list(unfitted, values, truth, groups, domain)
+            fitted = fitted_list(unfitted, values, truth, groups, domain)
         lists = {}
         if tempered or (self.held_out and scored != "none"):
             stage = f"held-out scores: {name}"
-            ordered = _like(unfitted, order=fitted.classes[fitted.order].tolist())
+            ordered = _in_the_order_of(fitted, unfitted)
             lists = held_out_lists(ordered, values, truth, groups, self.progress, stage, domain)
         if tempered:
             fitted, lists = with_temperatures(fitted, lists, values, truth, groups)
@@ -349,15 +350,16 @@ def with_explicit_order(
     return _like(classifier, order=order)
 
 
-def _fitted_list(
+def fitted_list(
     unfitted: "DecisionListClassifier",
     values: NDArray[np.float32],
     truth: NDArray[np.int64],
     groups: NDArray[np.int64] | None,
-    domain: NDArray[np.int64] | None,
+    domain: NDArray[np.int64] | None = None,
 ) -> BoostedList:
     """The list that learned from all rows, or the mean of those that leave one domain out.
 
+    Rows have a domain (n,), -1 for those that all lists learn from.
     What one list believes because of where a map comes from, those that have not seen such maps
     contradict: whole spaces flip between lists, and rarely in most of them at once.
     """
@@ -409,7 +411,7 @@ def held_out_lists(
                     "out-of-fold scores need at least two labels outside every group; "
                     "use fewer folds or learn_on='in-sample'"
                 )
-            lists[fold] = _fitted_list(
+            lists[fold] = fitted_list(
                 _like(unfitted, order=order),
                 features[seen],
                 truth[seen],
@@ -421,18 +423,27 @@ def held_out_lists(
 
 
 def held_out_scores(
-    fitted: "DecisionListClassifier",
+    fitted: BoostedList,
+    unfitted: "DecisionListClassifier",
     features: NDArray[np.float32],
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
     n_labels: int,
     progress: Progress,
     name: str,
+    domain: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
-    """(N, K) log z of every row from a list of the same order that did not see its group."""
-    ordered = _like(fitted, order=list(fitted.order_))
-    lists = held_out_lists(ordered, features, truth, groups, progress, name)
+    """(N, K) log z of every row from a list of the same order that has not seen its group."""
+    ordered = _in_the_order_of(fitted, unfitted)
+    lists = held_out_lists(ordered, features, truth, groups, progress, name, domain)
     return _scores_of(lists, features, groups, n_labels)
+
+
+def _in_the_order_of(
+    fitted: BoostedList, unfitted: "DecisionListClassifier"
+) -> "DecisionListClassifier":
+    """An estimator that asks for labels in the order that another one has chosen."""
+    return _like(unfitted, order=fitted.classes[fitted.order].tolist())
 
 
 def _context_means(

@@ -1,0 +1,48 @@
+"""Lists for trajectories that are the mean of lists without one domain."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pgm_places.features.own import n_columns
+from pgm_places.labelers.trajectory_learning import Examples, learn_list
+from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.models.list_average import list_average
+from pgm_places.sensing.sensor import Sensor
+
+NAMES = ("room", "corridor", "doorway")
+TREES = DecisionListClassifier(n_rounds=3, order=[2, 1, 0], max_depth=2, shrinkage=0.3)
+
+
+def examples() -> Examples:
+    rng = np.random.default_rng(1)
+    truth = rng.integers(3, size=90)
+    features = rng.normal(size=(90, n_columns(()))).astype(np.float32)
+    features[:, 0] += truth
+    domain = np.repeat([0, 1, -1], 30)
+    return Examples(features, truth, np.arange(90) % 2, (), (np.arange(90),), domain)
+
+
+def test_the_list_and_its_held_out_scores_are_means_without_a_domain() -> None:
+    given = examples()
+    model, scores = learn_list(given, NAMES, sensor=Sensor(), classifier=TREES)
+    assert given.domain is not None
+    expected = np.empty_like(scores)
+    for fold in (0, 1):
+        held_out = given.groups == fold
+        parts = [
+            TREES.fit(given.features[some], given.truth[some]).boosted_list_
+            for some in (~held_out & (given.domain != number) for number in (0, 1))
+        ]
+        expected[held_out] = list_average(parts).log_histogram(given.features[held_out])
+    np.testing.assert_array_equal(scores, expected)
+    assert [item.n_rounds for item in model.classifier.classifiers] == [6, 6]
+
+
+def test_without_domains_there_is_one_list() -> None:
+    plain = replace(examples(), domain=None)
+    model, _ = learn_list(plain, NAMES, sensor=Sensor(), classifier=TREES)
+    alone = TREES.fit(plain.features, plain.truth).boosted_list_
+    np.testing.assert_array_equal(
+        model.classifier.log_histogram(plain.features), alone.log_histogram(plain.features)
+    )
