@@ -15,29 +15,34 @@ def highest_passes(
     steps: NDArray[np.int64],
     count: int,
     first: NDArray[np.int32],
-) -> tuple[int, NDArray[np.int32]]:
+    touching: NDArray[np.int32],
+) -> tuple[int, NDArray[np.int32], int]:
     """E and (E or more, 4): pairs of adjacent basins, the smaller first, and the pass height.
 
     The pass is the highest point of the border: the maximum, over all sites where the basins touch,
     of the lower of the two cells. Numbers from ``count`` on are lines between basins; there the
     pass is the cell of the line itself. ``first`` (count,), -1 on entry, and the last column are
     scratch: linked lists of each basin's larger neighbours.
+
+    Returned last is the number of cells where a basin touches another one at a later cell, or that
+    are on a line; they are the first ones of ``touching``, which has room for all cells.
     """
     width = -steps[0]
     passes = np.empty((1024, 4), np.int32)
-    n = 0
+    n, n_touching = 0, 0
     for i in range(width, basin.size - width):
         here = basin[i]
         if here < 0:
             continue
-        for k in range(8):
+        touches = here >= count
+        for k in range(1, 8, 1 if touches else 2):  # each pair of cells once
             a = basin[i + steps[k]]
             if a == here or a < 0 or a >= count:
                 continue
             if here < count:
-                if k & 1:  # each pair of cells once
-                    lower = min(relief[i], relief[i + steps[k]])
-                    n, passes = _noted(here, a, lower, n, first, passes)
+                touches = True
+                lower = min(relief[i], relief[i + steps[k]])
+                n, passes = _noted(here, a, lower, n, first, passes)
                 continue
             for m in range(k):
                 b = basin[i + steps[m]]
@@ -45,7 +50,10 @@ def highest_passes(
                     continue
                 lower = min(relief[i], min(relief[i + steps[k]], relief[i + steps[m]]))
                 n, passes = _noted(a, b, lower, n, first, passes)
-    return n, passes
+        if touches:
+            touching[n_touching] = i
+            n_touching += 1
+    return n, passes, n_touching
 
 
 @njit
@@ -102,8 +110,9 @@ def border_sites(
     segment_of: NDArray[np.int32],
     cells: NDArray[np.int8],
     free: int,
+    touching: NDArray[np.int32],
 ) -> tuple[int, NDArray[np.int32]]:
-    """M and the sites where segments touch (M or more, 7).
+    """M and the sites where segments touch (M or more, 7), among the cells where basins do.
 
     Columns: row and column of the midpoint of the two cells in half cells (for a cell of a line,
     twice its own), the two basins, whether the cells share a side, whether both are free on the
@@ -112,10 +121,9 @@ def border_sites(
     width = -steps[0]
     sites = np.empty((1024, 7), np.int32)
     n = 0
-    for i in range(width, basin.size - width):
+    for at in touching:
+        i = np.int64(at)
         here = basin[i]
-        if here < 0:
-            continue
         row, column = i // width - 1, i % width - 1
         for k in range(8):
             a = basin[i + steps[k]]

@@ -214,8 +214,8 @@ class Segmentation:
         _require_numbers(grid.shape)
         relief = relief_of(open_space(grid))
         basins = find_basins(relief)
-        divisions = _divisions(basins, relief, ratios, grid.resolution_m)
-        borders = _borders(basins, relief, divisions, grid)
+        divisions, touching = _divisions(basins, relief, ratios, grid.resolution_m)
+        borders = _borders(basins, relief, divisions, touching, grid)
         watershed = Watershed(grid, sealed(relief), basins, borders)
         scales = tuple(divided(watershed, segment_of) for segment_of in divisions)
         return cls(watershed, tuple(ratios), scales)
@@ -245,15 +245,16 @@ def _require_numbers(shape: tuple[int, int]) -> None:
 
 def _divisions(
     basins: Basins, relief: NDArray[np.int32], ratios: tuple[float, ...], resolution_m: float
-) -> NDArray[np.int32]:
-    """(R, B) segment of each basin for each ratio."""
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(R, B) segment of each basin for each ratio, and the cells where basins touch."""
     from pgm_places.spaces._border_kernels import highest_passes
     from pgm_places.spaces._merge_kernels import merge_basins
 
     steps = neighbour_steps(relief.shape[1])
     first = np.full(basins.count, -1, np.int32)
-    n_passes, room = highest_passes(
-        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count, first
+    touching = np.empty(relief.size, np.int32)  # pages are only touched as far as it is used
+    n_passes, room, n_touching = highest_passes(
+        basins.raster.reshape(-1), relief.reshape(-1), steps, basins.count, first, touching
     )
     pairs, height = room[:n_passes, :2], room[:n_passes, 2]
     order = np.argsort(-height, kind="stable")
@@ -264,13 +265,14 @@ def _divisions(
         area = basins.area[: basins.count].copy()
         merge_basins(pairs[order], widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
         root[:] = np.unique(root, return_inverse=True)[1].reshape(-1)
-    return found
+    return found, touching[:n_touching]
 
 
 def _borders(
     basins: Basins,
     relief: NDArray[np.int32],
     divisions: NDArray[np.int32],
+    touching: NDArray[np.int32],
     grid: OccupancyGrid,
 ) -> Borders:
     """The sites where basins of different segments of any division touch."""
@@ -284,6 +286,7 @@ def _borders(
         divisions,
         grid.cells,
         FREE,
+        touching,
     )
     sites = room[:n_sites]
     is_side, is_free = sites[:, 4:6].astype(np.bool_).T

@@ -86,12 +86,20 @@ def test_passes_are_those_of_a_search(relief: np.ndarray) -> None:
     flat = framed(relief)
     found = find_basins(flat)
     steps, first = neighbour_steps(flat.shape[1]), np.full(found.count, -1, np.int32)
-    n, passes = highest_passes(
-        found.raster.reshape(-1), flat.reshape(-1), steps, found.count, first
+    raster, touching = found.raster.reshape(-1), np.empty(flat.size, np.int32)
+    n, passes, n_touching = highest_passes(
+        raster, flat.reshape(-1), steps, found.count, first, touching
     )
     got = {(int(a), int(b)): int(h) for a, b, h, _ in passes[:n]}
     assert len(got) == n
     assert got == reference.passes(inner(found.raster, found.count), relief)
+    on_border = [
+        i
+        for i in np.flatnonzero(raster >= 0)
+        if raster[i] >= found.count
+        or any(0 <= b < found.count and b != raster[i] for b in raster[i + steps[1::2]])
+    ]
+    assert touching[:n_touching].tolist() == on_border
 
 
 @st.composite
