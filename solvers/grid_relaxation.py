@@ -17,6 +17,7 @@ from pgm_places.solvers.relaxation import (
     check_tables,
     repeat,
     starting_beliefs,
+    thread_groups,
     useful_threads,
 )
 
@@ -28,7 +29,6 @@ __all__ = ["neighbour_weights", "relax_grid"]
 CELLS_PER_PART = 16_384
 MAX_PARTS = 64  # bounds the rows that parts keep
 FEW_LABELS = 4  # the kernel is compiled for each of these numbers of labels, and for any number
-GROUPS_PER_THREAD = 2  # so that a thread which is interrupted does not keep the others waiting
 NODES_AT_ONCE = 262_144  # while filling the store: bounds the temporary arrays
 
 
@@ -139,13 +139,12 @@ def relax_grid(
     edges = _edges(store, n_labels, rows.longest)
     results = np.zeros((n_parts, SUMS))
     threads = useful_threads(n_threads, n_parts)
-    groups = np.linspace(0, n_parts, (GROUPS_PER_THREAD * threads if threads > 1 else 1) + 1)
-    scratch = [_scratch(n_labels, rows.longest) for _ in groups[1:]]
+    groups = thread_groups(n_parts, threads)
+    scratch = [_scratch(n_labels, rows.longest) for _ in groups]
 
     def update(group: int) -> None:
-        some = (int(groups[group]), int(groups[group + 1]))
         now, later = edges
-        update_parts(store, rule, scratch[group], some, now, later, results)
+        update_parts(store, rule, scratch[group], groups[group], now, later, results)
 
     def current() -> NDArray[np.float32]:
         found = np.empty((n_nodes, n_labels), np.float32)

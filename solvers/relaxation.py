@@ -9,6 +9,7 @@ The update of every node (paper eq. 4 and 5)::
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
-NODES_PER_TASK = 4096
+NODES_PER_PART = 4096
 NODES_AT_ONCE = 65_536  # while normalising: bounds the temporary arrays
-TASKS_PER_THREAD = 4  # fewer tasks than this a thread and starting threads costs more than it saves
+FEW_FOURS = 2  # the kernel is compiled for so many times four labels, and for any number
+MOST_ENTRIES = 2**32  # the kernel's indices have 32 bits
+GROUPS_PER_THREAD = 2  # so that a thread which is interrupted does not keep the others waiting
+PARTS_PER_THREAD = 4  # fewer parts than this a thread and starting threads costs more than it saves
 
 Beliefs = NDArray[np.floating[Any]]
 
@@ -143,40 +147,48 @@ def relax_graph(
     on_iteration : callable, optional
         See :data:`OnIteration`.
     """
-    from pgm_places.solvers._relaxation_kernels import SUMS, update_nodes
+    from pgm_places.kernels.lane_access import FOUR
+    from pgm_places.solvers._relaxation_kernels import SUMS, update_parts
 
     check_options(damping, iterations, tolerance)
     beliefs = starting_beliefs(unary, floor=floor)
     n_nodes, n_labels = beliefs.shape
     rows = integer_array("start", start, (n_nodes + 1,), low=0, high=2**62)
-    neighbour = integer_array("node", node, ("A",), low=0, high=max(n_nodes, 1)).astype(np.int32)
+    neighbour = integer_array("node", node, ("A",), low=0, high=max(n_nodes, 1))
     tables = check_tables(compatibility, n_labels)
     if rows[0] != 0 or rows[-1] != len(neighbour) or (np.diff(rows) < 0).any():
         raise InputError(f"start must rise from 0 to the {len(neighbour)} entries of node")
     which = None
     if table is not None:
         which = integer_array("table", table, neighbour.shape, low=0, high=len(tables))
-    around = _neighbours(rows, neighbour, *_check_weights(weight, rows), which, len(tables))
-    beliefs, across = _padded(beliefs, tables)
-    n_tasks = -(-n_nodes // NODES_PER_TASK)
-    threads = useful_threads(n_threads, n_tasks)
-    sums = np.zeros((n_tasks, SUMS))
-    buffers = [beliefs, beliefs.copy()]
+    fours = _fours(n_labels)
+    width = FOUR * len(fours)
+    if max(n_nodes * width, len(neighbour)) >= MOST_ENTRIES:
+        raise InputError(
+            f"relaxation takes fewer than {MOST_ENTRIES:,} entries of node and beliefs (labels "
+            f"counted up to a multiple of four), got {len(neighbour):,} and {n_nodes * width:,}"
+        )
+    share, shared = _check_weights(weight, rows)
+    around = _neighbours(rows, width * neighbour, share, shared, which, len(tables))
+    padded, across = _padded(beliefs, tables, width)
+    begin = np.append(np.arange(0, n_nodes, NODES_PER_PART), n_nodes)
+    threads = useful_threads(n_threads, len(begin) - 1)
+    groups = thread_groups(len(begin) - 1, threads)
+    sums = np.zeros((len(begin) - 1, SUMS))
+    buffers = [padded, padded.copy()]
 
-    def update(task: int) -> None:
-        first = task * NODES_PER_TASK
-        last = min(first + NODES_PER_TASK, n_nodes)
+    def update(group: int) -> None:
         old, new = buffers
-        update_nodes(old, around, across, float(damping), (first, last), new, sums[task])
+        update_parts(old, around, across, float(damping), groups[group], begin, fours, new, sums)
 
     def current() -> NDArray[np.float64]:
-        found = buffers[0][:, :n_labels]
+        found = buffers[0].reshape(-1, width)[:, :n_labels]
         return found / found.sum(axis=1, keepdims=True)
 
     with Crew(threads) as crew:
 
         def step() -> NDArray[np.float64]:
-            crew.run(update, n_tasks)
+            crew.run(update, len(groups))
             buffers.reverse()
             return sums
 
@@ -211,9 +223,15 @@ def repeat(
     return Relaxed(current(), converged, max_change, mean_change, support)
 
 
-def useful_threads(n_threads: int | None, n_tasks: int) -> int:
+def useful_threads(n_threads: int | None, n_parts: int) -> int:
     """As many threads as asked for, fewer where the work would not pay for starting them."""
-    return max(1, min(resolve_threads(n_threads), n_tasks // TASKS_PER_THREAD))
+    return max(1, min(resolve_threads(n_threads), n_parts // PARTS_PER_THREAD))
+
+
+def thread_groups(n_parts: int, threads: int) -> list[tuple[int, int]]:
+    """First part and the one after the last of each of the groups that threads take."""
+    cuts = np.linspace(0, n_parts, (GROUPS_PER_THREAD * threads if threads > 1 else 1) + 1)
+    return list(pairwise(cuts.astype(int).tolist()))
 
 
 def check_options(damping: float, iterations: int, tolerance: float) -> None:
@@ -245,21 +263,24 @@ def _check_weights(
     if weight is None:
         return 1.0 / np.maximum(degree, 1), True
     share = finite_array("weight", weight, (int(rows[-1]),))
-    owner = np.repeat(np.arange(len(degree)), degree)
-    most = np.bincount(owner, weights=share, minlength=1).max(initial=0.0)
+    alike = np.zeros(len(degree))
+    alike[degree > 0] = share[rows[:-1][degree > 0]]
+    shared = bool((np.repeat(alike, degree) == share).all())
+    if shared:
+        most = (alike * degree).max(initial=0.0)
+    else:
+        owner = np.repeat(np.arange(len(degree)), degree)
+        most = np.bincount(owner, weights=share, minlength=1).max()
     if (share < 0).any() or most > 1 + 1e-9:
         raise InputError(
             f"weight must be at least 0 and sum to at most 1 at each node, got a sum of {most:g}"
         )
-    alike = np.zeros(len(degree))
-    alike[owner] = share  # of several entries, one stays
-    shared = bool((alike[owner] == share).all())
     return alike if shared else np.ascontiguousarray(share), shared
 
 
 def _neighbours(
     rows: NDArray[np.int64],
-    node: NDArray[np.int32],
+    place: NDArray[np.int64],
     weight: NDArray[np.float64],
     shared: bool,
     table: NDArray[np.int64] | None,
@@ -274,23 +295,28 @@ def _neighbours(
         if table is not None:
             row += table
         order = np.argsort(row, kind="stable")
-        node = node[order]
+        place = place[order]
         weight = weight if shared else weight[order]
         counts = np.bincount(row, minlength=n_nodes * n_tables)
         rows = np.concatenate([[0], np.cumsum(counts)])
-    return Neighbours(rows, node, weight, shared)
+    return Neighbours(rows.astype(np.uint32), place.astype(np.uint32), weight, shared)
+
+
+def _fours(n_labels: int) -> Any:
+    """An entry per four labels, in a tuple where there are few."""
+    from pgm_places.kernels.lane_access import FOUR
+
+    count = -(-n_labels // FOUR)
+    return (0,) * count if count <= FEW_FOURS else np.zeros(count, np.int64)
 
 
 def _padded(
-    beliefs: NDArray[np.float64], tables: NDArray[np.float64]
+    beliefs: NDArray[np.float64], tables: NDArray[np.float64], width: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Both for the kernel: labels padded to a multiple of four, tables by the neighbour's label."""
-    from pgm_places.kernels.lane_access import FOUR
-
+    """Both for the kernel, each in one row: labels padded, tables by the neighbour's label."""
     n_nodes, n_labels = beliefs.shape
-    width = -(-n_labels // FOUR) * FOUR
     wide = np.zeros((n_nodes, width))
     wide[:, :n_labels] = beliefs
     across = np.zeros((len(tables), width, width))
     across[:, :n_labels, :n_labels] = tables.transpose(0, 2, 1)
-    return wide, across.reshape(-1, width)
+    return wide.reshape(1, -1), across.reshape(1, -1)

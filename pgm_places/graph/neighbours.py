@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import sealed
 
 __all__ = ["Neighbours", "neighbours_of"]
 
@@ -23,10 +23,18 @@ class Neighbours:
 
 
 def neighbours_of(n_nodes: int, edges: NDArray[np.int32]) -> Neighbours:
-    """The adjacency of edges (E, 2), neighbours of a node in increasing order."""
-    tails = np.concatenate([edges[:, 0], edges[:, 1]])
-    heads = np.concatenate([edges[:, 1], edges[:, 0]])
-    edge = np.tile(np.arange(len(edges), dtype=np.int32), 2)
-    order = np.lexsort((heads, tails))
-    start = np.concatenate([[0], np.cumsum(np.bincount(tails, minlength=n_nodes))])
-    return Neighbours(frozen(start.astype(np.int64)), frozen(heads[order]), frozen(edge[order]))
+    """The adjacency of sorted edges (E, 2), neighbours of a node in increasing order."""
+    from scipy.sparse import csr_array
+
+    n_edges = len(edges)
+    first, second = edges.T
+    above = np.concatenate([[0], np.cumsum(np.bincount(first, minlength=n_nodes))])
+    number = np.arange(n_edges, dtype=np.int32)
+    below = csr_array((number, second, above), shape=(n_nodes, n_nodes)).tocsc()
+    # Neighbours before a node, by column, precede those after it, by row.
+    at_second = number + above[second[below.data]]
+    at_first = number + below.indptr[first + 1]
+    node, edge = np.empty((2, 2 * n_edges), np.int32)
+    node[at_second], edge[at_second] = below.indices, below.data
+    node[at_first], edge[at_first] = second, number
+    return Neighbours(sealed(above + below.indptr), sealed(node), sealed(edge))

@@ -81,7 +81,7 @@ def test_any_number_of_threads_gives_the_same_bits(
     tables: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(grid_relaxation, "CELLS_PER_PART", 512)
-    monkeypatch.setattr("pgm_places.solvers.relaxation.TASKS_PER_THREAD", 1)
+    monkeypatch.setattr("pgm_places.solvers.relaxation.PARTS_PER_THREAD", 1)
     shape = (60, 90)
     unary, cells, walls, r, _ = a_raster(5, shape, 3, tables=tables)
     first, *others = (
@@ -170,8 +170,8 @@ def test_graph_kernel_is_the_reference(
 
 
 def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pgm_places.solvers.relaxation.NODES_PER_TASK", 7)
-    monkeypatch.setattr("pgm_places.solvers.relaxation.TASKS_PER_THREAD", 1)
+    monkeypatch.setattr("pgm_places.solvers.relaxation.NODES_PER_PART", 7)
+    monkeypatch.setattr("pgm_places.solvers.relaxation.PARTS_PER_THREAD", 1)
     unary, cells, _, r, _ = a_raster(7, (9, 9), 3)
     start, node, _ = adjacency(cells, (9, 9))
     first, second = (
@@ -179,6 +179,16 @@ def test_graph_threads_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> No
         for n in (1, 3)
     )
     np.testing.assert_array_equal(first.beliefs, second.beliefs)
+
+
+def test_too_large_a_graph_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pgm_places.solvers.relaxation.MOST_ENTRIES", 8)
+    with pytest.raises(InputError) as caught:
+        relax_graph(np.zeros((2, 3)), [0, 1, 2], [1, 0], np.zeros((1, 3, 3)))
+    assert str(caught.value) == (
+        "relaxation takes fewer than 8 entries of node and beliefs (labels counted up to a "
+        "multiple of four), got 2 and 8"
+    )
 
 
 def test_walls_are_fixed_evidence() -> None:
