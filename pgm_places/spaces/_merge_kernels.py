@@ -4,17 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
+from pgm_places.kernels.union_find import root
 
 __all__ = ["merge_basins"]
-
-
-@njit
-def _root(parent: NDArray[np.int32], i: int) -> int:
-    """The smallest number in the set of ``i``, with path halving."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
 
 
 @njit
@@ -26,7 +18,7 @@ def _join(
     b: int,
 ) -> None:
     """Merge two segments."""
-    a, b = _root(parent, a), _root(parent, b)
+    a, b = root(parent, a), root(parent, b)
     if a == b:
         return
     low, high = (a, b) if a < b else (b, a)
@@ -65,11 +57,11 @@ def merge_basins(
             end += 1
         small = max(half_width[begin] / ratio, least_radius)
         for e in range(begin, end):
-            a, b = _root(parent, pairs[e, 0]), _root(parent, pairs[e, 1])
+            a, b = root(parent, pairs[e, 0]), root(parent, pairs[e, 1])
             if radius[a] < small and radius[b] < small:
                 _join(parent, radius, area, a, b)
         for e in range(begin, end):
-            a, b = _root(parent, pairs[e, 0]), _root(parent, pairs[e, 1])
+            a, b = root(parent, pairs[e, 0]), root(parent, pairs[e, 1])
             if radius[a] >= small:
                 a, b = b, a
             if radius[a] >= small or radius[b] < small:
@@ -85,7 +77,7 @@ def merge_basins(
         # The roots of small segments stay unchanged until all have chosen.
         for e in range(begin, end):
             for side in range(2):
-                a = _root(parent, pairs[e, side])
+                a = root(parent, pairs[e, side])
                 if chosen[a] >= 0:
                     best, keep = chosen[a], not tied[a]
                     chosen[a], tied[a] = -1, False
@@ -93,4 +85,4 @@ def merge_basins(
                         _join(parent, radius, area, a, best)
         begin = end
     for i in range(n_basins):
-        parent[i] = _root(parent, i)
+        parent[i] = root(parent, i)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import inlined, njit
+from pgm_places.kernels.union_find import root
 
 __all__ = ["open_cells"]
 
@@ -45,18 +46,9 @@ def _runs(cells: NDArray[np.int8], free: int) -> Runs:
 
 
 @njit
-def _root(parent: NDArray[np.int32], i: int) -> int:
-    """The smallest number in the set of ``i``, with path halving."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit
 def _join(parent: NDArray[np.int32], a: int, b: int) -> None:
     """Merge two pieces."""
-    a, b = _root(parent, a), _root(parent, b)
+    a, b = root(parent, a), root(parent, b)
     parent[max(a, b)] = min(a, b)
 
 
@@ -89,7 +81,7 @@ def _flip_small(
                 j += 1
     for r in range(len(first) - 1):
         for i in range(first[r], first[r + 1]):
-            parent[i] = _root(parent, i)
+            parent[i] = root(parent, i)
             size[parent[i]] += _end(runs, i, first[r + 1], width) - begin[i]
     for i in range(len(is_open)):
         if is_open[i] == side and size[parent[i]] < least:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import fused, inlined, njit
+from pgm_places.kernels.union_find import root
 
 __all__ = ["find_saddles", "mark_narrow", "shortest_chords", "write_chords"]
 
@@ -95,15 +96,6 @@ def mark_narrow(
                 break
 
 
-@inlined
-def _root(parent: NDArray[np.int32], node: int) -> int:
-    """The root of a group, with path halving."""
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node
-
-
 @njit
 def find_saddles(
     piece: NDArray[np.int32],
@@ -136,7 +128,7 @@ def find_saddles(
                 other = y * width + x
                 if parent[other] < 0 or flat_piece[other] != flat_piece[cell]:
                     continue
-                a, b = _root(parent, cell), _root(parent, other)
+                a, b = root(parent, cell), root(parent, other)
                 if a == b:
                     continue
                 # The root of a group is its first cell and hence its peak.
