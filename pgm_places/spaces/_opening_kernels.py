@@ -23,6 +23,7 @@ class Sites(NamedTuple):
 def keep_sites(
     sites: Sites,
     segment_of: NDArray[np.int32],
+    first: int,
     kept: NDArray[np.int64],
     pair: NDArray[np.int64],
     place: NDArray[np.int64],
@@ -30,6 +31,7 @@ def keep_sites(
     """Number of the sites between two segments; writes them, their segments and their places.
 
     ``pair`` holds the smaller segment in its upper half; ``place`` sorts by row, then column.
+    Segments are counted from ``first``.
     """
     n = 0
     for site in range(len(sites.basins)):
@@ -38,7 +40,7 @@ def keep_sites(
         if low < 0 or low == high:
             continue
         kept[n] = site
-        pair[n] = np.int64(low) << 32 | np.int64(high)
+        pair[n] = np.int64(first + low) << 32 | np.int64(first + high)
         place[n] = np.int64(sites.halves[site, 0]) << 32 | np.int64(sites.halves[site, 1])
         n += 1
     return n

@@ -79,7 +79,8 @@ def find_basins(relief: NDArray[np.int32]) -> Basins:
     area, volume = kernels.areas_and_volumes(basin, flat, len(rank))
     if n_parted:
         n_lines, n_pairs, room = kernels.number_lines(basin, steps, len(rank), scratch)
-        beside = np.unique(room[: 2 * n_pairs].reshape(-1, 2), axis=0)
+        line, beside_it = room[: 2 * n_pairs].reshape(-1, 2).T
+        beside = np.stack(np.divmod(np.unique(line * len(rank) + beside_it), len(rank)), axis=1)
         number, n_lines, beside = _settled(len(rank), n_lines, beside, rank, area, volume)
         kernels.renumber(basin, number)
         area = kernels.areas_and_volumes(basin, flat, len(rank) + n_lines)[0]

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
@@ -33,6 +33,11 @@ def space_feature_names(ratios: Sequence[float], *, places: bool = False) -> tup
     >>> len(space_feature_names((0.9, 0.75, 0.6), places=True))
     167
     """
+    return _names(tuple(ratios), places)
+
+
+@cache
+def _names(ratios: tuple[float, ...], places: bool) -> tuple[str, ...]:
     groups = [(str(ratio), SEGMENT_FEATURES) for ratio in ratios]
     groups += [("place", PLACE_FEATURES)] if places else []
     columns = [(scale, spec) for scale, specs in groups for spec in (*specs, *CELL_FEATURES)]
@@ -68,7 +73,8 @@ class CellFeatures:
     @classmethod
     def of(cls, segmentation: Segmentation, places: Places | None = None) -> Self:
         """The features from all scales of a segmentation and, if given, from its places."""
-        tables = tuple(segment_features(scale) for scale in segmentation.scales)
+        ends = np.cumsum([scale.count for scale in segmentation.scales])
+        tables = tuple(np.split(segment_features(*segmentation.scales), ends[:-1]))
         names = space_feature_names(segmentation.ratios, places=places is not None)
         if places is None:
             return cls(segmentation.scales, tables, names)

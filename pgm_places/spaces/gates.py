@@ -193,7 +193,7 @@ def _narrow_openings(segmentation: Segmentation) -> Openings:
     watershed, finest = segmentation.watershed, segmentation.scales[0]
     segment_of = finest.segment_of[: watershed.basins.count]
     borders = watershed.borders.free_ones()
-    openings = find_openings(borders, segment_of, watershed.grid.resolution_m)
+    openings = find_openings(borders, segment_of[None], watershed.grid.resolution_m)[0]
     return openings[openings.half_width_m < MOST_HALF_WIDTH_M]
 
 

@@ -1,6 +1,7 @@
 """Openings: the gaps between segments of open space."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -81,30 +82,49 @@ class Openings:
     def __len__(self) -> int:
         return len(self.segments)
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Self:
-        """A selection of the openings, by mask or index."""
+    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Self:
+        """A selection of the openings, by mask, index or slice."""
         return type(self)(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def find_openings(borders: Borders, segment_of: NDArray[np.int32], resolution_m: float) -> Openings:
-    """The openings between segments.
+def find_openings(
+    borders: Borders, divisions: NDArray[np.int32], resolution_m: float
+) -> list[Openings]:
+    """The openings between the segments of each division.
 
     Parameters
     ----------
     borders : Borders
-        Those of a division at least as fine.
-    segment_of : (B,) int32
-        Segment of each basin.
+        Those of a division at least as fine as all of them.
+    divisions : (D, B) int32
+        Segment of each basin in each division.
     resolution_m : float
 
     Sites of one pair of segments belong to the same opening if they are at most a cell apart, so
     that a pillar or a wall between two doors separates two openings.
     """
+    first = np.cumsum([0, *(divisions.max(axis=1, initial=-1) + 1)])
+    found = _all_openings(borders, divisions, first, resolution_m)
+    ends = np.searchsorted(found.segments[:, 0], first).tolist()
+    return [
+        replace(found[begin:end], segments=found.segments[begin:end] - np.int32(start))
+        for (begin, end), start in zip(pairwise(ends), first.tolist(), strict=False)
+    ]
+
+
+def _all_openings(
+    borders: Borders,
+    divisions: NDArray[np.int32],
+    first: NDArray[np.int64],
+    resolution_m: float,
+) -> Openings:
+    """The openings of all divisions, whose segments are numbered one division after the other."""
     from pgm_places.spaces import _opening_kernels as kernels
 
     sites = kernels.Sites(borders.halves_rc, borders.basins, borders.relief, borders.is_side)
-    room = np.empty((3, len(borders.relief)), np.int64)
-    n = kernels.keep_sites(sites, segment_of, *room)
+    room, n = np.empty((3, len(divisions) * len(borders.relief)), np.int64), 0
+    for segment_of, start in zip(divisions, first.tolist(), strict=False):
+        n += kernels.keep_sites(sites, segment_of, start, *room[:, n:])
     kept, pair, place = room[:, :n]
     opening = np.empty(n, np.int64)
     order = np.lexsort((place, pair))

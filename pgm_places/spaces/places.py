@@ -89,7 +89,7 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     finest = gates.segmentation.scales[0]
     n_basins = finest.watershed.basins.count
     home = _joined(finest, gates, taken)
-    segments = divided(finest.watershed, home[finest.segment_of[:n_basins]])
+    segments = divided(finest.watershed, home[finest.segment_of[:n_basins]][None])[0]
     return Places(gates, sealed(taken), segments, home[gates.segments])
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.position import area_cut_off, betweenness
+from pgm_places.spaces.segment_rows import SegmentRows
 from pgm_places.spaces.segmentation import Segments
 from pgm_places.spaces.shapes import shapes_of
 from pgm_places.spaces.space_spec import LARGEST_NEIGHBOUR_FEATURES, OWN_FEATURES
@@ -19,10 +20,11 @@ NARROW_M = 0.8
 _Columns = Mapping[str, NDArray[np.float64]]
 
 
-def segment_features(segments: Segments) -> NDArray[np.float64]:
+def segment_features(*divisions: Segments) -> NDArray[np.float64]:
     """(S, 37) the features of every segment of a scale, or of every place.
 
-    The columns are those of ``SEGMENT_FEATURES``, which defines them.
+    The columns are those of ``SEGMENT_FEATURES``, which defines them. The segments of several
+    divisions of one map follow each other; none of them knows of another division.
 
     Examples
     --------
@@ -32,6 +34,7 @@ def segment_features(segments: Segments) -> NDArray[np.float64]:
     >>> segment_features(scale).shape == (scale.count, 37)
     True
     """
+    segments = SegmentRows(divisions)
     if not segments.count:
         return np.zeros((0, len(OWN_FEATURES) + len(LARGEST_NEIGHBOUR_FEATURES)))
     own = _shape_columns(segments)
@@ -43,7 +46,7 @@ def segment_features(segments: Segments) -> NDArray[np.float64]:
     return np.concatenate([values, _of_largest_neighbour(segments, picked)], axis=1)
 
 
-def _shape_columns(segments: Segments) -> dict[str, NDArray[np.float64]]:
+def _shape_columns(segments: SegmentRows) -> dict[str, NDArray[np.float64]]:
     shapes, area, radius = shapes_of(segments), segments.area_m2, segments.radius_m
     return {
         "area": area,
@@ -62,15 +65,12 @@ def _shape_columns(segments: Segments) -> dict[str, NDArray[np.float64]]:
     }
 
 
-def _opening_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.float64]]:
-    openings, count = segments.openings, segments.count
-    ends = openings.segments.reshape(-1)
-    half_width = np.repeat(openings.half_width_m, 2)
+def _opening_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray[np.float64]]:
+    ends, half_width, count = segments.ends, segments.half_width_m, segments.count
     number = np.bincount(ends, minlength=count).astype(np.float64)
     narrow = np.bincount(ends[half_width < NARROW_M], minlength=count).astype(np.float64)
     widest = np.zeros(count)
     np.maximum.at(widest, ends, half_width)
-    sides = np.bincount(ends, np.repeat(openings.sides, 2).astype(np.float64), count)
     return {
         "openings": number,
         "narrow": narrow,
@@ -78,20 +78,23 @@ def _opening_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.
         "widest_share": widest / own["radius"],
         "opening_density": number / np.sqrt(own["area"]),
         "narrow_density": narrow / own["long"],
-        "open_share": sides * segments.watershed.grid.resolution_m / own["outline"],
+        "open_share": segments.open_sides * segments.resolution_m / own["outline"],
     }
 
 
-def _position_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np.float64]]:
-    area, whole = own["area"], own["area"].sum()
+def _position_columns(segments: SegmentRows, own: _Columns) -> dict[str, NDArray[np.float64]]:
+    area, sizes = own["area"], np.diff(segments.first)
+    areas, radii = segments.by_division(area), segments.by_division(own["radius"])
+    whole = np.repeat([part.sum() for part in areas], sizes)
+    median = np.repeat([_weighted_median(*both) for both in zip(radii, areas, strict=True)], sizes)
     lists = neighbour_lists(segments.neighbours, segments.count)
     between, cut = betweenness(*lists, area), area_cut_off(*lists, area)
     i, j = _both_ways(segments)
     number = np.bincount(i, minlength=segments.count)
     around = np.bincount(i, area[j], segments.count)
     return {
-        "rank": _share_no_larger(area),
-        "radius_share": own["radius"] / _weighted_median(own["radius"], area),
+        "rank": np.concatenate([_share_no_larger(part) for part in areas]),
+        "radius_share": own["radius"] / median,
         "long_share": own["long"] / np.sqrt(whole),
         "betweenness": between,
         "cut": cut,
@@ -102,7 +105,7 @@ def _position_columns(segments: Segments, own: _Columns) -> dict[str, NDArray[np
     }
 
 
-def _both_ways(segments: Segments) -> NDArray[np.int32]:
+def _both_ways(segments: SegmentRows) -> NDArray[np.int64]:
     """(2, 2 E) every pair of neighbours in one direction, then in the other."""
     pairs = segments.neighbours
     return np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -122,14 +125,16 @@ def _weighted_median(values: NDArray[np.float64], weight: NDArray[np.float64]) -
 
 
 def _largest_around(
-    values: NDArray[np.float64], i: NDArray[np.int32], j: NDArray[np.int32]
+    values: NDArray[np.float64], i: NDArray[np.int64], j: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     largest = np.zeros(len(values))
     np.maximum.at(largest, i, values[j])
     return largest
 
 
-def _of_largest_neighbour(segments: Segments, picked: NDArray[np.float64]) -> NDArray[np.float64]:
+def _of_largest_neighbour(
+    segments: SegmentRows, picked: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """(S, P) the columns of each segment's largest neighbour; ties go to the larger values."""
     i, j = _both_ways(segments)
     order = np.lexsort((*picked[j].T[::-1], i))  # the area is the first column: compared first

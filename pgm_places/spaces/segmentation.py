@@ -217,15 +217,18 @@ class Segmentation:
         divisions, touching = _divisions(basins, relief, ratios, grid.resolution_m)
         borders = _borders(basins, relief, divisions, touching, grid)
         watershed = Watershed(grid, sealed(relief), basins, borders)
-        scales = tuple(divided(watershed, segment_of) for segment_of in divisions)
-        return cls(watershed, tuple(ratios), scales)
+        return cls(watershed, tuple(ratios), divided(watershed, divisions))
 
 
-def divided(watershed: Watershed, segment_of: NDArray[np.int32]) -> Segments:
-    """The division with the given segment of each basin (B,), no finer than the borders kept."""
-    lines = watershed.basins.segment_of_line(segment_of)
-    openings = find_openings(watershed.borders, segment_of, watershed.grid.resolution_m)
-    return Segments(watershed, sealed(np.concatenate([segment_of, lines])), openings)
+def divided(watershed: Watershed, divisions: NDArray[np.int32]) -> tuple[Segments, ...]:
+    """Divisions with the given segments of all basins (D, B), no finer than the borders kept."""
+    basins, resolution_m = watershed.basins, watershed.grid.resolution_m
+    openings = find_openings(watershed.borders, divisions, resolution_m)
+    numbers = (
+        sealed(np.concatenate([segment_of, basins.segment_of_line(segment_of)]))
+        for segment_of in divisions
+    )
+    return tuple(Segments(watershed, *both) for both in zip(numbers, openings, strict=True))
 
 
 def _require_ratios(ratios: tuple[float, ...]) -> None:
@@ -264,7 +267,8 @@ def _divisions(
     for root, ratio in zip(found, ratios, strict=True):
         area = basins.area[: basins.count].copy()
         merge_basins(pairs[order], widths, radii.copy(), area, ratio, _LEAST_RADIUS_M, root)
-        root[:] = np.unique(root, return_inverse=True)[1].reshape(-1)
+        number = np.cumsum(root == np.arange(basins.count)) - 1  # a root is its own
+        root[:] = number[root]
     return found, touching[:n_touching]
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pgm_places.spaces.basin_sums import N_RECTANGLES
 from pgm_places.spaces.relief import clearance_m
-from pgm_places.spaces.segmentation import Segments
+from pgm_places.spaces.segment_rows import SegmentRows
 
 __all__ = ["Shapes", "shapes_of"]
 
@@ -42,30 +42,28 @@ class Shapes:
     furniture: NDArray[np.float64]
 
 
-def shapes_of(segments: Segments) -> Shapes:
-    """The shapes of all segments of a division."""
+def shapes_of(rows: SegmentRows) -> Shapes:
+    """The shapes of all segments of some divisions."""
     from pgm_places.spaces._shape_kernels import gather_basins
 
-    watershed, count = segments.watershed, segments.count
-    resolution_m = watershed.grid.resolution_m
-    sums = watershed.sums
+    resolution_m, count = rows.resolution_m, rows.count
+    sums = rows.divisions[0].watershed.sums
     total = np.zeros((count, sums.total.shape[1]), np.int64)
     low = np.full((count, sums.low.shape[1]), np.inf)
     high = np.full((count, sums.high.shape[1]), -np.inf)
-    gather_basins(segments.segment_of, sums.total, sums.low, sums.high, total, low, high)
-    cells = np.round(segments.area_m2 / resolution_m**2).astype(np.int64)
-    openings = np.bincount(
-        segments.openings.segments.reshape(-1),
-        np.repeat(segments.openings.sides, 2).astype(np.float64),
-        count,
-    )
+    parts = zip(rows.divisions, *map(rows.by_division, (total, low, high)), strict=True)
+    for division, *own in parts:
+        gather_basins(division.segment_of, sums.total, sums.low, sums.high, *own)
+    cells = np.round(rows.area_m2 / resolution_m**2).astype(np.int64)
     short, long = _rectangles(low, high)
     return Shapes(
         clearance=clearance_m(total[:, 0] / cells, resolution_m),
         roundness=_roundness(cells, total[:, 4:9]),
         short=short * resolution_m,
         long=long * resolution_m,
-        outline=np.asarray((total[:, 2] + total[:, 3] + openings) * resolution_m, np.float64),
+        outline=np.asarray(
+            (total[:, 2] + total[:, 3] + rows.open_sides) * resolution_m, np.float64
+        ),
         unknown=np.asarray(total[:, 3] * resolution_m, np.float64),
         furniture=total[:, 1] / cells,
     )

@@ -1,5 +1,7 @@
 """Features of segments and cells against slow and obvious ones, and on turned and finer maps."""
 
+from dataclasses import fields
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -15,10 +17,12 @@ from pgm_places.spaces import cell_features, position
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.components import neighbour_lists
 from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.openings import Openings
 from pgm_places.spaces.places import places_between
 from pgm_places.spaces.position import area_cut_off, betweenness
 from pgm_places.spaces.segment_features import segment_features
-from pgm_places.spaces.segmentation import Segmentation, Segments
+from pgm_places.spaces.segment_rows import SegmentRows
+from pgm_places.spaces.segmentation import Segmentation, Segments, divided
 from pgm_places.spaces.shapes import shapes_of
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 from tests.real_data import real_data_folder
@@ -45,7 +49,7 @@ def columns(segments: Segments) -> dict[str, np.ndarray]:
 @settings(max_examples=60)
 def test_shapes_are_those_of_the_raster(cells: np.ndarray) -> None:
     scale = Segmentation.of(OccupancyGrid(cells, 0.5)).scales[0]
-    found, raster = shapes_of(scale), scale.raster()
+    found, raster = shapes_of(SegmentRows([scale])), scale.raster()
     for k in range(scale.count):
         if scale.watershed.basins.n_lines:
             continue  # cells of lines border on no opening
@@ -53,6 +57,21 @@ def test_shapes_are_those_of_the_raster(cells: np.ndarray) -> None:
         assert scale.area_m2[k] == pytest.approx(wanted["area"])
         for name in ("roundness", "short", "long", "outline", "unknown", "furniture"):
             assert getattr(found, name)[k] == pytest.approx(wanted[name], rel=1e-9, abs=1e-9), name
+
+
+@given(cells=maps)
+@settings(max_examples=60)
+def test_divisions_described_at_once_are_those_described_one_by_one(cells: np.ndarray) -> None:
+    scales = Segmentation.of(OccupancyGrid(cells, 0.5), (1.0, 0.8, 0.5)).scales
+    one_by_one = [segment_features(scale) for scale in scales]
+    np.testing.assert_array_equal(segment_features(*scales), np.concatenate(one_by_one))
+    for scale in scales:
+        basins = scale.segment_of[None, : scale.watershed.basins.count]
+        (alone,) = divided(scale.watershed, basins)
+        np.testing.assert_array_equal(alone.segment_of, scale.segment_of)
+        for field in fields(Openings):
+            found = getattr(scale.openings, field.name)
+            np.testing.assert_array_equal(found, getattr(alone.openings, field.name))
 
 
 @st.composite
