@@ -271,27 +271,26 @@ def pass_forest(
     order: NDArray[np.uint32],
     parent: NDArray[np.uint32],
     message: NDArray[np.float64],
-) -> float:
-    """Messages from the leaves to the roots; log Z for sums.
+    share: NDArray[np.float64],
+) -> None:
+    """Messages from the leaves to the roots; for sums each node's share (N,) of log Z.
 
     ``message`` (2 E, K) starts at 0.
     """
     n_nodes, n_labels = terms.unary.shape
     belief, sent = np.empty(n_labels), np.empty(n_labels)
-    total = 0.0
     for step in range(n_nodes):
         i = order[n_nodes - 1 - step]
         gather_beliefs(terms.unary, arcs, message, i, belief)
         if parent[i] != NO_ARC:
-            total += send(
+            share[i] = send(
                 maximise, parent[i], belief, terms.pairwise, message, sent, message[parent[i]]
             )
         elif not maximise:
             top = belief.max()
-            if top == -np.inf:
-                return -np.inf
-            total += top + np.log(np.exp(belief - top).sum())
-    return total
+            share[i] = top
+            if top > -np.inf:
+                share[i] += np.log(np.exp(belief - top).sum())
 
 
 @njit

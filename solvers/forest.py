@@ -5,18 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
 from pgm_places.solvers._belief_kernels import (
     decode_forest,
     forest_order,
-    pass_back,
     pass_forest,
     sample_forest,
 )
 from pgm_places.solvers.adjacency import Adjacency
-from pgm_places.solvers.belief_propagation import beliefs_from_messages, heard_from_all
-from pgm_places.solvers.mean_field import normalised
+from pgm_places.solvers.forest_sums import forest_sums, sums_to_roots
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
 __all__ = [
@@ -27,6 +25,7 @@ __all__ = [
     "forest_samples",
     "is_forest",
     "ordered_forest",
+    "rooted_forest",
 ]
 
 
@@ -98,7 +97,8 @@ def forest_maximum(
     """
     model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    pass_forest(True, model.max_terms, model.around.arcs, order, parent, message)
+    shares = np.empty(model.n_nodes)
+    pass_forest(True, model.max_terms, model.around.arcs, order, parent, message, shares)
     labels = np.empty(model.n_nodes, np.int32)
     decode_forest(model.terms, model.around.arcs, order, parent, message, labels)
     score = total_score(model, labels)
@@ -127,11 +127,10 @@ def forest_marginals(
     [[0.5, 0.5], [0.5, 0.5]]
     """
     model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
-    message, log_z = _sums_to_roots(model, order, parent)
-    pass_back(False, model.terms, model.around.arcs, order, parent, message)
-    beliefs = frozen(beliefs_from_messages(model, message))
-    joint = frozen(_pair_beliefs(model, message)) if pairs else None
-    return ForestMarginals(beliefs, log_z + model.offset, joint)
+    sums = forest_sums(model, order, parent)
+    joint = sealed(sums.pair_beliefs()) if pairs else None
+    log_partition = float(sums.log_partition.sum()) + model.offset
+    return ForestMarginals(sealed(sums.beliefs), log_partition, joint)
 
 
 def forest_samples(
@@ -154,7 +153,7 @@ def forest_samples(
     True
     """
     model, order, parent = ordered_forest(unary, edges, agreement, pairwise)
-    message, _ = _sums_to_roots(model, order, parent)
+    message, _ = sums_to_roots(model, order, parent)
     rng = np.random.default_rng(seed)
     labels = np.empty((n_samples, model.n_nodes), np.int32)
     for drawn in labels:
@@ -168,36 +167,6 @@ def is_forest(around: Adjacency) -> bool:
     return _closing_edge(around)[0] < 0
 
 
-def _sums_to_roots(
-    model: PairwiseModel, order: NDArray[np.uint32], parent: NDArray[np.uint32]
-) -> tuple[NDArray[np.float64], float]:
-    """(2 E, K) log-messages, those away from the roots still 0, and log Z without the offset."""
-    message = np.zeros((2 * model.around.n_edges, model.n_labels))
-    log_z = pass_forest(False, model.terms, model.around.arcs, order, parent, message)
-    if log_z == -np.inf:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
-    return message, log_z
-
-
-def _pair_beliefs(model: PairwiseModel, message: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(E, K, K) from log-messages per arc (2 E, K): what each end hears from all others, joined."""
-    heard = heard_from_all(model, message)
-    edges = model.around.edges
-    both = heard[edges]
-    impossible = both == -np.inf  # -inf - -inf is no number
-    both -= np.where(impossible, 0.0, message.reshape(-1, 2, model.n_labels)[:, ::-1])
-    joint = both[:, 0, :, None] + both[:, 1, None, :] + _tables(model)
-    flat = joint.reshape(len(edges), model.n_labels**2)
-    return normalised(flat).reshape(joint.shape)
-
-
-def _tables(model: PairwiseModel) -> NDArray[np.float64]:
-    """(E or 1, K, K) the potentials of the edges."""
-    if model.agreement is None:
-        return model.tables
-    return model.agreement[:, :, None] * np.eye(model.n_labels)
-
-
 def ordered_forest(
     unary: ArrayLike,
     edges: ArrayLike | Adjacency,
@@ -206,14 +175,19 @@ def ordered_forest(
 ) -> tuple[PairwiseModel, NDArray[np.uint32], NDArray[np.uint32]]:
     """The model, every node after its parent, and the arc to that parent."""
     model = pairwise_model(unary, edges, agreement, pairwise)
-    edge, order, parent = _closing_edge(model.around)
+    return model, *rooted_forest(model.around)
+
+
+def rooted_forest(around: Adjacency) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Every node after its parent, and the arc to that parent."""
+    edge, order, parent = _closing_edge(around)
     if edge >= 0:
-        i, j = model.around.edges[edge]
+        i, j = around.edges[edge]
         raise InputError(
             f"exact inference needs a graph without cycles, but edge {edge} ({i}, {j}) closes one; "
             "use another decoder"
         )
-    return model, order, parent
+    return order, parent
 
 
 def _closing_edge(around: Adjacency) -> tuple[int, NDArray[np.uint32], NDArray[np.uint32]]:

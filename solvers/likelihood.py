@@ -27,7 +27,7 @@ then no longer convex.
 
 import time
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -35,9 +35,10 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from pgm_places.errors import InputError
-from pgm_places.solvers.forest import forest_marginals
+from pgm_places.solvers.forest_sums import forest_sums
 from pgm_places.solvers.max_margin import LearningStep, OnStep, reached, relative_gap
 from pgm_places.solvers.mean_field import normalised
+from pgm_places.solvers.pairwise import PairwiseModel
 from pgm_places.solvers.table_field import FieldTables, TableField
 
 __all__ = ["Likelihood", "LikelihoodSolution", "maximize_likelihood", "negative_log_likelihood"]
@@ -55,7 +56,10 @@ MEMORY = 20
 
 
 class _Expected(NamedTuple):
-    """The sum of exp(score) over labellings, and the marginals under it."""
+    """The sum of exp(score) over labellings, and the marginals under it.
+
+    The last are those of edges, or their sum where all edges have the same features.
+    """
 
     log_partition: float
     beliefs: NDArray[np.float64]
@@ -129,21 +133,7 @@ def negative_log_likelihood(
     >>> round(value, 4), gradient.tolist()
     (1.3863, [0.0, 0.0, 0.25, -0.75, 0.25, 0.25])
     """
-    potentials = field.potentials(weights)
-    if kind == "pseudo":
-        soft = _soft_labels(field, labels, expected)
-        return _pseudo(field, labels, potentials, soft, node_weight)
-    if kind == "exact" and node_weight is not None:
-        _require_equal_ends(field, node_weight)
-    marginals = _exact if kind == "exact" else _piecewise
-    free = marginals(field, potentials, node_weight)
-    value, gradient = free.log_partition, field.expected_features(*free[1:])
-    if kind == "exact" and node_weight is None and (labels >= 0).all():
-        features = field.features_of(labels)
-        return value - float(weights @ features), gradient - features
-    only = potentials._replace(unary=_clamped(potentials.unary, labels))
-    clamped = marginals(field, only, node_weight)
-    return value - clamped.log_partition, gradient - field.expected_features(*clamped[1:])
+    return _Loss(field, labels, kind, node_weight).at(weights, expected)
 
 
 def maximize_likelihood(
@@ -203,8 +193,8 @@ def maximize_likelihood(
     total = float(n_known if node_weight is None else node_weight[labels >= 0].sum())
     if not total:
         raise InputError("sample_weight is 0 at every labelled node; nothing is left to learn from")
-    descent = _Descent(field, labels, penalty / total, kind, tolerance, time_limit_s)
-    descent.node_weight = node_weight
+    loss = _Loss(field, labels, kind, node_weight)
+    descent = _Descent(loss, penalty / total, tolerance, time_limit_s)
     descent.on_iteration = on_iteration
     weights = np.zeros(field.n_weights) if start is None else np.array(start, np.float64)
     descent.run(weights, max_iterations)
@@ -216,35 +206,65 @@ def maximize_likelihood(
     return descent.solution()
 
 
+@dataclass(frozen=True, eq=False)
+class _Loss:
+    """L on some data, to be asked at many weights."""
+
+    field: TableField
+    labels: NDArray[np.int64]
+    kind: Likelihood
+    node_weight: NDArray[np.float64] | None
+
+    def __post_init__(self) -> None:
+        if self.kind == "exact" and self.node_weight is not None:
+            _require_equal_ends(self.field, self.node_weight)
+
+    @cached_property
+    def truth_features(self) -> NDArray[np.float64] | None:
+        """(n_weights,) phi of the labels, where that is all that L takes of them."""
+        plain = self.kind == "exact" and self.node_weight is None and (self.labels >= 0).all()
+        return self.field.features_of(self.labels) if plain else None
+
+    def at(
+        self, weights: NDArray[np.float64], expected: NDArray[np.float64] | None
+    ) -> tuple[float, NDArray[np.float64]]:
+        """See :func:`negative_log_likelihood`."""
+        field, labels, node_weight = self.field, self.labels, self.node_weight
+        potentials = field.potentials(weights)
+        if self.kind == "pseudo":
+            soft = _soft_labels(field, labels, expected)
+            return _pseudo(field, labels, potentials, soft, node_weight)
+        marginals = _exact if self.kind == "exact" else _piecewise
+        free = marginals(field, potentials, node_weight)
+        value, gradient = free.log_partition, field.expected_features(*free[1:])
+        if self.truth_features is not None:
+            score = float(weights @ self.truth_features)
+            return value - score, gradient - self.truth_features
+        only = potentials._replace(unary=_clamped(potentials.unary, labels))
+        clamped = marginals(field, only, node_weight)
+        return value - clamped.log_partition, gradient - field.expected_features(*clamped[1:])
+
+
 class _Descent:
     """L-BFGS on f, its bounds, and why it ended."""
 
     def __init__(
-        self,
-        field: TableField,
-        labels: NDArray[np.int64],
-        price: float,
-        kind: Likelihood,
-        tolerance: float,
-        time_limit_s: float | None,
+        self, loss: _Loss, price: float, tolerance: float, time_limit_s: float | None
     ) -> None:
-        self.field, self.labels, self.price, self.kind = field, labels, price, kind
+        self.loss, self.price = loss, price
         self.tolerance, self.time_limit_s = tolerance, time_limit_s
         self.on_iteration: OnStep | None = None
-        self.node_weight: NDArray[np.float64] | None = None
-        self.is_convex = bool((labels >= 0).all())
+        self.is_convex = bool((loss.labels >= 0).all())
         self.expected: NDArray[np.float64] | None = None
         self.started = time.perf_counter()
         self.history: list[LearningStep] = []
         self.ended: str | None = None
         self.closed = False
-        self.weights = np.zeros(field.n_weights)
+        self.weights = np.zeros(loss.field.n_weights)
         self.value, self.excess = np.inf, np.inf
 
     def f(self, weights: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        value, gradient = negative_log_likelihood(
-            self.field, self.labels, weights, self.kind, self.expected, self.node_weight
-        )
+        value, gradient = self.loss.at(weights, self.expected)
         total = 0.5 * float(weights @ weights) + self.price * value
         return total, weights + self.price * gradient
 
@@ -294,7 +314,7 @@ class _Descent:
     def expect(self) -> bool:
         """Expect the unknown labels at the present weights; False when they are at rest."""
         known = self.expected
-        found = expected_labels(self.field, self.labels, self.weights, known)
+        found = expected_labels(self.loss.field, self.loss.labels, self.weights, known)
         self.expected = found
         return known is None or bool(np.abs(found - known).max() > HIDDEN_MOVED)
 
@@ -351,35 +371,15 @@ def _lighter_ends(field: TableField, node_weight: NDArray[np.float64]) -> NDArra
 def _exact(
     field: TableField, potentials: FieldTables, node_weight: NDArray[np.float64] | None
 ) -> _Expected:
-    found = forest_marginals(potentials.unary, field.around, pairwise=potentials.tables, pairs=True)
-    assert found.pair_beliefs is not None
+    tables = potentials.tables
+    stacked = tables if tables.ndim == 3 else tables[None]
+    model = PairwiseModel(field.around, potentials.unary, None, stacked)
+    found = forest_sums(model, *field.rooting)
+    counts = found.pair_counts(node_weight)
     if node_weight is None:
-        return _Expected(found.log_partition, found.beliefs, found.pair_beliefs)
-    edge_weight = _lighter_ends(field, node_weight)
-    degree = np.bincount(field.around.edges.ravel(), minlength=field.n_nodes)
-    # log Z is the expected score plus the entropy, which on a forest is a sum over nodes and edges;
-    # unlike log Z itself, that falls into its connected parts.
-    nodes = _expected_score(found.beliefs, potentials.unary)
-    nodes += (degree - 1) * _expected_score(found.beliefs, _log(found.beliefs))
-    pairs = _expected_score(found.pair_beliefs, potentials.tables - _log(found.pair_beliefs))
-    return _Expected(
-        float(node_weight @ nodes + edge_weight @ pairs),
-        found.beliefs * node_weight[:, None],
-        found.pair_beliefs * edge_weight[:, None, None],
-    )
-
-
-def _expected_score(
-    beliefs: NDArray[np.float64], scores: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(N,) the mean of scores (N, ...) under beliefs (N, ...); what is impossible adds nothing."""
-    terms = np.multiply(beliefs, scores, where=beliefs > 0, out=np.zeros_like(beliefs))
-    total: NDArray[np.float64] = terms.reshape(len(terms), -1).sum(axis=1)
-    return total
-
-
-def _log(beliefs: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.log(beliefs, where=beliefs > 0, out=np.zeros_like(beliefs))
+        return _Expected(float(found.log_partition.sum()), found.beliefs, counts)
+    beliefs = found.beliefs * node_weight[:, None]
+    return _Expected(float(node_weight @ found.log_partition), beliefs, counts)
 
 
 def _piecewise(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pgm_places._checks import feature_rows, finite_array, frozen, is_sparse, stacked_rows
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, adjacency
-from pgm_places.solvers.forest import is_forest
+from pgm_places.solvers.forest import is_forest, rooted_forest
 
 __all__ = ["FieldTables", "TableField", "beside"]
 
@@ -87,6 +87,11 @@ class TableField:
         return is_forest(self.around)
 
     @cached_property
+    def rooting(self) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+        """The nodes of a forest, each after its parent, and the arcs to the parents."""
+        return rooted_forest(self.around)
+
+    @cached_property
     def _is_uniform(self) -> bool:
         return bool((self.edge_features == self.edge_features[:1]).all())
 
@@ -123,9 +128,13 @@ class TableField:
     def expected_features(
         self, beliefs: NDArray[np.float64], pair_beliefs: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The mean of phi under marginals of the nodes (N, K) and of the edges (E, K, K)."""
+        """The mean of phi under marginals of the nodes (N, K) and of the edges (E, K, K).
+
+        Where all edges have the same features, the sum (1, K, K) of the latter is enough.
+        """
         pairs = pair_beliefs.reshape(len(pair_beliefs), self.n_labels**2)
-        return self._flat(self.node_features.T @ beliefs, self.edge_features.T @ pairs)
+        seen = self.edge_features[: len(pairs)]
+        return self._flat(self.node_features.T @ beliefs, seen.T @ pairs[: len(seen)])
 
     def _flat(self, nodes: NDArray[np.float64], pairs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums over nodes (D, K) and edges (F, K K) as one vector."""

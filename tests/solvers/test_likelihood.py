@@ -1,5 +1,6 @@
 """Likelihoods against sums over all labellings, gradients against differences."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -221,6 +222,24 @@ def test_one_field_of_several_blocks_is_their_sum() -> None:
     ]
     assert value == pytest.approx(sum(v for v, _ in single))
     np.testing.assert_allclose(gradient, sum(g for _, g in single), atol=1e-12)
+
+
+@pytest.mark.parametrize("lowest", [0, -1])
+@pytest.mark.parametrize("kind", KINDS)
+def test_nodes_without_edges_are_learned_from(kind: Likelihood, lowest: int) -> None:
+    rng = np.random.default_rng(0)
+    alone = TableField(rng.normal(size=(5, 2)), adjacency(5, []), np.ones((0, 1)), 3)
+    by: Any = partial(negative_log_likelihood, alone, rng.integers(lowest, 3, 5), kind=kind)
+    assert check_grad(*_parts(by), weights_of(alone, 0)) < 1e-5
+
+
+@pytest.mark.parametrize("lowest", [0, -1])
+def test_edges_with_the_same_features_share_their_counts(lowest: int) -> None:
+    found = replace(field(1, forest=True, n=8), edge_features=np.full((6, 2), 0.7))
+    labels, weights = np.random.default_rng(1).integers(lowest, 3, 8), weights_of(found, 1)
+    by: Any = partial(negative_log_likelihood, found, labels)
+    assert by(weights)[0] == pytest.approx(plain(found, labels, weights, "exact"), abs=1e-9)
+    assert check_grad(*_parts(by), weights) < 1e-5
 
 
 def test_cycles_and_missing_labels_are_refused() -> None:
