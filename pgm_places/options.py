@@ -191,12 +191,15 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
     """
     if _fits(hint, value):
         return value
+    as_tuples = _sequences(value, tuple)
+    if _fits(hint, as_tuples):
+        return as_tuples
     from pydantic import ValidationError
 
     if isinstance(value, tuple(filter(dataclasses.is_dataclass, arms(hint)))):
         return value  # which has checked its own options
     reason = ""
-    for given in (_sequences(value, tuple), _sequences(value, list)):
+    for given in (as_tuples, _sequences(value, list)):
         try:
             return _validator(hint).validate_python(given)
         except ValidationError as error:

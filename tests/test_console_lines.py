@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import typer
 
-from pgm_places.cli.app import app
+from pgm_places.cli.app import app_for
 from pgm_places.cli.entry import main
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.label_image import save_labels
@@ -75,7 +75,7 @@ MENTIONS = {
 
 def command_of(name: str) -> tuple[Any, Any]:
     """A command by its name, and the context that it is called in."""
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(app_for([]))
     context = group.make_context("pgm-places", [name], resilient_parsing=True)
     command = group.get_command(context, name)
     assert command is not None, f"there is no command {name!r}"

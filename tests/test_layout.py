@@ -59,8 +59,8 @@ def test_help_needs_nothing_heavy(heavy: str) -> None:
     code = (
         "import sys\n"
         "from typer.testing import CliRunner\n"
-        "from pgm_places.cli.app import app\n"
-        "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
+        "from pgm_places.cli.app import app_for\n"
+        "assert CliRunner().invoke(app_for([]), ['--help']).exit_code == 0\n"
         f"sys.exit({heavy!r} in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -20,7 +20,7 @@ import typer.testing
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import Field
 
-from pgm_places.cli.app import app
+from pgm_places.cli.app import app_for
 from pgm_places.cli.flags import flag_of, option_flags
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.errors import ConfigError
@@ -34,6 +34,7 @@ from pgm_places.options import (
     Whole,
     _fits,
     _validator,
+    check_option,
     check_options,
     from_mapping,
     option_hints,
@@ -188,7 +189,7 @@ def flag_cases() -> list[Case]:
 @pytest.mark.parametrize(("name", "value"), flag_cases())
 def test_a_flag_refuses_what_its_class_refuses(name: str, value: Any) -> None:
     arguments = ["topology", "labels.png", "map.yaml", "--out", "out", f"{flag_of(name)}={value}"]
-    found = typer.testing.CliRunner().invoke(app, arguments)
+    found = typer.testing.CliRunner().invoke(app_for(arguments), arguments)
     assert isinstance(found.exception, ConfigError)
     message = in_python(TopologyOptions, name, value)
     assert str(found.exception) == message.replace(name, flag_of(name), 1)
@@ -196,7 +197,7 @@ def test_a_flag_refuses_what_its_class_refuses(name: str, value: Any) -> None:
 
 def test_the_flag_of_label_refuses_what_the_class_refuses() -> None:
     arguments = ["label", "map.yaml", "--out", "out", "--doorways", "walls"]
-    found = typer.testing.CliRunner().invoke(app, arguments)
+    found = typer.testing.CliRunner().invoke(app_for(arguments), arguments)
     message = in_python(TopologyOptions, "doorways", "walls")
     assert str(found.exception) == f"--{message}"
 
@@ -216,7 +217,7 @@ def test_flags_of_simulate_refuse_what_the_classes_refuse(
     flag: str, cls: type[Any], option: str
 ) -> None:
     arguments = ["simulate", "map.yaml", "--out", "a.log", flag, "0"]
-    found = typer.testing.CliRunner().invoke(app, arguments)
+    found = typer.testing.CliRunner().invoke(app_for(arguments), arguments)
     message = in_python(cls, option, 0)
     assert str(found.exception) == message.replace(option, flag, 1)
 
@@ -233,7 +234,7 @@ def test_flags_of_track_are_named_where_the_labeler_refuses(
     flag: str, value: str, message: str
 ) -> None:
     arguments = ["track", "drive.log", "--out", "out", f"{flag}={value}"]
-    found = typer.testing.CliRunner().invoke(app, arguments)
+    found = typer.testing.CliRunner().invoke(app_for(arguments), arguments)
     assert isinstance(found.exception, ConfigError)
     assert str(found.exception).startswith(message)
 
@@ -449,7 +450,12 @@ def _command(path: str, *, rules: TopologyOptions, quiet: bool = False) -> None:
 
 
 def test_the_command_line_starts_without_numpy_and_pydantic() -> None:
-    code = "import pgm_places.cli.app, sys; print(*{'numpy', 'pydantic'} & set(sys.modules))"
+    code = (
+        "import sys\n"
+        "from pgm_places.cli.app import app_for\n"
+        "app_for([])\n"
+        "print(*{'numpy', 'pydantic'} & set(sys.modules))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
@@ -482,3 +488,22 @@ def test_what_plainly_fits_is_what_pydantic_returns_as_it_is() -> None:
             assert _validator(hint).validate_python(value) is value or isinstance(value, tuple)
             assert repr(_validator(hint).validate_python(value)) == repr(value)
     assert n_fitting > 40
+
+
+def test_a_list_that_plainly_fits_is_what_pydantic_makes_of_it() -> None:
+    hint = tuple[tuple[int, str], ...]
+    given = [[1, "a"], [2, "b"]]
+    assert check_option("pairs", hint, given) == ((1, "a"), (2, "b"))
+    assert _validator(hint).validate_python(((1, "a"), (2, "b"))) == ((1, "a"), (2, "b"))
+    with pytest.raises(OptionError, match="pairs must be a list of"):
+        check_option("pairs", hint, [[1, 2]])
+
+
+def test_options_read_from_json_need_no_pydantic() -> None:
+    code = (
+        "import sys\n"
+        "from pgm_places.options import check_option\n"
+        "check_option('pairs', tuple[tuple[int, str], ...], [[1, 'a'], [2, 'b']])\n"
+        "sys.exit('pydantic' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

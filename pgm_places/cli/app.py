@@ -1,44 +1,62 @@
 """The ``pgm-places`` command: its frame, and its commands in the order of its help."""
 
+import importlib
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
 from pgm_places._version import __version__
-from pgm_places.cli.doctor import doctor
-from pgm_places.cli.experiments import compare, demo, train
-from pgm_places.cli.explain import explain
-from pgm_places.cli.label import label
-from pgm_places.cli.live import live
-from pgm_places.cli.place_edits import merge, rename, split
-from pgm_places.cli.places import export, topology, where
-from pgm_places.cli.reproduce import reproduce
-from pgm_places.cli.simulate import simulate
-from pgm_places.cli.simulate_map import simulate_map
-from pgm_places.cli.studio import studio
 from pgm_places.cli.terminal import say
-from pgm_places.cli.track import track
 
-__all__ = ["app"]
+__all__ = ["app_for"]
 
-COMMANDS = (
-    *(demo, compare, train, label, studio),
-    *(topology, export, where, rename, merge, split, explain),
-    *(simulate, simulate_map, track, live, reproduce, doctor),
-)
-TAKE_POSITIONS = {where, split, explain}
+COMMANDS = {
+    "demo": "experiments",
+    "compare": "experiments",
+    "train": "experiments",
+    "label": "label",
+    "studio": "studio",
+    "topology": "places",
+    "export": "places",
+    "where": "places",
+    "rename": "place_edits",
+    "merge": "place_edits",
+    "split": "place_edits",
+    "explain": "explain",
+    "simulate": "simulate",
+    "simulate-map": "simulate_map",
+    "track": "track",
+    "live": "live",
+    "reproduce": "reproduce",
+    "doctor": "doctor",
+}
+"""The module of each command."""
+
+TAKE_POSITIONS = {"where", "split", "explain"}
 """Commands whose arguments may be negative numbers, which look like flags."""
 
-app = typer.Typer(
-    name="pgm-places",
-    help="Label the places of a robot's map: corridor, room, doorway, or your own.",
-    no_args_is_help=True,
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # plain help starts faster and reads the same everywhere
-)
-for command in COMMANDS:
-    app.command(context_settings={"ignore_unknown_options": command in TAKE_POSITIONS})(command)
+
+def app_for(arguments: Sequence[str]) -> typer.Typer:
+    """The command line, with the only command that these arguments can run, or with all.
+
+    Declaring all of them takes longer than a short command runs.
+    """
+    app = typer.Typer(
+        name="pgm-places",
+        help="Label the places of a robot's map: corridor, room, doorway, or your own.",
+        no_args_is_help=True,
+        add_completion=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # plain help starts faster and reads the same everywhere
+    )
+    app.callback()(_options)
+    named = [name for name in arguments[:1] if name in COMMANDS]
+    for name in named or COMMANDS:
+        module = importlib.import_module(f"pgm_places.cli.{COMMANDS[name]}")
+        settings = {"ignore_unknown_options": name in TAKE_POSITIONS}
+        app.command(name, context_settings=settings)(getattr(module, name.replace("-", "_")))
+    return app
 
 
 def _show_version(wanted: bool) -> None:
@@ -47,7 +65,6 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
     _version: Annotated[
         bool,

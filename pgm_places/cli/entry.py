@@ -77,8 +77,11 @@ def _run() -> None:
     # Compiling makes millions of objects that stay; searching them for garbage again and again
     # takes a tenth of a first run.
     gc.set_threshold(100_000, 50, 50)
+    # No plugin of pydantic is wanted; to look for some is to read what every installed package says
+    # of itself.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
-        importlib.import_module("pgm_places.cli.app").app()
+        importlib.import_module("pgm_places.cli.app").app_for(sys.argv[1:])()
     except PgmPlacesError as error:
         _end(str(error), EXIT_BAD_INPUT)
     except MemoryError:

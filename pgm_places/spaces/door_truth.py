@@ -11,7 +11,8 @@ from pgm_places._checks import label_raster
 from pgm_places.errors import InputError
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gates import Gate, Gates
+from pgm_places.spaces.gate import Gate
+from pgm_places.spaces.gates import Gates
 
 __all__ = ["DoorMatch", "DoorScores", "match_doors", "match_painted", "unmatched_doors"]
 

@@ -12,7 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.maps._blocks import holders, simplest_factor
 from pgm_places.maps.number_type import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.places import Places
 
 __all__ = ["Doorways"]

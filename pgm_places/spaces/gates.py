@@ -1,12 +1,13 @@
-"""Gates: narrow openings between segments, each an oriented rectangle; some are doorways."""
+"""Gates: narrow openings between segments; some are doorways."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
+from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.openings import Openings, find_openings
 from pgm_places.spaces.segmentation import Segmentation
 
@@ -14,7 +15,6 @@ __all__ = [
     "LEAST_WIDTH_M",
     "MOST_HALF_WIDTH_M",
     "OFFSETS_M",
-    "Gate",
     "Gates",
     "gate_candidates",
 ]
@@ -38,70 +38,6 @@ _WIDER, _WIDER_M = 1.25, 0.1
 """A gate extends as far as the passage is at most this much wider than at its narrowest."""
 
 
-@dataclass(frozen=True)
-class Gate:
-    """A rectangle through which one passes from one segment to another.
-
-    Parameters
-    ----------
-    centre_m : (float, float)
-        Its centre in the map frame.
-    heading_rad : float
-        The direction of passage in the map frame, in (-pi/2, pi/2].
-    width_m : float
-        Across the heading, from wall to wall.
-    depth_m : float
-        Along the heading.
-    """
-
-    centre_m: tuple[float, float]
-    heading_rad: float
-    width_m: float
-    depth_m: float
-
-    @property
-    def corners_m(self) -> NDArray[np.float64]:
-        """(4, 2) corners in the map frame, counter-clockwise.
-
-        Examples
-        --------
-        >>> Gate((2.0, 1.0), 0.0, width_m=1.0, depth_m=0.2).corners_m.round(2).tolist()
-        [[1.9, 0.5], [2.1, 0.5], [2.1, 1.5], [1.9, 1.5]]
-        """
-        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * [self.depth_m, self.width_m]
-        return np.asarray(half @ [[cos, sin], [-sin, cos]] + self.centre_m)
-
-    def contains(
-        self, points_m: ArrayLike, *, wider_m: float = 0.0, deeper_m: float = 0.0
-    ) -> NDArray[np.bool_]:
-        """(n,) which points (n, 2) of the map frame are inside.
-
-        ``wider_m`` and ``deeper_m`` extend the width and the depth at either end.
-        """
-        offset = np.asarray(points_m, np.float64).reshape(-1, 2) - self.centre_m
-        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        along, across = np.abs(offset @ [cos, sin]), np.abs(offset @ [-sin, cos])
-        inside = (along <= self.depth_m / 2 + deeper_m) & (across <= self.width_m / 2 + wider_m)
-        return np.asarray(inside)
-
-    def cells(
-        self, grid: OccupancyGrid, *, wider_m: float = 0.0, deeper_m: float = 0.0
-    ) -> NDArray[np.int64]:
-        """(n, 2) row and column of the free cells with their centres inside, in row-major order."""
-        reach = np.hypot(self.width_m / 2 + wider_m, self.depth_m / 2 + deeper_m)
-        low, high = grid.cells_at_m([self.centre_m])[0] + np.array([[-1], [1]]) * (
-            int(reach / grid.resolution_m) + 1
-        )
-        low, high = np.maximum(low, 0), np.minimum(high + 1, grid.shape)
-        if (low >= high).any():
-            return np.empty((0, 2), np.int64)
-        part = grid.cells[low[0] : high[0], low[1] : high[1]]
-        cells = np.argwhere(part == FREE) + low
-        inside = self.contains(grid.cell_centres_m(cells), wider_m=wider_m, deeper_m=deeper_m)
-        return np.asarray(cells[inside])
-
-
 @dataclass(frozen=True, eq=False)
 class Gates:
     """The candidate gates of a map, sorted by the segments on either side.
@@ -114,7 +50,7 @@ class Gates:
         The G gaps, split at obstacles that segmentation ignores.
     centre_m : (G, 2) float64
     heading_rad, width_m, depth_m : (G,) float64
-        See :class:`Gate`.
+        See :class:`~pgm_places.spaces.gate.Gate`.
     profile_m : (G, 31) float64
         Width of the free space from 1.5 m before to 1.5 m behind, every 0.1 m; wider side last.
     """

@@ -15,7 +15,7 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.vote_parts import vote_parts
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.spaces.cell_features import space_feature_names
-from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.places import place_features
 from pgm_places.spaces.segmentation import RATIOS
 from pgm_places.spaces.space_spec import PLACE_FEATURES

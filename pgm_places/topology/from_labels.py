@@ -10,7 +10,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.gate import Gate
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.confidence import mean_probabilities
 from pgm_places.topology.connections import connections_of

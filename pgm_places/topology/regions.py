@@ -10,7 +10,7 @@ from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.gate import Gate
 from pgm_places.topology.clearance import squared_depth
 from pgm_places.topology.outlines import outlines
 

@@ -13,8 +13,9 @@ from pgm_places.models.boosted_list import BoostedList
 from pgm_places.spaces.cell_features import CellFeatures, space_feature_names
 from pgm_places.spaces.door_truth import match_doors, unmatched_doors
 from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gate_features import gate_features
-from pgm_places.spaces.gates import Gate, Gates, gate_candidates
+from pgm_places.spaces.gates import Gates, gate_candidates
 from pgm_places.spaces.places import Places, places_between
 from pgm_places.spaces.segmentation import RATIOS, Segmentation
 

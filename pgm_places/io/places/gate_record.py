@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.gate import Gate
 
 __all__ = ["gate_record", "read_gate"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.palette import label_colours, rgb_of
-from pgm_places.spaces.gates import Gate
+from pgm_places.spaces.gate import Gate
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 

@@ -160,7 +160,7 @@ def _topology(source: Path, record: dict[str, Any], max_pixels: int) -> Topologi
     )
     plain_names("names of places", [item.name for item in regions], InputError)
     ids = {item.id for item in regions}
-    seen = {int(number) for number in np.unique(region)} - {0}
+    seen = {*np.flatnonzero(np.bincount(region.ravel())).tolist()} - {0}
     if seen != ids:
         raise InputError(
             f"{REGION_FILE} and {TOPOLOGY_FILE} hold other regions ({sorted(seen ^ ids)[:5]}); "
