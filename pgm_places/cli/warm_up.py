@@ -139,7 +139,7 @@ def _warm_up_features() -> None:
     families = {"f16", "f17", "f18", "f19"}
     names = [name.partition("_")[0] for name in laser_feature_names()]
     columns = [column for column, family in enumerate(names) if family in families]
-    extract(np.ones((1, 360), np.float32), max_range_m=10.0, columns=columns)
+    extract(np.ones((2, 360), np.float32), max_range_m=10.0, columns=columns)
 
 
 def _warm_up_scans() -> None:

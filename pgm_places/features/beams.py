@@ -1,5 +1,6 @@
 """Beams prepared for the features: missing returns replaced, the number of beams changed."""
 
+import math
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -40,7 +41,7 @@ def check_ranges(ranges: ArrayLike) -> NDArray[Any]:
 
 def check_max_range(max_range_m: float) -> float:
     """``max_range_m`` if it is a positive finite number."""
-    if not (np.isfinite(max_range_m) and max_range_m > 0):
+    if not (math.isfinite(max_range_m) and max_range_m > 0):
         raise InputError(f"max_range_m must be a positive number of metres, got {max_range_m}")
     return float(max_range_m)
 

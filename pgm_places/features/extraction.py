@@ -15,6 +15,7 @@ from pgm_places.features._beam_kernels import (
     spread_features,
 )
 from pgm_places.features._fourier_kernels import FourierRoom, Outline, fourier_features
+from pgm_places.features._lone_scan_kernels import lone_fourier_features
 from pgm_places.features._minima_kernels import MinimaRoom, minima_features
 from pgm_places.features._polygon_kernels import (
     centroid_features,
@@ -33,7 +34,7 @@ from pgm_places.features.beams import (
     resample_beams,
 )
 from pgm_places.features.laser import LASER_FEATURES
-from pgm_places.features.plan import FeaturePlan, plan_features
+from pgm_places.features.plan import FeaturePlan, FourierPlan, plan_features
 from pgm_places.kernels.jit import ready
 from pgm_places.kernels.lanes import LANES
 from pgm_places.kernels.threads import run_tasks
@@ -223,16 +224,19 @@ def _extract_part(
     for start in range(0, len(scans), SCANS_PER_GROUP):
         stop = min(start + SCANS_PER_GROUP, len(scans))
         load_tiles(scans, start, stop, limit, space.rows, block, space.rho)
-        for call in _calls(plan, space, -(-(stop - start) // LANES)):
+        for call in _calls(plan, space, stop - start):
             call()
         write_rows(space.values, plan.columns, start, stop, space.rows, space.places, rows)
 
 
-def _calls(plan: FeaturePlan, space: Workspace, n_tiles: int) -> list[Callable[[], None]]:
+def _calls(plan: FeaturePlan, space: Workspace, n_scans: int) -> list[Callable[[], None]]:
     """What computes the features of a plan in these planes, once the beams are there."""
-    if space.calls_for != (plan, n_tiles):
+    if space.calls_for != (plan, n_scans):
+        n_tiles = -(-n_scans // LANES)
         calls = [*_beam_families(plan, space, n_tiles), *_polygon_families(plan, space, n_tiles)]
-        space.calls_for, space.calls = (plan, n_tiles), calls
+        if plan.fourier is not None:
+            calls.append(_fourier_series(plan.fourier, space, n_scans))
+        space.calls_for, space.calls = (plan, n_scans), calls
     return space.calls
 
 
@@ -265,10 +269,14 @@ def _polygon_families(
         yield ready(centroid_features, rho, n_tiles, DIRECTIONS, shape, values)
     if plan.moments:
         yield ready(moment_features, rho, n_tiles, DIRECTIONS, shape, space.few, values)
-    if plan.fourier is not None:
-        outline = Outline(rho, DIRECTIONS, space.edges, shape)
-        room = FourierRoom(space.few, space.outline, space.cells)
-        yield ready(fourier_features, outline, n_tiles, plan.fourier, room, values)
+
+
+def _fourier_series(plan: FourierPlan, space: Workspace, n_scans: int) -> Callable[[], None]:
+    outline = Outline(space.rho, DIRECTIONS, space.edges, space.shape)
+    if n_scans == 1:
+        return ready(lone_fourier_features, outline, plan, space.lone, space.values)
+    room = FourierRoom(space.few, space.outline, space.cells)
+    return ready(fourier_features, outline, -(-n_scans // LANES), plan, room, space.values)
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:

@@ -62,6 +62,10 @@ class Crew:
 
     def run(self, work: Callable[[int], None], n_tasks: int) -> None:
         """Call ``work(task)`` for every task in ``range(n_tasks)``, as :func:`run_tasks` does."""
+        if not self._helpers:
+            for task in range(n_tasks):
+                work(task)
+            return
         tickets = count()  # its next() is atomic
         stopped = False
 

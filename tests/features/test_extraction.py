@@ -352,6 +352,22 @@ def test_overwriting_the_input_is_refused() -> None:
         extract(ranges, max_range_m=3.0, out=ranges[:, :321])
 
 
+@pytest.mark.parametrize("name", degenerate())
+def test_a_scan_alone_has_the_same_bits_as_beside_another(name: str) -> None:
+    scan = degenerate()[name][:1]
+    pair = extract(np.vstack([scan, rooms(1, seed=2)]), max_range_m=80.0)
+    assert extract(scan, max_range_m=80.0).tobytes() == pair[:1].tobytes()
+
+
+@settings(max_examples=25)
+@given(st.lists(st.integers(0, 320), unique=True, max_size=40), st.integers(0, 19))
+def test_columns_of_a_scan_alone_have_the_same_bits(columns: list[int], k: int) -> None:
+    ranges = rooms(20, seed=8)
+    whole = extract(ranges, max_range_m=80.0)
+    alone = extract_one(ranges[k], max_range_m=80.0, columns=columns)
+    assert alone.tobytes() == whole[k, columns].tobytes()
+
+
 def test_one_scan_must_be_one_scan() -> None:
     with pytest.raises(InputError, match=r"shape \(beams,\)"):
         extract_one(np.ones((2, 360)), max_range_m=3.0)
@@ -361,22 +377,23 @@ def test_no_columns_no_cost() -> None:
     assert extract(rooms(4, seed=0), max_range_m=80.0, columns=[]).shape == (4, 0)
 
 
-def test_the_same_source_runs_uncompiled() -> None:
+@pytest.mark.parametrize("n_scans", [1, 17])
+def test_the_same_source_runs_uncompiled(n_scans: int) -> None:
     code = (
         "import numpy as np\n"
         "from pgm_places.features.extraction import extract\n"
         "from tests.features.scans import rooms\n"
-        "got = extract(rooms(17, seed=13), max_range_m=80.0)\n"
+        f"got = extract(rooms({n_scans}, seed=13), max_range_m=80.0)\n"
         "print(np.array2string(got.astype(float).sum(axis=0), precision=17, threshold=999))\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-W", "error", "-c", code],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,
         check=True,
     )
     plain = np.array(done.stdout.strip(" []\n").split(), float)
-    compiled = extract(rooms(17, seed=13), max_range_m=80.0).astype(float).sum(axis=0)
+    compiled = extract(rooms(n_scans, seed=13), max_range_m=80.0).astype(float).sum(axis=0)
     np.testing.assert_allclose(plain, compiled, rtol=1e-5, atol=1e-4)
     np.testing.assert_array_equal(plain[COUNTS], compiled[COUNTS])
