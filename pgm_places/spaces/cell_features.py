@@ -108,7 +108,7 @@ class CellFeatures:
         InputError
             If a cell lies outside the map or a column does not exist.
         """
-        chosen = range(len(self.names)) if columns is None else columns
+        chosen = np.arange(len(self.names)) if columns is None else columns
         found = np.empty((len(np.asarray(cells_rc)), len(np.asarray(chosen))), np.float32)
         self.write(cells_rc, chosen, found, n_threads=n_threads)
         return found
@@ -126,13 +126,14 @@ class CellFeatures:
         cells, size = np.asarray(cells_rc), len(self.names)
         chosen = integer_array("columns", columns, ("F",), low=0, high=size)
         cells = self.divisions[0].watershed.checked(cells_rc)
+        at_clearance = first + np.flatnonzero(chosen == 0)
         groups = [(lookup, *_within(chosen, part)) for lookup, part in self._lookups]
 
         def take(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
             places = cells[some].copy()  # never read-only, so that one kernel is compiled
             basin, clearance = self.divisions[0].watershed.read(places)
-            found[some, first + np.flatnonzero(chosen == 0)] = clearance[:, None]
+            found[some, at_clearance] = clearance[:, None]
             for lookup, source, target in groups:
                 if len(source):
                     lookup.write(places, basin, clearance, source, first + target, found[some])
