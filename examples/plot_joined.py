@@ -85,15 +85,15 @@ print(f"joined: {labeling.status}, gap to the best possible score {labeling.gap:
 colours = label_colours(names)
 picture, grid = ListedColormap(colours), buildings[2].grid
 layout = LabelGraph.from_grid(grid).layout
-figure, axes = plt.subplots(1, 3, figsize=(13, 3.2), layout="constrained")
-for axis, (name, labels) in zip(axes, found.items(), strict=True):
+y, x = layout.cells_rc[path].T
+figure, axes = plt.subplots(2, 2, figsize=(12, 6.8), layout="constrained")
+for axis, (name, labels) in zip(axes.flat, {"truth": truth, **found}.items(), strict=True):
     cells = np.ma.masked_less(layout.to_raster(labels[~is_step], fill=-1), 0)
     axis.imshow(np.ma.masked_equal(grid.occupied, 0), cmap=ListedColormap([WALL]), origin="lower")
     axis.imshow(cells, cmap=picture, vmin=-0.5, vmax=2.5, alpha=0.45, origin="lower")
-    y, x = layout.cells_rc[path].T
-    axis.scatter(x, y, c=np.array(colours)[labels[is_step]], s=14, edgecolors="k", linewidths=0.3)
-    axis.set_title(name)
+    axis.scatter(x, y, c=np.array(colours)[labels[is_step]], s=16, edgecolors="k", linewidths=0.3)
+    axis.set(title=name, xlim=(x.min() - 12, x.max() + 12), ylim=(y.min() - 12, y.max() + 12))
     axis.set_axis_off()
 for name, colour in zip(names, colours, strict=True):
-    axes[0].scatter([], [], c=colour, edgecolors="k", label=name)
-figure.legend(loc="outside lower center", ncols=3)
+    axes[0, 0].scatter([], [], c=colour, edgecolors="k", label=name)
+figure.legend(loc="outside lower center", ncols=3, frameon=False)

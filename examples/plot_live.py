@@ -47,8 +47,8 @@ for step, (pose, ranges) in enumerate(zip(poses, scans, strict=True)):
 # %%
 # Grey is what is free, black what is occupied, as in RViz; the scan is red.
 colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
-figure, axis = plt.subplots(figsize=(11, 5.5), layout="constrained", facecolor="#303030")
 width, height = grid.shape[1] * grid.resolution_m, grid.shape[0] * grid.resolution_m
+figure, axis = plt.subplots(figsize=(10, 10 * height / width), layout="constrained")
 shade = np.select([grid.free, grid.occupied], [0.85, 0.05], 0.35)
 axis.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(0, width, 0, height))
 for region in topology.regions:

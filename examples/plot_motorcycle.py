@@ -14,6 +14,8 @@ import time
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import Patch
 from scipy.spatial import cKDTree
 from skimage import data
 from sklearn.linear_model import LogisticRegression
@@ -76,13 +78,13 @@ share = labeling.gap / labeling.score
 print(f"status {labeling.status}, at most {share:.1e} of its score below the best possible")
 
 # %%
-palette = np.array(["#f4c150", "#2b4bb8", "#a1de96"])
-figure, panels = plt.subplots(2, 2, figsize=(9, 10), layout="constrained")
-panels = panels.ravel()
+palette = ("#f4c150", "#2b4bb8", "#a1de96")
+figure, panels = plt.subplots(1, 4, figsize=(12, 5.2), layout="constrained")
 for panel, (name, labels) in zip(panels, {"truth": truth[right], **found}.items(), strict=True):
-    panel.scatter(columns[right], -rows[right], c=palette[labels], s=7, marker="s")
-    panel.set(title=name, aspect="equal")
+    picture = np.ma.masked_all((84, 124), int)
+    picture[rows[right] // 6, columns[right] // 6] = labels
+    panel.imshow(picture[:, 62:], cmap=ListedColormap(palette), vmin=0, vmax=2)
+    panel.set_title(name)
     panel.set_axis_off()
-for name, colour in zip(names, palette, strict=True):
-    panels[0].scatter([], [], c=colour, marker="s", label=name)
-figure.legend(loc="outside lower center", ncols=3)
+handles = [Patch(color=colour, label=name) for colour, name in zip(palette, names, strict=True)]
+figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)

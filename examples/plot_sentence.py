@@ -70,32 +70,32 @@ for name, backend in models.items():
     rate = np.mean(np.hstack(found[name]) == np.hstack(wanted))
     print(f"{name:16} {100 * rate:.1f} % of the letters")
 
-
-def words(labels):
-    return "".join(letters[label] for label in labels)
-
-
-for line in (3, 4, 5):
-    print(*(words(row[line]) for row in (wanted, *found.values())), "", sep="\n")
+# %%
+# Half of the first three lines, as they arrive and as they are read; wrong letters are red.
+figure, axes = plt.subplots(3, 1, figsize=(9, 6.3), layout="constrained")
+for line, axis in enumerate(axes):
+    strip = np.hstack(unread[line].node_features.reshape(-1, 8, 6)[:30])
+    axis.imshow(strip, cmap="gray_r", vmin=-0.6, vmax=1.2, extent=(0, 360, 18, 0))
+    read = {"true": wanted[line], **{name: rows[line] for name, rows in found.items()}}
+    for n, (name, row) in enumerate(read.items()):
+        for k, label in enumerate(row[:30]):
+            colour = "#2d2d2d" if label == wanted[line][k] else "#d1002c"
+            axis.text(12 * k + 6, 30 + 14 * n, letters[label], ha="center", color=colour)
+        axis.text(-4, 30 + 14 * n, name, ha="right", fontsize=9)
+    axis.set(ylim=(76, 0), xlim=(-75, 360))
+    axis.set_axis_off()
 
 # %%
-# The table, as how much more often a letter follows than it occurs at large: u after q, say.
-figure, axes = plt.subplots(2, 1, figsize=(9, 9.4), height_ratios=[1, 5], layout="constrained")
-strip = np.hstack(unread[4].node_features.reshape(-1, 8, 6)[:30])
-axes[0].imshow(strip, cmap="gray_r", vmin=-0.6, vmax=1.2, extent=(0, 360, 16, 0))
-read = {"true": wanted[4], **{name: rows[4] for name, rows in found.items()}}
-for n, (name, row) in enumerate(read.items()):
-    for k, label in enumerate(row[:30]):
-        colour = "#2d2d2d" if label == wanted[4][k] else "#d1002c"
-        axes[0].text(12 * k + 6, 26 + 13 * n, letters[label], ha="center", color=colour)
-    axes[0].text(-4, 26 + 13 * n, name, ha="right", fontsize=9)
-axes[0].set(ylim=(70, 0), xlim=(-75, 360))
-axes[0].set_axis_off()
-share = np.bincount(np.hstack(truths), minlength=27) / len(np.hstack(truths))
-table = np.log2(model.backend_.transition / share).clip(-4, 4)
-names = ["␣" if letter == " " else letter for letter in letters]
-picture = axes[1].imshow(table, cmap="PuOr_r", vmin=-4, vmax=4)
-axes[1].set_xticks(range(27), names)
-axes[1].set_yticks(range(27), names)
-axes[1].set(xlabel="next letter", ylabel="letter")
-figure.colorbar(picture, ax=axes[1], label="times two to the power of", shrink=0.8)
+# The table, with the most frequent letters: after h comes e, and words end in d, s or f.
+share = np.bincount(np.hstack(truths), minlength=27)
+often = np.sort(np.argsort(-share)[:18])
+names = ["␣" if letters[label] == " " else letters[label] for label in often]
+figure, axis = plt.subplots(figsize=(7, 5.6), layout="constrained")
+table = model.backend_.transition[np.ix_(often, often)]
+picture = axis.imshow(table, cmap="Blues", vmin=0, vmax=0.5)
+axis.set_xticks(range(len(often)), names)
+axis.set_yticks(range(len(often)), names)
+axis.set(xlabel="next letter", ylabel="letter")
+axis.tick_params(length=0)
+axis.spines[:].set_visible(False)
+figure.colorbar(picture, label="probability", shrink=0.8)

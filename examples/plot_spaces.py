@@ -36,7 +36,7 @@ print(f"{scores.found} of {scores.doors} doors, {100 * scores.precision:.0f} % o
 places = places_between(gates, truth.is_doorway)
 colours = np.random.default_rng(1).uniform(0.35, 0.95, (found.scales[0].count, 3))
 height, width = np.array(grid.shape) * grid.resolution_m
-pictures = {f"segments, {r:g}": s for r, s in zip(found.ratios, found.scales, strict=True)}
+pictures = {f"segments at ratio {r:g}": s for r, s in zip(found.ratios, found.scales, strict=True)}
 figure, axes = plt.subplots(2, 2, figsize=(12, 6), layout="constrained")
 for axis, (title, division) in zip(
     axes.flat, (pictures | {"places": places.segments}).items(), strict=True

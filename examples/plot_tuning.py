@@ -2,7 +2,7 @@
 Tuning: what the options do to a map
 ====================================
 
-The model is trained on three small buildings and labels a fourth; each row varies one option.
+The model is trained on three small buildings and labels a fourth; each column varies one option.
 With few boosting rounds the classifier makes enough errors to show the effects.
 
 * Relaxation: more iterations remove specks first and doorways next.
@@ -25,7 +25,7 @@ from pgm_places.palette import WALL, label_colours
 buildings = [generate_building(seed, size="small", resolution_m=0.2) for seed in (0, 3, 4, 2)]
 maps = [LabelledMap(building.grid, building.labels) for building in buildings]
 names, grid = buildings[0].label_names, buildings[-1].grid
-rows = {
+columns = {
     "relaxation": [{"max_iterations": n} for n in (1, 10, 50, 200)],
     "potts": [{"weight": weight} for weight in (0.1, 0.3, 1.0, 3.0)],
     "amn": [
@@ -35,18 +35,19 @@ rows = {
 }
 methods = {
     f"{method} {n}": build(method, options)
-    for method, settings in rows.items()
+    for method, settings in columns.items()
     for n, options in enumerate(settings)
 }
 quick = DecisionListClassifier(20, order="rarest-first")
 labeler = PlaceLabeler(names, methods, classifier=quick, space=None).fit(maps[:-1])
 graph, scores = labeler.scores(grid)
 truth = maps[-1].truth(graph)
+known = np.argwhere(buildings[-1].labels >= 0)
 
 # %%
-figure, axes = plt.subplots(3, 4, figsize=(13, 6.5), layout="constrained")
+figure, axes = plt.subplots(4, 3, figsize=(13, 9.6), layout="constrained")
 cells, picture = graph.layout, ListedColormap(label_colours(names))
-for line, (method, settings) in zip(axes, rows.items(), strict=True):
+for line, (method, settings) in zip(axes.T, columns.items(), strict=True):
     for n, (axis, options) in enumerate(zip(line, settings, strict=True)):
         labels = labeler.infer(graph, scores, method=f"{method} {n}").labels
         result = evaluate(truth, labels, names)
@@ -58,10 +59,14 @@ for line, (method, settings) in zip(axes, rows.items(), strict=True):
             shown, cmap=picture, vmin=-0.5, vmax=2.5, origin="lower", interpolation="nearest"
         )
         (option, value), *_ = options.items()
-        doors = f"doorways: recall {result.recall['doorway']:.0%}, "
-        doors += f"precision {result.precision['doorway'] or 0:.0%}"
-        axis.set_title(f"{method}, {option} = {value}\n{result.accuracy:.1%}, {doors}", fontsize=9)
+        recall, precision = result.recall["doorway"], result.precision["doorway"] or 0
+        doors = f"doorways: recall {100 * recall:.0f} %, precision {100 * precision:.0f} %"
+        right = f"{100 * result.accuracy:.1f} % right, {doors}"
+        axis.set_title(f"{method}, {option} = {value}\n{right}", fontsize=10)
+        axis.set(
+            ylim=known[:, 0][[0, -1]] + [-3, 3], xlim=(known[:, 1].min() - 3, known[:, 1].max() + 3)
+        )
         axis.set_axis_off()
 for name, colour in zip(names, picture.colors, strict=True):
     axes[0, 0].scatter([], [], c=colour, marker="s", label=name)
-figure.legend(loc="outside lower center", ncols=3)
+figure.legend(loc="outside lower center", ncols=3, frameon=False)
