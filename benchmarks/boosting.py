@@ -1,4 +1,4 @@
-"""Boosting decision stumps: generalized AdaBoost, 100 rounds.
+"""Boosting decision stumps: generalised AdaBoost, 100 rounds.
 
 One class against all others, on the 321 features of the cells of building 79 at 5 cm if the data is
 available, otherwise of the generated building. Seconds are processor time on one thread and wall

@@ -49,7 +49,7 @@ def presort(X: NDArray[np.float32]) -> tuple[NDArray[Any], NDArray[Any]]:
 def sweep(
     orders: NDArray[Any], values: NDArray[Any], X: NDArray[np.float32], y: Any, n_rounds: int
 ) -> list[Stump]:
-    """The stumps of the first rounds of generalized AdaBoost."""
+    """The stumps of the first rounds of generalised AdaBoost."""
     labels = np.where(y, 1.0, -1.0)
     weights = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
     stumps: list[Stump] = []

@@ -1,7 +1,7 @@
 """Spaces: segments, gates, places, and what cells see of them.
 
 The real map of building 79 at 5 cm if the data is available, otherwise the generated building, and
-a square of 10 000 m2 filled with generated floors; every second gate is accepted. Processor time on
+a square of 10,000 m2 filled with generated floors; every second gate is accepted. Processor time on
 one thread. Cells are looked up row by row, as when a map is labelled, and in random order.
 """
 

@@ -1,4 +1,4 @@
-"""Generalized AdaBoost with decision stumps (paper, section 3, eq. 1, 2 and Fig. 2)."""
+"""Generalised AdaBoost with decision stumps (paper, section 3, eq. 1, 2 and Fig. 2)."""
 
 from collections.abc import Callable
 from typing import Any, Self

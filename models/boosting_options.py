@@ -22,7 +22,7 @@ class BoostingOptions:
         Boosting stops when the best stump's ``|r|``, or the best tree's correlation with the
         labels, is below this.
     max_depth : int
-        1 boosts decision stumps by generalized AdaBoost, as the paper does; 2 to 4 boosts
+        1 boosts decision stumps by generalised AdaBoost, as the paper does; 2 to 4 boosts
         regression trees with this many levels by gentle AdaBoost.
     shrinkage : float
         The vote of every stump or tree is multiplied by this; 1 is the paper's. Trees generalise

@@ -1,4 +1,4 @@
-"""The rounds of generalized AdaBoost (paper, section 3 and Fig. 2)."""
+"""The rounds of generalised AdaBoost (paper, section 3 and Fig. 2)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -32,7 +32,7 @@ def boost(
 ) -> StrongClassifier:
     """The strong classifier that tells the positive parts from the negative ones.
 
-    Generalized AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
+    Generalised AdaBoost as in Fig. 2 of the paper: both classes start with half of the weight;
     each round takes the stump of largest ``|r|`` over all features, all thresholds halfway between
     neighbouring values and both polarities, with alpha = 0.5 ln((1 + r) / (1 - r)). Stumps whose
     ``|r|`` differ by less than 2**-40 count as equal: the lowest column wins, then the lowest

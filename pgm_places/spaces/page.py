@@ -5,6 +5,7 @@ Rewrites the parts of the page between the marks of a table.
 
 import sys
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 
 from pgm_places.errors import InputError
@@ -46,10 +47,16 @@ def updated_page(text: str) -> str:
 
 
 def _table(specs: tuple[SpaceSpec, ...]) -> str:
-    lines = ["| column | name | definition |", "|---|---|---|"]
-    return "\n".join(
-        [*lines, *(f"| {k} | {spec.id} | {spec.definition} |" for k, spec in enumerate(specs))]
-    )
+    """A row per definition; columns that share one, such as those of a profile, are one row."""
+    lines = ["| columns | name | definition |", "|---|---|---|"]
+    for definition, group in groupby(enumerate(specs), key=lambda item: item[1].definition):
+        (first, spec), *others = group
+        last, end = others[-1] if others else (first, spec)
+        columns = f"{first}–{last}" if others else str(first)
+        name = f"{spec.id} to {end.id}" if others else spec.id
+        escaped = definition.replace("|", "\\|")
+        lines.append(f"| {columns} | {name} | {escaped} |")
+    return "\n".join(lines)
 
 
 def main(arguments: Sequence[str]) -> None:

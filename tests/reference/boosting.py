@@ -1,4 +1,4 @@
-"""Generalized AdaBoost of Fig. 2 and the decision list, slow and obvious, in NumPy only."""
+"""Generalised AdaBoost of Fig. 2 and the decision list, slow and obvious, in NumPy only."""
 
 from itertools import pairwise
 from typing import Any
