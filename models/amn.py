@@ -208,7 +208,7 @@ class AssociativeMarkovNetwork(LinearModel):
         LabelError
             A label without an example in any map.
         InputError
-            Maps and labelings that do not belong together, or features that are missing.
+            Maps and labellings that do not belong together, or features that are missing.
         """
         examples = labelled_problems(problems, labelings)
         weights = None

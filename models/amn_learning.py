@@ -124,7 +124,7 @@ def labelled_parts(
     Raises
     ------
     InputError
-        Problems and labelings that do not belong together, or no label at all.
+        Problems and labellings that do not belong together, or no label at all.
     """
     known: list[Example] = []
     for problem, truth in labelled_problems(problems, labelings):

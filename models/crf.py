@@ -188,7 +188,7 @@ class ConditionalRandomField(LinearModel):
         LabelError
             A label without an example in any problem.
         InputError
-            Problems and labelings that do not belong together, features that are missing,
+            Problems and labellings that do not belong together, features that are missing,
             ``likelihood`` on a graph with a cycle, or weights that a learner cannot take.
         """
         hidden = self.unlabelled == "hidden"

@@ -63,7 +63,9 @@ def live(
     *,
     node: NodeOptions,
     options: LiveOptions,
-    jsonl: Annotated[bool, typer.Option("--jsonl", help="Each line as a JSON object.")] = False,
+    jsonl: Annotated[
+        bool, typer.Option("--jsonl", help="Print each line as a JSON object.")
+    ] = False,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,

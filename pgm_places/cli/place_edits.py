@@ -38,7 +38,7 @@ def merge(
         str, typer.Argument(metavar="OTHER", help="The place to merge into the first.")
     ],
 ) -> None:
-    """Merge two places into one, which keeps the id and the name of the first."""
+    """Merge two places into one. It keeps the id and the name of the first."""
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import merged
 
@@ -53,7 +53,7 @@ def split(
         typer.Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
     ],
 ) -> None:
-    """Split a place along a line, or at a point across its narrowest passage."""
+    """Split a place along a line or at a point. A point splits it where it is narrowest."""
     from pgm_places.io.places.topology_files import load_named_topology
     from pgm_places.topology.place_edits import split_across, split_at
 

@@ -40,7 +40,8 @@ def topology(
         typer.Option(
             "--propose-splits",
             min=0,
-            help="List the places that --split-rooms would split, without splitting.",
+            help="List the places that --split-rooms would split at this width (m), without "
+            "splitting them.",
         ),
     ] = 0.0,
     unknown_value: UnknownValue = None,

@@ -31,7 +31,7 @@ def simulate_map(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Turn a labelled plan into maps like those a robot would make.
+    """Turn a labelled plan into robot-like maps.
 
     Options written LOW,HIGH are ranges; each map draws a value from them.
     """

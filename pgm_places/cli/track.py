@@ -23,8 +23,8 @@ def track(
         typer.Option(
             "--model",
             "-m",
-            help="Folder written by 'train', or the name of a shipped model; tracking by default, "
-            "with --map default.",
+            help="Folder written by 'train', or the name of a shipped model; 'tracking' by "
+            "default, 'default' with --map.",
         ),
     ] = None,
     out: Annotated[
@@ -78,7 +78,7 @@ def track(
         ),
     ] = False,
     jsonl: Annotated[
-        bool, typer.Option("--jsonl", help="With --follow: each line as a JSON object.")
+        bool, typer.Option("--jsonl", help="With --follow: print each line as a JSON object.")
     ] = False,
     force: Force = False,
     quiet: Quiet = False,

@@ -1,1 +1,1 @@
-"""Labeling problems, potentials and results, and the inference methods by name."""
+"""Labelling problems, potentials and results, and the inference methods by name."""

@@ -53,7 +53,7 @@ class LabelingProblem:
     known : (N,) int, optional
         Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
         labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. It is
-        evidence for labelling: what is learned from are the labelings that ``fit`` is given, and
+        evidence for labelling: what is learned from are the labellings that ``fit`` is given, and
         no model stores it.
     cliques : Cliques, optional
         Sets of nodes that want to have one label, such as superpixels: C of them; the graph's by
@@ -356,8 +356,8 @@ def labelled_problems(
     Raises
     ------
     InputError
-        No problem, another number of labelings, problems with different labels, or a labeling that
-        does not fit its problem.
+        No problem, another number of labellings, problems with different labels, or a labelling
+        that does not fit its problem.
     """
     problems = listed_problems(problems)
     if not isinstance(labelings, Iterable):
@@ -365,7 +365,7 @@ def labelled_problems(
     labelings = list(labelings)
     if not problems or len(problems) != len(labelings):
         raise InputError(
-            "learning takes at least one problem and as many labelings, got "
+            "learning takes at least one problem and as many labellings, got "
             f"{len(problems)} problems and {len(labelings)} labelings"
         )
     names = problems[0].label_names

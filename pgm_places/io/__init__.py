@@ -1,1 +1,1 @@
-"""Files: maps, labels, models, results."""
+"""Files: maps and labels, logs, places, and how they are read and written safely."""

@@ -234,7 +234,7 @@ def at_model_resolution(
 def _brought_back(
     labeling: Labeling, refined: OccupancyGrid, cells: GridLayout, layout: GridLayout
 ) -> Labeling:
-    """A refined map's labeling at the nodes of the map: most frequent label, mean probability.
+    """A refined map's labelling at the nodes of the map: most frequent label, mean probability.
 
     ``cells`` are those of the refined map, ``layout`` those of the map. Of labels that are equally
     frequent the first is taken. Score and bound stay those of the refined map.

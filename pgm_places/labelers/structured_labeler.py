@@ -139,7 +139,7 @@ class StructuredLabeler(Labeler):
         ConfigError
             An option that is not understood, or weights that the backend or classifier cannot take.
         InputError
-            Problems and labelings that do not fit each other, or features that are missing.
+            Problems and labellings that do not fit each other, or features that are missing.
         LabelError
             A label without an example.
         """
@@ -343,7 +343,7 @@ def _checked(
 
 
 def _counted(truths: list[Truth], weights: Weights) -> list[Truth]:
-    """The labelings without nodes of weight 0."""
+    """The labellings without nodes of weight 0."""
     if weights is None:
         return truths
     return [np.where(weight > 0, truth, -1) for truth, weight in zip(truths, weights, strict=True)]

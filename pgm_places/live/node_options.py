@@ -21,7 +21,7 @@ class NodeOptions:
     map_topic : str
         Topic of the maps.
     tf_topic : str
-        Topic of the transforms; static ones arrive on the same name with ``_static``.
+        Topic of the transforms; static ones arrive on the same topic with '_static' appended.
     odom_topic : str
         Topic of the odometry, used where no transform gives the robot's motion.
     map_frame : str
@@ -29,7 +29,7 @@ class NodeOptions:
     base_frame : str
         The frame of the robot, whose position is looked up on the map.
     output_namespace : str
-        Namespace of what is published: label_map, markers, place and topology.
+        Namespace of the published topics: label_map, markers, place and topology.
     tf_tolerance_s : float
         How long a scan waits for its transform (s).
     stale_after_s : float

@@ -135,7 +135,7 @@ def map_results(scored: Sequence[Scored], note: Callable[[float], None]) -> list
 
 
 def tempered_fields(scored: Sequence[Scored], labelings: Sequence[Labeling]) -> list[Labeling]:
-    """The labelings with the temperatures that the held-out cells of other folds ask for."""
+    """The labellings with the temperatures that the held-out cells of other folds ask for."""
     fold = np.array([item.fold for item in scored])
     factor = {}
     for number in np.unique(fold).tolist():

@@ -287,7 +287,7 @@ def test_bad_problems() -> None:
     problem, truth = a_problem(0.0)
     chain = LabelGraph.from_trajectory(np.zeros((5, 2)))
     on_chain = LabelingProblem(chain, NAMES, unary=np.zeros((5, 3)))
-    with pytest.raises(InputError, match="at least one problem and as many labelings"):
+    with pytest.raises(InputError, match="at least one problem and as many labellings"):
         Relaxation().fit([problem], [])
     with pytest.raises(InputError, match="nothing to count"):
         Relaxation().fit([problem], [np.full(len(truth), -1)])

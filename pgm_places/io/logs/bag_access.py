@@ -57,8 +57,8 @@ def open_bag(path: Path | str) -> Iterator[Any]:
             yield reader
     except PgmPlacesError:
         raise
-    # Damaged bytes make rosbags, the databases below it, and whoever takes a message of other
-    # fields than its name promises raise anything at all: sizes that lie end in MemoryError.
+    # Damaged bytes make rosbags, the databases below it and whoever uses its messages raise
+    # anything at all; wrong sizes even end in MemoryError.
     except Exception as error:
         reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise LogError(
@@ -84,8 +84,8 @@ def _checked(path: Path) -> Iterator[list[Path]]:
 def _without_qos() -> Iterator[None]:
     """Leave the publishers' quality of service unread, which nothing here needs.
 
-    It is a YAML text within the bag, and ``rosbags`` parses it by a parser in Python that some
-    kilobytes of a stranger's brackets keep busy for minutes.
+    It is YAML within the bag, and a few kilobytes of malicious brackets keep the Python parser of
+    ``rosbags`` busy for minutes.
     """
     modules: list[Any] = [
         importlib.import_module(f"rosbags.rosbag2.storage_{kind}") for kind in ("mcap", "sqlite3")

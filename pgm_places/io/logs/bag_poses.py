@@ -50,8 +50,8 @@ class PoseTrack:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(T, 3) poses at the times, and (T,) whether there is one close enough.
 
-        Interpolation needs an entry on both sides, not farther apart than the gap; headings turn
-        the shorter way. The nearest entry may be as far away as the gap.
+        Interpolation needs entries on both sides, at most the gap apart; headings turn the shorter
+        way. The nearest entry may be up to the gap away.
         """
         if self.is_static:
             return np.repeat(self.poses, len(times_s), axis=0), np.ones(len(times_s), np.bool_)
@@ -109,7 +109,7 @@ class FrameTree:
 def at_times(
     chain: list[PoseTrack], times_s: NDArray[np.float64], lookup: Lookup, max_gap_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], bool]:
-    """Poses (T, 3) of the end of a chain in its beginning, where known (T,), whether mirrored."""
+    """Poses (T, 3) of a chain's last frame in its first, where known (T,), whether mirrored."""
     poses = np.zeros((len(times_s), 3))
     known = np.ones(len(times_s), np.bool_)
     mirrored = False

@@ -44,8 +44,8 @@ def write_bag(path: Path | str, trajectory: Trajectory) -> Path:
     Raises
     ------
     InputError
-        There are no scans, their beams are not evenly spaced, stamps are negative, the name's
-        ending is another one, or ``rosbags`` is not installed.
+        There are no scans, their beams are not evenly spaced, stamps are negative, the name has
+        another ending, or ``rosbags`` is not installed.
     OutputError
         The bag cannot be written; nothing is left half-written.
     """

@@ -76,17 +76,17 @@ def read_bag(
         Readings of at least this mean no return; what the messages say by default.
 
     Where neither topic nor frame is named, poses come from the tree if that connects ``map`` with
-    the laser, else from the only odometry topic, else from the tree with ``odom``. Odometry
-    beside poses in ``map`` is kept as the trajectory's odometry. Where the tree knows how the
-    laser is mounted on the robot, poses are the laser's, and a laser mounted upside down has
-    its beams turned round.
+    the laser, else from the only odometry topic, else from the tree with ``odom``. Odometry beside
+    poses in ``map`` is kept as the trajectory's odometry. Where the tree knows how the laser is
+    mounted on the robot, poses are the laser's, and the beams of a laser mounted upside down are
+    reversed.
 
     Raises
     ------
     LogError
         The bag is damaged, has no scans or no poses, or there are several and none was chosen.
     InputError
-        An option is wrong, or ``rosbags`` is not installed.
+        An option is invalid, or ``rosbags`` is not installed.
     """
     if lookup not in ("interpolated", "nearest"):
         raise InputError(f'lookup must be "interpolated" or "nearest", got {lookup!r}')

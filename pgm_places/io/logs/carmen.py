@@ -220,7 +220,7 @@ def read_carmen(
     LogError
         The file cannot be read, or holds neither scans nor odometry.
     InputError
-        An option is wrong.
+        An option is invalid.
     """
     path = user_path(path, LogError)
     lines = LogLines(path)

@@ -18,7 +18,7 @@ MAX_SCANS = 5_000_000
 MAX_READINGS = 500_000_000
 _MAX_KINDS = 1000
 
-# A wall does not stand at one and the same distance, the longest of all, for so many readings.
+# No wall gives so many readings of exactly the same distance, the longest of all.
 _CODE_SHARE = 0.005
 _CODE_READINGS = 20
 

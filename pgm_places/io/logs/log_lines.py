@@ -26,8 +26,8 @@ _GZIP_MAGIC = b"\x1f\x8b"
 class LogLines:
     """The lines of a file or a pipe, plain or gzip by its first bytes, whatever it is called.
 
-    Where the compressed data are truncated or are damaged, the lines before that place come all
-    the same, and :attr:`damage` then says what happened.
+    If the compressed data are truncated or damaged, the lines before that point still come, and
+    :attr:`damage` then says what happened.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ class LogLines:
     Raises
     ------
     LogError
-        When the lines are asked for and the file cannot be opened or read, is larger than 4 GiB
-        unpacked, or has a line of more than 4 MiB.
+        On iteration: the file cannot be opened or read, is larger than 4 GiB unpacked, or has a
+        line of more than 4 MiB.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -84,12 +84,12 @@ def follow_lines(
     stream : binary file
         An open plain file, or ``sys.stdin.buffer``. It is read line by line, never ahead.
     poll_s : float or None
-        At the end of the data: look again after this many seconds, as in a growing file. None ends
-        there, as is right for a pipe, whose end is final.
+        At the end of the data: look again after this many seconds, as in a growing file. None stops
+        there, which suits a pipe, whose end is final.
     is_over : callable
         Asked at each end of the data; true ends the lines.
 
-    A last line without a line end is given once it is certain that nothing more comes.
+    A last line without a newline comes once it is certain that nothing will follow.
 
     Raises
     ------
@@ -120,9 +120,8 @@ def follow_files(
 ) -> Iterator[Iterator[bytes]]:
     """The lines of a growing file, and those of every file that takes its place under its name.
 
-    A log may be truncated and begun again, or moved away and replaced (as logrotate does). The
-    lines of the first one end then, after what was still written to it, and those of the new one
-    follow from its beginning.
+    A log may be truncated and restarted, or moved away and replaced (as logrotate does). The rest
+    of the old file then comes first, and the new one follows from its beginning.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def read_map_messages(path: Path | str, topic: str = "map") -> Iterator[MapMessa
     ----------
     path : path
     topic : str
-        The topic of the maps; the default also takes the only one that there is.
+        The topic of the maps; the default also takes the only one in the bag.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from pgm_places.io.logs.unpacking import MAX_CHUNK_BYTES, unpacked_size, zstd_mo
 __all__ = ["check_mcap"]
 
 _MOST_LZ4 = 255
-"""How many times as large LZ4 can make its data."""
+"""The largest factor by which LZ4 can expand its data."""
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _CHUNK, _CHUNK_INDEX = 0x02, 0x06, 0x08
 

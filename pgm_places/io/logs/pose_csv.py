@@ -120,7 +120,7 @@ def iter_pose_csv(path: Path, lines: Iterable[bytes]) -> Iterator[tuple[float, N
     Raises
     ------
     LogError
-        As of :func:`read_pose_csv`, at the row that is wrong.
+        As of :func:`read_pose_csv`, at the offending row.
     """
     table = CsvTable(path, _fields(path, lines), LogError)
     columns = _Columns.of(table)

@@ -1,7 +1,7 @@
 """The sizes that a ROS 1 bag states, checked before anything is unpacked.
 
-The format is described at https://wiki.ros.org/Bags/Format/2.0. ``rosbags`` follows the places that
-the index names, and unpacks chunks without a limit.
+The format is described at https://wiki.ros.org/Bags/Format/2.0. ``rosbags`` trusts the positions in
+the index, and unpacks chunks without a limit.
 """
 
 import struct
@@ -21,7 +21,7 @@ _MAX_HEADER = 16 << 20
 
 
 def check_ros1(path: Path) -> None:
-    """Refuse a bag whose records state sizes that are not so, or whose chunks unpack to too much.
+    """Refuse a bag whose records state wrong sizes, or whose chunks unpack to too much.
 
     Raises
     ------

@@ -18,7 +18,7 @@ class ScanMessages:
     Parameters
     ----------
     source : str
-        Where the messages come from, for what is said of a bad one.
+        Where the messages come from, for the error about a bad one.
     range_max_m : float, optional
         Readings of at least this mean no return; what the messages say by default.
     """

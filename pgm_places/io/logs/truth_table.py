@@ -28,14 +28,14 @@ def with_truth(
     label_names : sequence of str
         The places to distinguish.
     label_column : str, optional
-        The column of places, where it is none of the usual ones.
+        The column of places, if it has none of the usual names.
     classes : mapping of str to str, optional
         From the table's names to label names; all others are unknown places.
 
     Raises
     ------
     LogError
-        There is no such column, or the number of rows is not that of steps.
+        There is no such column, or there are more or fewer rows than steps.
     LabelError
         Without ``classes``: a place that is not among the labels.
     """

@@ -1,4 +1,4 @@
-"""Unpacking what strangers packed: never more than a limit, whatever the packed bytes say.
+"""Unpacking untrusted data: never more than a limit, whatever the packed bytes claim.
 
 A kilobyte of bz2 or Zstandard can hold a gigabyte of zeros, and ``rosbags`` unpacks without limits.
 """
@@ -23,8 +23,7 @@ MAX_CHUNK_BYTES = 256 << 20
 """Of a chunk, unpacked; writers begin a new one after some megabytes."""
 
 MOST_TIMES, FREE_BYTES = 1000, 16 << 20
-"""What is packed may become 16 MiB and a thousand times as large; bags of scans shrink to a third
-or a tenth."""
+"""At most 1000 times their size plus 16 MiB once unpacked; bags of scans shrink to a tenth."""
 
 _PIECE = 1 << 20
 
@@ -76,15 +75,15 @@ def _decompressor(compression: str) -> Any:
 def plain_storage(folder: Path) -> Iterator[list[Path]]:
     """The files of a ROS 2 bag's folder, unpacked where they are packed.
 
-    ``rosbags`` is given these instead of the folder, because its own reading of ``metadata.yaml``
-    has no limits of time. What else that file says, such as topics, the files say too.
+    ``rosbags`` is given these instead of the folder, because it reads ``metadata.yaml`` without a
+    time limit. Whatever else that file says, such as the topics, the files say too.
 
     Raises
     ------
     LogError
-        ``metadata.yaml`` is no plain YAML of at most 256 KiB, or names no files, one twice or one
-        that is missing; a file becomes more than 16 MiB and a thousand times its size, or more than
-        the disk has room for; messages are packed one by one.
+        ``metadata.yaml`` is not plain YAML of at most 256 KiB, or names no files, one twice or one
+        that is missing; a file unpacks to more than 16 MiB and a thousand times its size, or to
+        more than the disk has room for; messages are compressed individually.
     """
     metadata = read_yaml(folder / "metadata.yaml", LogError, "metadata of a ROS 2 bag")
     content = metadata.values.get("rosbag2_bagfile_information")

@@ -30,8 +30,8 @@ __all__ = ["load_labels", "save_labels"]
 
 _log = logging.getLogger(__name__)
 
-# Labels on free cells: below the first share the picture is suspected, above the second one the
-# picture turned upside down is believed to be right.
+# Shares of the labels that lie on free cells: below the first the image is suspect; if the flipped
+# image is above the second, it is taken to be upside down.
 _FEW_ON_FREE, _MOST_ON_FREE = 0.8, 0.95
 
 
@@ -49,9 +49,9 @@ def load_labels(
     ----------
     image_path : Path
         PNG, PGM, BMP or TIFF of the size of the map's image. Greys are compared with the values of
-        the names file; in an indexed image the palette's greys, or the indices where its palette
-        has other colours. The colours in which :func:`save_labels` writes stand for the same values
-        in any image, whatever an editor has made of its palette. Fully transparent pixels have no
+        the names file; in an indexed image the palette's greys, or the indices if its palette has
+        other colours. The colours in which :func:`save_labels` writes stand for the same values in
+        any image, whatever an editor has done to its palette. Fully transparent pixels have no
         label.
     label_names : sequence of str
         The labels to read; label ``k`` of the result is ``label_names[k]``.
@@ -61,9 +61,9 @@ def load_labels(
         YAML file with ``values: {room: 77, ...}`` and ``ignore: 0`` (a value or a list); by
         default ``<image>.yaml`` beside the image, else ``labels.yaml`` there.
     classes : mapping of str to str, optional
-        From the names of that file to label names; the key ``*`` stands for all names that are no
-        key. Other names, and those that are mapped to an empty text, have no label. Without a
-        mapping the file's names must be the label names.
+        From the names of that file to label names; the key ``*`` stands for all names that are not
+        keys. Other names, and those mapped to an empty string, have no label. Without a mapping the
+        file's names must be the label names.
 
     Raises
     ------

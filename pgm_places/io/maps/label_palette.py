@@ -41,13 +41,13 @@ def palette_of(values: Sequence[int]) -> NDArray[np.uint8]:
 def colours_are_wanted(image: RasterImage, values: LabelValues) -> bool:
     """Whether an indexed image is read by its colours rather than by its indices.
 
-    It is where all colours are greys, and where an editor has numbered the palette of a label image
-    anew. Otherwise indices count, whatever the colours are.
+    It is if all colours are greys, or if an editor has renumbered the palette of a label image.
+    Otherwise the indices count, whatever the colours are.
 
     Raises
     ------
     LabelError
-        Both would do, and they tell different labels.
+        Both readings are possible, and they give different labels.
     """
     used = np.zeros(256, np.bool_)
     for strip in image.strips(indices=True):

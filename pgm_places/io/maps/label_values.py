@@ -17,7 +17,7 @@ __all__ = ["LabelValues", "default_values", "listed_names", "read_label_values"]
 
 @dataclass(frozen=True)
 class LabelValues:
-    """Grey value of each label in the order of the configuration, and the values that are none."""
+    """Grey value of each label in the order of the configuration, and the ignored values."""
 
     path: Path
     names: tuple[str, ...]

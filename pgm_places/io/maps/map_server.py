@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 # The grey values that map savers write, and the thresholds that tell them apart (Nav2 and ROS 1).
 FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
-# Fewer pixels of grey 205 than this share are walls' edges, not the outside of a building.
+# A smaller share of pixels with grey 205 is edges of walls, not the outside of a building.
 _MANY = 0.01
 
 
@@ -53,7 +53,7 @@ class MapFile:
     fractions : Fractions
         Shares of free, occupied and unknown cells.
     warnings : tuple of str
-        What looks wrong though it could be read, each with what to do.
+        What looks wrong although it could be read, each with its remedy.
     occupancy : (H, W) int8
         Occupancy from 0 to 100 or -1, in the grid's order, as map_server would publish it; in
         trinary mode the grid's cells themselves.
@@ -318,5 +318,5 @@ def _encoded(grey: NDArray[np.uint8], image_format: str) -> bytes:
 
 
 def _quoted(name: str) -> str:
-    """A file name as a YAML text that no parser takes for anything else."""
+    """A file name as a YAML string that no parser takes for anything else."""
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'

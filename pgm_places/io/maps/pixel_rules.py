@@ -90,7 +90,7 @@ class PixelRules:
         """Single precision: ``p = 1 - grey / 255`` (``grey / 255`` with negate).
 
         Occupied where ``p >= occupied_thresh``, free where ``p <= free_thresh``, which goes first;
-        scale rounds half up. In raw mode negate is not looked at.
+        scale rounds half up. Raw mode ignores negate.
         """
         level = np.arange(255 * n_channels + 1)
         if mode == "raw":

@@ -29,8 +29,8 @@ def load_regions(
 ) -> NDArray[np.int16]:
     """(H, W) label of each cell whose centre lies in a region; -1 where there is none.
 
-    Where regions overlap, the one of smaller area wins (a doorway drawn over a room), of equal ones
-    the later in the file. Walls and unknown cells inside a region get its label too.
+    Where regions overlap, the smaller one wins (a doorway drawn over a room), or the later in the
+    file if they are equal. Walls and unknown cells inside a region get its label too.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def load_regions(
     grid : OccupancyGrid
         The map.
     classes : mapping of str to str, optional
-        From the file's classes to label names; the key ``*`` stands for all classes that are no
-        key. Other regions, and those whose class is mapped to an empty text, have no label and hide
-        what is larger beneath them. Without a mapping the file's classes must be label names.
+        From the file's classes to label names; the key ``*`` stands for all classes that are not
+        keys. Other regions, and those whose class is mapped to an empty string, have no label and
+        hide larger ones beneath them. Without a mapping the file's classes must be label names.
     property_name : str
         The property that holds the class.
     line_width_m : float, optional

@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def check_table(topology: TopologicalMap) -> str:
-    """Comma-separated values: a row per place, those with most area in doubt first.
+    """Comma-separated values: a row per place, those with the most doubtful area first.
 
     Columns: ``id``, ``name``, ``label``, ``second_label``, ``probability`` of the label,
     ``second_probability``, ``area_m2``, ``doubt`` (1 - probability), ``doubtful_m2`` (doubt times

@@ -22,7 +22,7 @@ MOST = 100
 def mask_values(
     topology: TopologicalMap, values: Mapping[str, int] | None = None
 ) -> NDArray[np.uint8]:
-    """(H, W) value of the mask at each cell, 0 where nothing is said.
+    """(H, W) value of the mask at each cell, 0 where none is given.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def write_filter_mask(
 def _state_name(topology: TopologicalMap, values: Mapping[str, int] | None, number: int) -> str:
     """The name of a state of a zone filter: of what has this value in the mask."""
     named = [name for name, value in _named(topology, values).items() if value == number]
-    # Two places may differ only in signs that no parameter name takes: the number tells them apart.
+    # Names may differ only in characters that parameters cannot have: the number tells them apart.
     return "_".join([*(re.sub(r"\W+", "_", name).strip("_") for name in named), str(number)])
 
 

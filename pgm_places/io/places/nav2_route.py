@@ -21,11 +21,11 @@ def nav2_route(
 ) -> dict[str, Any]:
     """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
 
-    Nodes are the regions' anchors, with the regions' ids, the middles of the passages, and as many
-    points between as keep every edge, a straight line, inside the regions. Edges come in both
-    directions, each with an id of its own. Ids are unique over nodes and edges. Metadata hold the
-    ``class`` that Nav2's ``SemanticScorer`` looks for and the ``name`` of the place, and nothing
-    that the loader refuses (null). ``abs_speed_limit`` and operations are left to the user.
+    Nodes are the regions' anchors, with the regions' ids, the midpoints of the passages, and as
+    many points in between as keep every edge, a straight line, inside the regions. Edges come in
+    both directions, each with an id of its own. Ids are unique over nodes and edges. Metadata hold
+    the ``class`` that Nav2's ``SemanticScorer`` looks for and the ``name`` of the place, and no
+    null, which the loader refuses. ``abs_speed_limit`` and operations are left to the user.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def nav2_route(
 
 
 class _Builder:
-    """Features with ids that no two share."""
+    """Features with unique ids."""
 
     def __init__(self, topology: TopologicalMap, frame: str) -> None:
         self.topology, self.frame = topology, frame

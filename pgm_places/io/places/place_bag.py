@@ -38,8 +38,8 @@ def write_place_bag(
 
     Topics: ``/place_classes`` (``nav_msgs/OccupancyGrid``, the class of each cell from 1, with the
     map's origin and yaw) and ``/places`` (``visualization_msgs/MarkerArray``: areas, outlines,
-    names, paths). Each has one message at time 0, latched when played. A bag that stands there is
-    replaced. Foxglove opens the MCAP file; ``ros2 bag play`` the folder.
+    names, paths). Each has one message at time 0, latched when played. An existing bag is replaced.
+    Foxglove opens the MCAP file; ``ros2 bag play`` the folder.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _is_bag(folder: Path) -> bool:
 
 
 def _latched() -> Any:
-    """Quality of service of a map: whoever subscribes later still gets the last message."""
+    """Quality of service of a map: late subscribers still get the last message."""
     kinds = needed("rosbags.interfaces", extra="bags", purpose="writing MCAP")
     forever = kinds.QosTime(9223372036, 854775807)
     return kinds.Qos(

@@ -137,7 +137,7 @@ def load_topology(folder: Path | str, *, max_pixels: int = MAX_PIXELS) -> Topolo
 
 
 def load_named_topology(folder: Path | str) -> TopologicalMap:
-    """What :func:`load_topology` reads, its places called as ``place_names.yaml`` has them now.
+    """What :func:`load_topology` reads, with the names now in ``place_names.yaml``.
 
     Raises
     ------
