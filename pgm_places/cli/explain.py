@@ -36,7 +36,7 @@ def explain(
     n_threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Explain the label at a position. What speaks for it in scan, place and graph."""
+    """Explain the label at a position. Shows the evidence of its scan, place and graph."""
     from pgm_places.io.atomic import write_bytes
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.report.explanation_picture import explanation_lines, explanation_picture
