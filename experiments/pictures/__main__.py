@@ -21,6 +21,7 @@ from experiments.pictures import (
     maps,
     methods,
     mutants,
+    report_page,
     training,
     ways,
 )
@@ -62,6 +63,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "faq": guides.faq,
     "reliability": kills.reliability,
     "mutation_testing": mutants.mutation_testing,
+    "reproduce": report_page.report_page,
     "many_maps": batch.many_maps,
     "cards": landing.cards,
 }
