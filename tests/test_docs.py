@@ -1,8 +1,11 @@
 """The documentation: its Python blocks run, its lists of names and layers are those of the code."""
 
 import re
+import sys
+from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from experiments.pictures import layers
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+FIGURE = re.compile(r"^print\(.*\)  # (\d[\d.]*|\[[^]]*\]|exact [\d.]+)")
 PAGES = {
     str(path.relative_to(ROOT)): blocks
     for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -59,10 +63,18 @@ def test_the_blocks_of_a_page_run_one_after_the_other(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    names = {"__name__": "page", "np": np} if page in SETUP else {"__name__": "page"}
+    names: dict[str, Any] = {"__name__": "page"} | ({"np": np} if page in SETUP else {})
     exec(compile(SETUP.get(page, ""), "setup", "exec"), names)
     for number, block in enumerate(PAGES[page], start=1):
+        names["print"] = partial(check_printed, block.splitlines())
         exec(compile(block, f"{page}, block {number}", "exec"), names)
+
+
+def check_printed(lines: list[str], *values: object) -> None:
+    """In place of ``print``: a figure in the comment beside it is what is printed."""
+    line = lines[sys._getframe(1).f_lineno - 1]
+    if promised := FIGURE.search(line):
+        assert " ".join(map(str, values)).startswith(promised[1]), line
 
 
 def listed(page: str, first: str) -> list[str]:
