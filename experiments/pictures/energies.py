@@ -52,8 +52,8 @@ def energies() -> None:
     amn = labeler.method("amn")
     potentials = amn.backend.potentials(labeler.problem_of(graph, scores, amn))
     every, edges = np.arange(len(cells)), graph.edges
-    picture = figure(11, 3.1)
-    axes = picture.subplots(1, 4)
+    picture = figure(8.6, 7.3)
+    axes = picture.subplots(2, 2).ravel()
     for axis, title, nodes, labels, terms in (
         (axes[0], "each cell alone", every, alone, (edges[:0], np.empty(0))),
         (axes[1], "HMM: transitions", way, steps, (np.stack([way[:-1], way[1:]], 1), moves)),
@@ -62,7 +62,7 @@ def energies() -> None:
         (axes[3], "AMN: rewards", every, network, (edges, _rewards(potentials, edges, network))),
     ):  # fmt: skip
         _draw_terms(axis, made.grid.occupied, cells, terms)
-        sizes = 8 + 40 * belief[nodes, labels]
+        sizes = 16 + 90 * belief[nodes, labels]
         axis.scatter(*cells[nodes, ::-1].T, s=sizes, c=np.array(COLOURS)[labels], zorder=3)
         plain(axis, title)
         print(title, np.unique(np.round(terms[1], 2)))
@@ -105,7 +105,7 @@ def _draw_terms(axis: Axes, walls: NDArray[np.bool_], cells: NDArray[Any], terms
     largest = np.abs(values).max(initial=1e-9)
     lines = LineCollection(
         list(cells[pairs][:, :, ::-1]),
-        linewidths=2.4 * np.sqrt(np.abs(values) / largest),
+        linewidths=3.0 * np.sqrt(np.abs(values) / largest),
         colors=np.where(values >= 0, FOR, AGAINST).tolist(),
     )
     axis.add_collection(lines)

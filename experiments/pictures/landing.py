@@ -10,12 +10,12 @@ HERO = (66, "clinic")
 CARD = (640, 280)
 CROPS = {
     # name of the card: the picture, and the left, upper and right ends of its part
-    "map": ("own_map", 60, 487, 960),
-    "drive": ("tracked_path", 260, 60, 1300),
-    "growing": ("growing_map", 395, 36, 745),
-    "studio": ("studio", 150, 270, 950),
-    "batch": ("many_maps", 20, 40, 1290),
-    "problem": ("own_problem", 120, 60, 1050),
+    "map": ("own_map", 110, 487, 1030),
+    "drive": ("tracked_path", 45, 105, 1160),
+    "growing": ("growing_map", 781, 79, 1131),
+    "studio": ("studio", 110, 235, 930),
+    "batch": ("many_maps", 30, 480, 640),
+    "problem": ("own_problem", 0, 40, 1200),
 }
 THEMES = {
     # walls, free space before it is labelled, the line between before and after
