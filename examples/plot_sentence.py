@@ -2,10 +2,10 @@
 A sentence: letters behind noise
 ================================
 
-A text arrives letter by letter, each as a picture so noisy that every third is misread.
-Which letters follow each other is no secret of this text, though: a hidden Markov model counts a
-table of 27 x 27 transitions in other texts, and the most probable sentence needs no dictionary.
-The texts are the descriptions that scikit-learn ships with its data sets.
+A text arrives letter by letter, each as a picture so noisy that every third is misread. But which
+letters follow each other can be learned from other texts: a hidden Markov model counts a table of
+27 x 27 transitions there, and finds the most probable sentence without a dictionary. The texts are
+the descriptions that scikit-learn ships with its data sets.
 """
 
 import re

@@ -28,7 +28,7 @@ class BoostingOptions:
         The vote of every stump or tree is multiplied by this; 1 is the paper's. Trees generalise
         better with about 0.3.
     feature_share : float
-        Share of the features, drawn anew for each tree, among which its splits are searched; stumps
+        Share of the features, redrawn for each tree, among which its splits are searched; stumps
         always search all. Training takes as much less time.
     """
 

@@ -173,7 +173,7 @@ def count_table(
     Raises
     ------
     InputError
-        Another shape, a negative count, or one that is no finite number.
+        Another shape, a negative count, or one that is not a finite number.
     """
     counts: NDArray[np.float64] = finite_array(name, values, shape)
     if counts.ndim == 2 and counts.shape[0] != counts.shape[1]:

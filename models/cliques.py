@@ -63,7 +63,7 @@ def with_set_nodes(
     Raises
     ------
     InputError
-        A weight below 0, or a dissent that is no share above 0.
+        A weight below 0, or a dissent that is not a share above 0.
     """
     potentials.check_fits(graph)
     k = potentials.n_labels

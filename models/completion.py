@@ -75,7 +75,7 @@ def completes(
     """Whether nodes without a label are completed rather than left out.
 
     ``auto`` completes them where most links of the labelled nodes lead to nodes without a label: so
-    they do with labels strewn over a graph, but not on a map of which a whole part is labelled.
+    they do with labels scattered over a graph, but not on a map of which a whole part is labelled.
     """
     if unlabelled != "auto":
         return unlabelled == "hidden" and any((truth < 0).any() for _, truth in examples)

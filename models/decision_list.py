@@ -76,8 +76,8 @@ class DecisionListClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[mi
         The vote of every stump or tree is multiplied by this, above 0 and at most 1; 1 is the
         paper's. Trees generalise better with about 0.3 and 100 to 200 rounds.
     feature_share : float
-        Share of the features, drawn anew for each tree, among which its splits are searched, above
-        0 and at most 1; stumps always search all.
+        Share of the features, redrawn for each tree, among which its splits are searched, above 0
+        and at most 1; stumps always search all.
     n_threads : int or None
         None takes ``PGM_PLACES_NUM_THREADS`` or all cores. The result does not depend on it.
 

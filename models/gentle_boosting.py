@@ -52,8 +52,8 @@ def boost_trees(
     shrinkage : float
         Every tree's vote is multiplied by this.
     feature_share : float
-        The probability of each feature to take part in a tree, drawn anew for every tree from
-        ``seed`` (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
+        The probability of each feature to take part in a tree, redrawn for every tree from ``seed``
+        (stochastic gradient boosting, Friedman 2002, of columns instead of rows).
     least_weight : float
         No split leaves a side with less than this part of all weight.
     sample_weight : (rows of X,) float64, optional

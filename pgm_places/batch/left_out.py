@@ -84,8 +84,8 @@ def compare_buildings(
 ) -> Comparison:
     """All methods of a configuration on each building of its training maps, left out in turn.
 
-    Options of ``[select]`` are chosen anew for every building, on the others. ``[[test]]`` is not
-    looked at.
+    Options of ``[select]`` are chosen separately for every building, on the others. ``[[test]]`` is
+    not looked at.
 
     Raises
     ------

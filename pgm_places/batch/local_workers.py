@@ -29,7 +29,7 @@ _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 
 @dataclass(frozen=True)
 class LocalWorkers:
-    """Processes of joblib's loky, started anew where one dies.
+    """Processes of joblib's loky, restarted where one dies.
 
     Each process is an executor of its own: when it dies, it is known which task it had, and no
     other task is lost.

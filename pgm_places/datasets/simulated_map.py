@@ -224,7 +224,7 @@ def _panes(
 
 
 def _pose_errors(dice: Dice, scale: Scale, routes: Routes, most_m: float) -> NDArray[np.int64]:
-    """(S, 2) columns and rows by which the robot errs: a walk that each route begins anew."""
+    """(S, 2) columns and rows by which the robot errs: a walk that starts over with each route."""
     most = round(1000 * most_m / scale.mm_per_cell)
     n_stations = len(routes.route)
     steps = dice.integers(-_SELDOM, _SELDOM, 2 * n_stations).reshape(-1, 2)

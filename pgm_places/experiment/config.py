@@ -267,7 +267,7 @@ def _check_nodes(config: ExperimentConfig) -> None:
 
 
 def _check_graphs(config: ExperimentConfig) -> None:
-    """Refuse all that is no graph of one's own, or for maps and drives."""
+    """Refuse whatever is not a graph of one's own, or is for maps and drives."""
     for part, sources in (("train", config.train), ("test", config.test)):
         for index, item in enumerate(sources):
             if item.graph is None:

@@ -180,7 +180,7 @@ def _features(
 
 
 def _odd_value(values: Sequence[Any]) -> tuple[Any] | None:
-    """The first value that is no finite number, None if all are."""
+    """The first value that is not a finite number, None if all are."""
     for value in values:
         try:
             if np.isfinite(float(value)):

@@ -27,7 +27,7 @@ def node_weights(
     Raises
     ------
     InputError
-        Another number of entries, an entry of another shape, or a weight that is no number of at
+        Another number of entries, an entry of another shape, or a weight that is not a number of at
         least 0; no weight above 0 at all.
 
     Examples

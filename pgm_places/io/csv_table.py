@@ -145,7 +145,7 @@ def open_table(
     Raises
     ------
     error
-        The file cannot be read, is too large, is no such table, or has a column twice.
+        The file cannot be read, is too large, is not such a table, or has a column twice.
     """
     with open_input(path, error, what, max_bytes=max_bytes) as raw:
         text = io.TextIOWrapper(raw, "utf-8-sig", newline="")

@@ -58,7 +58,7 @@ def finish(target: Path) -> None:
     stage = target / UNFINISHED
     if not stage.is_dir() or stage.is_symlink():
         return
-    # All names are checked before anything is moved or removed: the folder may be a stranger's.
+    # All names are checked before anything is moved or removed: the folder may be somebody else's.
     removed = [_inside(target, name) for name in _removed(stage)]
     moved = [(stage / NEW / name, _inside(target, name)) for name in file_names(stage / NEW)]
     for new, path in sorted(moved):

@@ -31,7 +31,7 @@ def read_table(path: Path, error: type[InputError] = InputError) -> Table:
     Raises
     ------
     error
-        The file cannot be read or is no such table.
+        The file cannot be read or is not such a table.
     """
     if path.suffix.lower() in (".parquet", ".pq"):
         return _read_parquet(path, error)

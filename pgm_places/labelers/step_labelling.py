@@ -148,7 +148,8 @@ class StepLabelling(Labeler):
         Raises
         ------
         InputError
-            The transitions cannot be had for such a distance, or the distance is no number above 0.
+            The transitions cannot be had for such a distance, or the distance is not a number above
+            0.
         """
         self.check_fitted()
         found, changed = self.with_options(every_m=every_m), 0.0

@@ -56,7 +56,7 @@ class GrowingFeatures:
     grows by unknown cells changes nothing, wherever its origin moves.
 
     Maps must share resolution, yaw and raster (origins that differ by whole cells); one that does
-    not is begun anew, as is every map of a noisy sensor, whose noise depends on a cell's number.
+    not is started over, as is every map of a noisy sensor, whose noise depends on a cell's number.
     Rows of features stay where they are; all columns take 1.6 kB per free cell.
 
     Parameters

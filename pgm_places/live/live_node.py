@@ -159,7 +159,7 @@ class LiveNode:
         time_s = _stamp_s(message.header)
         if time_s < self._last_scan_s - JUMP_S:
             back_s = self._last_scan_s - time_s
-            self._complain("clock", f"the clock went back by {back_s:.1f} s; beginning anew")
+            self._complain("clock", f"the clock went back by {back_s:.1f} s; starting over")
             self._begin_anew(time_s)
         if clock_s is not None and clock_s - time_s > self._options.stale_after_s:
             self._complain(

@@ -94,7 +94,7 @@ class PlaceFinder:
         return self._view
 
     def forget(self) -> None:
-        """Begin anew, as after a jump of the clock; the labelled map stays."""
+        """Start over, as after a jump of the clock; the labelled map stays."""
         self._online = None
         self._label: int | None = None
         self._reported: tuple[str, int] | None = None
@@ -118,8 +118,8 @@ class PlaceFinder:
         Parameters
         ----------
         scan : Scan
-            With the pose of the laser in the frame of the map. A laser with other beams than
-            before begins anew.
+            With the pose of the laser in the frame of the map. A laser with other beams than before
+            starts over.
         robot : (3,) float, optional
             The pose of the robot, where it is not that of the laser.
         """

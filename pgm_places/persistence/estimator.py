@@ -44,7 +44,7 @@ def dump_estimator(arrays: Arrays, prefix: str, estimator: Any) -> Record:
     Raises
     ------
     OutputError
-        Its class is none of ``ESTIMATORS``, or a parameter is no plain value.
+        Its class is none of ``ESTIMATORS``, or a parameter is not a plain value.
     """
     name = type(estimator).__name__
     if ESTIMATORS.get(name) is None or type(estimator) is not _class(name):

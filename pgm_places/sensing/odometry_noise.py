@@ -69,7 +69,7 @@ class OdometryNoise:
         turned = _half_turn(np.diff(true[:, 2]))
         ahead = np.arctan2(step[:, 1], step[:, 0])
         first = np.where(way > 0, _half_turn(ahead - true[:-1, 2]), 0.0)
-        # A step backwards is no half turn, and no robot turns right round for a few millimetres.
+        # A step backwards is not a half turn, and no robot turns right round for a few millimetres.
         backwards = np.abs(first) > np.pi / 2
         first = np.where(backwards, _half_turn(first + np.pi), first)
         way = np.where(backwards, -way, way)

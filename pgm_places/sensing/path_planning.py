@@ -20,7 +20,7 @@ WALL_COST = 1.0
 """Metres beside a wall count up to so many times more, so that paths keep to the middle."""
 
 SNAP_M = 1.0
-"""A position that is no place for the robot moves to one at most so far away."""
+"""A position where the robot does not fit moves to one that is at most so far away."""
 
 SMOOTHING_M = 0.6
 """Length of the stretch of way that each of its points is averaged over."""
@@ -71,7 +71,7 @@ class PathPlanner:
         from scipy.ndimage import distance_transform_edt
 
         self.grid, self.radius_m = grid, float(radius_m)
-        padded = np.pad(grid.free, 1)  # what lies outside the map is no place for a robot either
+        padded = np.pad(grid.free, 1)  # outside the map there is no room for a robot either
         room: NDArray[np.float64] = distance_transform_edt(padded)[1:-1, 1:-1] * grid.resolution_m
         self._room_m = room
         self._nodes = _drivable(grid, room, self.radius_m)
@@ -108,7 +108,7 @@ class PathPlanner:
         Raises
         ------
         InputError
-            There are fewer than two stops, or one is no place for the robot.
+            There are fewer than two stops, or the robot does not fit at one.
         """
         if len(stops_m) < 2:
             raise InputError(f"a path needs at least two stops, got {len(stops_m)}")
@@ -138,7 +138,7 @@ class PathPlanner:
         Raises
         ------
         InputError
-            The start is no place for the robot, or the spacing is not positive.
+            The robot does not fit at the start, or the spacing is not positive.
         """
         if not (np.isfinite(spacing_m) and spacing_m > 0):
             raise InputError(f"spacing_m must be a positive length in metres, got {spacing_m}")

@@ -52,7 +52,7 @@ def simulate_moves(
     Raises
     ------
     InputError
-        There is no labelled free cell, a label is not below K, the distances are no range, or
+        There is no labelled free cell, a label is not below K, the distances are not a range, or
         hardly any run succeeds.
 
     Examples

@@ -78,7 +78,7 @@ class SimulatedRobot(RobotMotion):
         Raises
         ------
         InputError
-            There are fewer than two stops, or one is no place for the robot.
+            There are fewer than two stops, or the robot does not fit at one.
         """
         stops = finite_array("stops_m", stops_m, ("S", 2))
         planner = PathPlanner(grid, radius_m=self.radius_m)

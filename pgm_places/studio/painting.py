@@ -67,7 +67,7 @@ class Painting:
     classes : Classes
         Those to begin with.
     journal : Journal
-        Its entries are made anew; every edit is appended to it before it takes effect.
+        Its entries are rewritten; every edit is appended to it before it takes effect.
 
     Attributes
     ----------

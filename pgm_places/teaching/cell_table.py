@@ -21,7 +21,7 @@ from pgm_places.unary.training_cells import training_features
 __all__ = ["CellTable"]
 
 MAX_BYTES = 1 << 30
-"""Features of larger maps (some 800 000 cells) are computed anew whenever they are needed."""
+"""Features of larger maps (some 800,000 cells) are recomputed whenever they are needed."""
 
 
 @dataclass(eq=False)

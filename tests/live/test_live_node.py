@@ -140,7 +140,7 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
     robot.take(messages)
     robot.take(messages[:4])
     [line] = robot.said
-    assert line == "the clock went back by 1.8 s; beginning anew"
+    assert line == "the clock went back by 1.8 s; starting over"
     places_found = robot.places()
     assert places_found[10]["changed"]
     assert places_found[10]["beliefs"] == places_found[0]["beliefs"]
