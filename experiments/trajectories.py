@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.category_lists import category_lists_table
 from experiments.cold import cold_table
 from experiments.drives.kept_text import KeptText
 from experiments.drives.methods import graphs_table, kinds_table, methods_table
@@ -139,6 +140,7 @@ def main() -> None:
         "PRIOR": lambda: map_prior_table(building),
         "GRAPHS": lambda: graphs_table(kept),
         "CATEGORIES": lambda: categories_table(building),
+        "CATEGORY_LISTS": lambda: category_lists_table(building),
         "EVIDENCE": lambda: evidence_table(building),
         "COLD": lambda: cold_table(Path(data)),
         "JOINED": lambda: joined_table(building, from_left_map(building)),
