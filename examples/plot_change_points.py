@@ -45,7 +45,7 @@ for jump in jumps:
     print(f"a jump within three steps of {jump}: {near:.2f}")
 
 # %%
-# For comparison, a running median as wide as suits the shortest stay.
+# For comparison, a running median as wide as the shortest level allows.
 padded = np.pad(signal, 5, mode="edge")
 median = np.median(np.lib.stride_tricks.sliding_window_view(padded, 11), axis=1)
 for name, values in {"running median": median, "chain": levels[best.labels]}.items():

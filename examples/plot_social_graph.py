@@ -5,7 +5,7 @@ A social graph: who sides with whom?
 A karate club broke apart over a quarrel between its instructor and an officer. Suppose that the
 sides of these two are all that is known. The Potts field gives every other member a side such that
 as little contact as possible is cut; two labels make this a minimum cut, so the answer is the best
-one there is. W. W. Zachary wrote down how often each pair met, and which side each took in the end.
+one there is. W. W. Zachary recorded how often each pair met, and which side each took in the end.
 """
 
 import matplotlib.pyplot as plt
