@@ -1,9 +1,9 @@
-"""Viterbi's recursion for at most eight labels: a vector holds a number per label.
+"""Viterbi's recursion and the smoother for at most eight labels: a vector holds one per lane.
 
-The scores stay in one register, whose numbers are spread to all lanes in turn to meet the rows of a
-table. Rows of K log-likelihoods follow each other without gaps in a matrix (1, n), from which
-vectors of eight are read at ``t K``: the lanes beyond K are those of the next row, and never count,
-since the table holds -inf there. Behind the last row is room for eight.
+The numbers of a step stay in one register and are spread to all lanes in turn to meet the rows of a
+table. Rows of K numbers follow each other without gaps in a matrix (1, n), from which vectors of
+eight are read at ``t K``: the lanes beyond K are those of the next row, and never count, since the
+tables hold -inf or 0 there. Behind the last row is room for eight.
 """
 
 from typing import Any
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 from pgm_places.kernels.lane_access import load_eight, spread, store_bytes, store_eight
-from pgm_places.kernels.lanes import any_lane, largest, select
+from pgm_places.kernels.lanes import any_lane, fma, largest, select
 from pgm_places.solvers._forward_kernels import LOW_SCORE
 
-__all__ = ["viterbi_lanes"]
+__all__ = ["smooth_lanes", "viterbi_lanes"]
 
 
 @njit
@@ -69,3 +69,46 @@ def viterbi_lanes(
             reach = load_eight(few, 0, 0)
     store_eight(best_score, 0, 0, reach)
     return shift
+
+
+@njit
+def smooth_lanes(
+    arriving: NDArray[np.float64],
+    leaving: NDArray[np.float64],
+    action: NDArray[np.int64],
+    beliefs: NDArray[np.float64],
+    last: int,
+    each: Any,
+) -> int:
+    """Smooth the filtered beliefs (1, T K) before ``last``, which is smoothed; where it ends.
+
+    ``arriving[a K + m, l]`` is the probability of coming to ``l`` from ``m`` under action ``a``,
+    and ``leaving[a K + l, m]`` the same. Beliefs are carried without dividing by their sum, which
+    stays what it is: it ends after the step before which the sum would not, because a ratio of
+    beliefs is out of range, and at 0 else.
+    """
+    n_labels = len(each)
+    room = np.zeros((1, 8))
+    zero = load_eight(room, 0, 0)
+    room[0, :n_labels] = 1.0
+    one, inside = zero + 1.0, load_eight(room, 0, 0) > zero
+    later = select(inside, load_eight(beliefs, 0, last * n_labels), zero)
+    for t in range(last - 1, -1, -1):
+        first = action[t + 1] * n_labels
+        filtered = load_eight(beliefs, 0, t * n_labels)
+        predicted, back = zero, zero
+        numbers = spread(filtered)
+        for m in range(n_labels):
+            predicted = fma(load_eight(arriving, first + m, 0), numbers[m], predicted)
+        ratio = spread(later / select(predicted > zero, predicted, one))
+        for m in range(n_labels):
+            back = fma(load_eight(leaving, first + m, 0), ratio[m], back)
+        later = filtered * back
+        store_eight(room, 0, 0, later)
+        total = 0.0
+        for k in range(n_labels):
+            total += room[0, k]
+        if not 0.5 < total < 2.0:
+            return t + 1
+        store_eight(beliefs, 0, t * n_labels, select(inside, later * (1.0 / total), filtered))
+    return 0

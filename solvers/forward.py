@@ -120,11 +120,11 @@ def smoothed_beliefs(
     >>> found.beliefs.round(3).tolist()
     [[0.74, 0.26], [0.8, 0.2]]
     """
-    from pgm_places.solvers._forward_kernels import smooth_steps
-
     start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
     found = _filter(start, arrival, observed, led)
-    smooth_steps(arrival, led, found.beliefs, _each(observed.shape[1]))
+    in_lanes = FEWER_ALONE < observed.shape[1] <= LANES_WIDE
+    smooth = _smooth_in_lanes if in_lanes else _smooth_one_by_one
+    smooth(arrival, led, found.beliefs)
     return found
 
 
@@ -329,6 +329,32 @@ def _filter(
         evidence += filter_steps(belief, part.start > 0, arrival, steps, each)
         evidence += float(scale.sum())
     return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
+
+
+def _smooth_one_by_one(
+    arrival: NDArray[np.float64], led: NDArray[np.int64], beliefs: NDArray[np.float64]
+) -> None:
+    """Turn filtered beliefs (T, K) into smoothed ones, in place, for any number of labels."""
+    from pgm_places.solvers._forward_kernels import smooth_steps
+
+    smooth_steps(arrival, led, beliefs, _each(beliefs.shape[1]))
+
+
+def _smooth_in_lanes(
+    arrival: NDArray[np.float64], led: NDArray[np.int64], beliefs: NDArray[np.float64]
+) -> None:
+    """The same for five to eight labels; steps that lanes cannot take are taken one by one.
+
+    The first of them is the last of the chain, which leaves room behind the rows of the others.
+    """
+    from pgm_places.solvers._chain_lane_kernels import smooth_lanes
+
+    arriving, leaving = _by_origin(arrival, 0.0), _by_origin(arrival.transpose(0, 2, 1), 0.0)
+    row, last, each = beliefs.reshape(1, -1), len(beliefs) - 1, _each(beliefs.shape[1])
+    while last > 0:
+        last -= 1
+        _smooth_one_by_one(arrival, led[last : last + 2], beliefs[last : last + 2])
+        last = smooth_lanes(arriving, leaving, led, row, last, each)
 
 
 def _by_origin(arrival: NDArray[np.float64], fill: float) -> NDArray[np.float64]:
