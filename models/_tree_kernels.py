@@ -17,14 +17,12 @@ __all__ = [
     "Examples",
     "bin_extents",
     "examples_of_nodes",
-    "fill_histograms",
     "first_split_reaching",
     "gentle_masses",
     "gradient_of",
     "raise_weights",
     "route",
-    "score_splits",
-    "subtract_siblings",
+    "score_features",
 ]
 
 N_BINS = 256
@@ -143,53 +141,52 @@ def examples_of_nodes(
 
 
 @njit
-def fill_histograms(
+def _fill_four(
     codes: NDArray[np.uint8],
-    first: int,
-    last: int,
+    planes: NDArray[np.int64],
     examples: Examples,
     histograms: NDArray[np.int64],
 ) -> None:
-    """Fill ``histograms`` (D, n_nodes * 256) of the features ``first`` to ``last``, four at once.
+    """Fill the histograms (nodes * 256) of up to four features at once.
 
     Four, so that the additions of one need not wait for those of another.
     """
     position, base, mass = examples
-    for j in range(first, last, 4):
-        j1, j2, j3 = min(j + 1, last - 1), min(j + 2, last - 1), min(j + 3, last - 1)
-        c0, c1, c2, c3 = codes[j], codes[j1], codes[j2], codes[j3]
-        h0 = histograms[j]
-        h1 = histograms[j1] if j1 > j else np.zeros_like(h0)
-        h2 = histograms[j2] if j2 > j1 else np.zeros_like(h0)
-        h3 = histograms[j3] if j3 > j2 else np.zeros_like(h0)
-        for i in range(len(position)):
-            n = position[i]
-            b = base[i]
-            m = mass[i]
-            h0[b + c0[n]] += m
-            h1[b + c1[n]] += m
-            h2[b + c2[n]] += m
-            h3[b + c3[n]] += m
+    last = len(planes) - 1
+    j0, j1, j2, j3 = planes[0], planes[min(1, last)], planes[min(2, last)], planes[min(3, last)]
+    c0, c1, c2, c3 = codes[j0], codes[j1], codes[j2], codes[j3]
+    h0 = histograms[j0]
+    h1 = histograms[j1] if last >= 1 else np.zeros_like(h0)
+    h2 = histograms[j2] if last >= 2 else np.zeros_like(h0)
+    h3 = histograms[j3] if last >= 3 else np.zeros_like(h0)
+    h0[:], h1[:], h2[:], h3[:] = 0, 0, 0, 0
+    for i in range(len(position)):
+        n = position[i]
+        b = base[i]
+        m = mass[i]
+        h0[b + c0[n]] += m
+        h1[b + c1[n]] += m
+        h2[b + c2[n]] += m
+        h3[b + c3[n]] += m
 
 
 @njit
-def subtract_siblings(
+def _subtract_siblings(
     parents: NDArray[np.int64], lighter: NDArray[np.int64], histograms: NDArray[np.int64]
 ) -> None:
-    """Complete the histograms (d, nodes * 256) of nodes from those of their parents.
+    """Complete a feature's histograms (nodes * 256) from those of the nodes' parents.
 
     ``lighter[p]`` is the child of node p whose histogram is filled, or -1 where p was not split:
     its left child is p again and its right child is empty.
     """
-    for j in range(len(parents)):
-        for p in range(len(lighter)):
-            whole = parents[j, p * N_BINS : (p + 1) * N_BINS]
-            one = lighter[p]
-            other = 4 * p + 1 - one if one >= 0 else 2 * p
-            rest = histograms[j, other * N_BINS : (other + 1) * N_BINS]
-            rest[:] = whole
-            if one >= 0:
-                rest -= histograms[j, one * N_BINS : (one + 1) * N_BINS]
+    for p in range(len(lighter)):
+        whole = parents[p * N_BINS : (p + 1) * N_BINS]
+        one = lighter[p]
+        other = 4 * p + 1 - one if one >= 0 else 2 * p
+        rest = histograms[other * N_BINS : (other + 1) * N_BINS]
+        rest[:] = whole
+        if one >= 0:
+            rest -= histograms[one * N_BINS : (one + 1) * N_BINS]
 
 
 @inlined
@@ -205,23 +202,48 @@ def split_score(mass: int, total: int, least: int) -> float:
 
 
 @njit
-def score_splits(
+def _score_splits(
     histograms: NDArray[np.int64],
     totals: NDArray[np.int64],
     least: int,
     best: NDArray[np.float64],
 ) -> None:
-    """Write the best score of each feature's splits in every node (d, nodes), -1 if it has none."""
-    for j in range(len(histograms)):
-        for p in range(len(totals)):
-            top = -1.0
-            left = 0
-            for b in range(p * N_BINS, (p + 1) * N_BINS):
-                mass = histograms[j, b]
-                if mass != 0:
-                    left += mass
-                    top = max(top, split_score(left, totals[p], least))
-            best[j, p] = top
+    """Write the best score of a feature's splits in every node, -1 where it has none."""
+    for p in range(len(totals)):
+        top = -1.0
+        left = 0
+        for b in range(p * N_BINS, (p + 1) * N_BINS):
+            mass = histograms[b]
+            if mass != 0:
+                left += mass
+                top = max(top, split_score(left, totals[p], least))
+        best[p] = top
+
+
+@njit
+def score_features(
+    codes: NDArray[np.uint8],
+    planes: NDArray[np.int64],
+    examples: Examples,
+    parents: NDArray[np.int64],
+    lighter: NDArray[np.int64],
+    totals: NDArray[np.int64],
+    least: int,
+    histograms: NDArray[np.int64],
+    best: NDArray[np.float64],
+) -> None:
+    """Fill the histograms (D, nodes * 256) of some features, and score their splits (D, nodes).
+
+    The ``examples`` are those of the nodes ``lighter``; the histograms of the others are what is
+    left of their ``parents`` (D, nodes * 128). At the root, whose examples are all there, these are
+    not looked at.
+    """
+    for start in range(0, len(planes), 4):
+        _fill_four(codes, planes[start : start + 4], examples, histograms)
+    for j in planes:
+        if len(totals) > 1:
+            _subtract_siblings(parents[j], lighter, histograms[j])
+        _score_splits(histograms[j], totals, least, best[j])
 
 
 @njit

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["GrownTree", "TreeSearch"]
 
 _N_BINS = 256
-_PER_TASK = 4  # features whose histograms are filled together
+_PER_TASK = 16  # features
 
 # Scores that differ by less than this part count as equal: far above the rounding of their
 # computation in double precision, far below any difference that carries information.
@@ -162,28 +162,20 @@ class TreeSearch:
         Only the examples of every node's ``lighter`` child are counted, at the root all; the other
         child's histogram is what is left of the parent's.
         """
-        from pgm_places.models._tree_kernels import (
-            fill_histograms,
-            score_splits,
-            subtract_siblings,
-        )
+        from pgm_places.models._tree_kernels import score_features
 
-        histograms = self._histograms[level]
+        histograms, above = self._histograms[level], self._histograms[max(level - 1, 0)]
         examples = self._counted(level, masses, lighter)
         scores = np.full((len(histograms), len(totals)), -1.0)
-        runs = _runs(planes)
+        enough = len(planes) * len(examples.position) >= _WORTH_THREADS
+        size = _PER_TASK if enough else len(planes)
+        codes = self.prepared.codes
 
         def work(task: int) -> None:
-            first, last = runs[task]
-            histograms[first:last] = 0
-            fill_histograms(self.prepared.codes, first, last, examples, histograms)
-            if level:
-                parents = self._histograms[level - 1][first:last]
-                subtract_siblings(parents, lighter, histograms[first:last])
-            score_splits(histograms[first:last], totals, least, scores[first:last])
+            some = planes[task * size : (task + 1) * size]
+            score_features(codes, some, examples, above, lighter, totals, least, histograms, scores)
 
-        enough = len(planes) * len(examples.position) >= _WORTH_THREADS
-        run_tasks(work, len(runs), n_threads=self.n_threads if enough else 1)
+        run_tasks(work, -(-len(planes) // size) if size else 0, n_threads=self.n_threads)
         return scores
 
     def _counted(
@@ -231,16 +223,6 @@ class TreeSearch:
         lighter = 2 * np.arange(len(found)) + (counts[1::2] < counts[::2])
         lighter[last_left == _N_BINS] = -1
         return lighter
-
-
-def _runs(planes: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """First and last (exclusive) of runs of adjacent planes, none longer than a task's."""
-    apart = np.split(planes, np.flatnonzero(np.diff(planes) > 1) + 1)
-    return [
-        (int(run[first]), int(run[first]) + min(_PER_TASK, len(run) - first))
-        for run in apart
-        for first in range(0, len(run), _PER_TASK)
-    ]
 
 
 def _cuts(prepared: SortedFeatures) -> NDArray[np.float32]:
