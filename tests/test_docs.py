@@ -65,14 +65,16 @@ def test_the_blocks_of_a_page_run_one_after_the_other(
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "page"} | ({"np": np} if page in SETUP else {})
     exec(compile(SETUP.get(page, ""), "setup", "exec"), names)
+    names["print"] = partial(check_printed, page)
     for number, block in enumerate(PAGES[page], start=1):
-        names["print"] = partial(check_printed, block.splitlines())
         exec(compile(block, f"{page}, block {number}", "exec"), names)
 
 
-def check_printed(lines: list[str], *values: object) -> None:
+def check_printed(page: str, *values: object) -> None:
     """In place of ``print``: a figure in the comment beside it is what is printed."""
-    line = lines[sys._getframe(1).f_lineno - 1]
+    frame = sys._getframe(1)
+    number = int(frame.f_code.co_filename.rpartition(" ")[2])
+    line = PAGES[page][number - 1].splitlines()[frame.f_lineno - 1]
     if promised := FIGURE.search(line):
         assert " ".join(map(str, values)).startswith(promised[1]), line
 
