@@ -38,14 +38,19 @@ max_iterations = 5
 Run = Callable[..., tuple[int, str, str]]
 
 
+def building_in(folder: Path) -> Path:
+    """The folder, with map.yaml, labels.png and config.toml."""
+    made = generate_building(size="small")
+    save_map(made.grid, folder / "map")
+    save_labels(folder / "labels.png", made.labels, made.label_names)
+    (folder / "config.toml").write_text(CONFIG)
+    return folder
+
+
 @pytest.fixture
 def building(tmp_path: Path) -> Path:
     """A folder with map.yaml, labels.png and config.toml."""
-    made = generate_building(size="small")
-    save_map(made.grid, tmp_path / "map")
-    save_labels(tmp_path / "labels.png", made.labels, made.label_names)
-    (tmp_path / "config.toml").write_text(CONFIG)
-    return tmp_path
+    return building_in(tmp_path)
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """``label`` with many maps: which arguments make a batch, what it prints, and how it ends."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,19 +11,27 @@ import pytest
 
 from pgm_places.datasets import generate_building
 from pgm_places.io.maps.map_server import save_map
-from tests.cli.conftest import Run
+from tests.cli.conftest import Run, building_in
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a model and three floors, one of them without its image."""
+    folder = building_in(tmp_path_factory.mktemp("made"))
+    train = [sys.executable, "-m", "pgm_places", "train", str(folder / "config.toml")]
+    subprocess.run([*train, "--out", str(folder / "model"), "-q"], check=True)
+    for seed in (1, 2, 3):
+        floor = folder / "floors" / f"f{seed}"
+        floor.mkdir(parents=True)
+        save_map(generate_building(seed, size="small").grid, floor / "map")
+    (folder / "floors" / "f3" / "map.png").unlink()
+    return folder
 
 
 @pytest.fixture
-def floors(building: Path, run: Run) -> Path:
-    """A folder with a model and three floors, one of them without its image."""
-    assert run("train", building / "config.toml", "--out", building / "model", "-q")[0] == 0
-    for seed in (1, 2, 3):
-        folder = building / "floors" / f"f{seed}"
-        folder.mkdir(parents=True)
-        save_map(generate_building(seed, size="small").grid, folder / "map")
-    (building / "floors" / "f3" / "map.png").unlink()
-    return building
+def floors(made: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(made, tmp_path / "floors"))
 
 
 def test_a_folder_is_a_batch_that_ends_with_3_where_a_map_is_bad(floors: Path, run: Run) -> None:
