@@ -29,7 +29,13 @@ from pgm_places.models.amn_learning import (
     penalties_of,
     weighted,
 )
-from pgm_places.models.cliques import clique_features, decode_cliques_as, require_like_cliques
+from pgm_places.models.cliques import (
+    check_clique_weights,
+    clique_terms,
+    decode_cliques_as,
+    learned_rewards,
+    require_like_cliques,
+)
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoding import Decoder
 from pgm_places.models.learning_record import LearningRecord
@@ -59,7 +65,6 @@ from pgm_places.solvers.max_margin import (
     split_weights,
 )
 from pgm_places.solvers.max_margin_qp import QPSolver
-from pgm_places.solvers.set_terms import SetTerms
 
 __all__ = ["AssociativeMarkovNetwork"]
 
@@ -330,7 +335,7 @@ class AssociativeMarkovNetwork(LinearModel):
                 len(names),
                 loss,
                 penalties_of(self.C, AUTO_PENALTIES)[0],
-                self._set_terms(problem),
+                clique_terms(problem, self.clique_dissent),
             )
             for (problem, truth), features, loss in zip(
                 known, raw, np.split(losses, ends), strict=True
@@ -354,13 +359,6 @@ class AssociativeMarkovNetwork(LinearModel):
                 "negative column, or take method 'crf', whose tables may have any sign"
             )
         return self.edge_scale * found
-
-    def _set_terms(self, problem: LabelingProblem) -> SetTerms | None:
-        if problem.cliques is None:
-            return None
-        n, k = problem.graph.n_nodes, problem.n_labels
-        features = clique_features(problem)
-        return SetTerms.of(problem.cliques, features, n, k, self.clique_dissent)
 
     def _learner_options(self) -> LearnerOptions:
         return LearnerOptions(
@@ -429,15 +427,7 @@ class AssociativeMarkovNetwork(LinearModel):
         InputError
             Cliques in the problem but not in training, or the other way round; or other features.
         """
-        weights = self.clique_weights
-        features = clique_features(problem)
-        learned_from = 0 if weights is None else len(weights)
-        if features.shape[1] != learned_from:
-            raise InputError(
-                f"the model was trained on {_told(learned_from)}, this problem has "
-                f"{_told(features.shape[1])}; give cliques as in training"
-            )
-        return features @ weights if weights is not None else np.zeros((0, problem.n_labels))
+        return learned_rewards(problem, self.clique_weights)
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels of largest score that the chosen decoder finds, with that score.
@@ -455,12 +445,4 @@ class AssociativeMarkovNetwork(LinearModel):
         finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
-        if self.clique_weights is not None:
-            finite_array("clique_weights", self.clique_weights, ("G", node_weights.shape[1]))
-            if self.clique_weights.min(initial=0.0) < 0:
-                raise InputError("clique_weights must be at least 0")
-
-
-def _told(n_features: int) -> str:
-    """Of how many clique features a problem is, in words."""
-    return f"cliques with {n_features - 1} features" if n_features else "no cliques"
+        check_clique_weights(self.clique_weights, node_weights.shape[1])

@@ -21,12 +21,16 @@ from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.models.decoding import Decoder, DecodingOptions, decode, decode_as
 from pgm_places.solvers.set_nodes import SetNodes
+from pgm_places.solvers.set_terms import SetTerms
 
 __all__ = [
+    "check_clique_weights",
     "clique_features",
     "clique_score",
+    "clique_terms",
     "decode_cliques_as",
     "decode_with_cliques",
+    "learned_rewards",
     "require_like_cliques",
     "with_set_nodes",
 ]
@@ -76,10 +80,8 @@ def with_set_nodes(
     earned = _agreement(graph, potentials)
     if earned is not None:
         return whole, Potentials(unary, agreement=sets.agreement(earned, rewards)[order])
-    wider = (0, sets.n_whole_labels - k)
-    tables = np.pad(potentials.edge_tables(graph), ((0, 0), wider, wider))
-    links = sets.link_rewards(rewards)[:, :, None] * np.eye(sets.n_whole_labels)
-    return whole, Potentials(unary, pairwise=np.concatenate([tables, links])[order])
+    tables = sets.tables(potentials.edge_tables(graph), rewards)
+    return whole, Potentials(unary, pairwise=tables[order])
 
 
 def decode_with_cliques(
@@ -178,15 +180,57 @@ def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:
     return constant if given is None else np.concatenate([constant, given], axis=1)
 
 
+def clique_terms(problem: LabelingProblem, dissent: float) -> SetTerms | None:
+    """What a problem's cliques bring to learning their weights; None without any."""
+    if problem.cliques is None:
+        return None
+    n, k = problem.graph.n_nodes, problem.n_labels
+    return SetTerms.of(problem.cliques, clique_features(problem), n, k, dissent)
+
+
+def learned_rewards(
+    problem: LabelingProblem, weights: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """(C, K) what a clique of one label earns for each of its nodes, from learned weights (G, K).
+
+    Raises
+    ------
+    InputError
+        Cliques in the problem but not in training, or the other way round; or other features.
+    """
+    features = clique_features(problem)
+    learned_from = 0 if weights is None else len(weights)
+    if features.shape[1] != learned_from:
+        raise InputError(
+            f"the model was trained on {_told(learned_from)}, this problem has "
+            f"{_told(features.shape[1])}; give cliques as in training"
+        )
+    return features @ weights if weights is not None else np.zeros((0, problem.n_labels))
+
+
+def check_clique_weights(weights: NDArray[np.float64] | None, n_labels: int) -> None:
+    """Refuse learned weights that do not fit a model of that many labels, or are below 0."""
+    if weights is None:
+        return
+    finite_array("clique_weights", weights, ("G", n_labels))
+    if weights.min(initial=0.0) < 0:
+        raise InputError("clique_weights must be at least 0")
+
+
 def require_like_cliques(problems: Sequence[LabelingProblem]) -> None:
     """Refuse problems of which some have cliques and others none, or with other features."""
     counts = [clique_features(problem).shape[1] for problem in problems]
     if len(set(counts)) > 1:
-        told = ["none" if not n else f"cliques with {n - 1} features" for n in counts]
+        told = [_told(n) for n in counts]
         raise InputError(
             f"training problems must all have cliques with the same features, or none of them, got "
             f"{', '.join(told)}; a problem without sets has Cliques.of([], n_nodes)"
         )
+
+
+def _told(n_features: int) -> str:
+    """Of how many clique features a problem is, in words; 0 says that it has no cliques."""
+    return f"cliques with {n_features - 1} features" if n_features else "no cliques"
 
 
 def _rewards(sets: SetNodes, weight: ArrayLike) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from annotated_types import Ge, Gt, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Lt, MinLen
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
@@ -15,7 +15,7 @@ from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
-from pgm_places.inference.problem import LabelingProblem, require_no_cliques, weights_of
+from pgm_places.inference.problem import LabelingProblem, weights_of
 from pgm_places.models.amn_learning import (
     ClassWeight,
     Example,
@@ -23,6 +23,13 @@ from pgm_places.models.amn_learning import (
     labelled_weights,
     node_losses,
     penalties_of,
+)
+from pgm_places.models.cliques import (
+    check_clique_weights,
+    clique_terms,
+    decode_cliques_as,
+    learned_rewards,
+    require_like_cliques,
 )
 from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
@@ -36,7 +43,7 @@ from pgm_places.models.crf_learning import (
     resolved,
     scaled,
 )
-from pgm_places.models.decoding import Decoder, decode_as
+from pgm_places.models.decoding import Decoder
 from pgm_places.models.learning_record import LearningRecord
 from pgm_places.models.linear_features import (
     Standardization,
@@ -77,7 +84,7 @@ class ConditionalRandomField(LinearModel):
         What the weights maximise: the likelihood of the labels, exact on chains, trees and forests;
         that of each node given its neighbours, or of each edge by itself, on any graph; or the
         margin between the true labelling and every other one. ``auto`` is ``likelihood`` where no
-        training graph has a cycle, else ``max-margin``; docs/crf.md compares them.
+        training graph has a cycle or cliques, else ``max-margin``; docs/crf.md compares them.
     inference : {"auto"} or str
         Any decoder of :mod:`pgm_places.models.decoding`. ``auto`` is exact on graphs without
         cycles: the most probable label of each node after learning by likelihood (``sum-product``)
@@ -96,6 +103,11 @@ class ConditionalRandomField(LinearModel):
         Whether a table tells the first node of an edge (the one of lower number) from the second,
         or knows the pair of labels only, in either order. ``auto`` is ``order`` where all training
         graphs are chains, else ``pair``.
+    clique_dissent : float
+        The share of its nodes, up to a half, that may differ before a set of the problem's
+        ``cliques`` earns nothing. What it earns by label is learned from a constant and the
+        problem's ``clique_features``, by max margin only; see
+        :mod:`pgm_places.solvers.set_terms`.
     loss : {"class-weighted", "hamming"}
         What a wrong label costs in max-margin learning; see the network.
     class_weight : {"two-thirds", "sqrt", "cube-root", "inverse", "none"}
@@ -144,6 +156,7 @@ class ConditionalRandomField(LinearModel):
     n_validation_blocks: Annotated[int, Ge(2)] = 4
     unlabelled: Literal["hidden", "dropped"] = "hidden"
     tables_tell: Literal["auto", "order", "pair"] = "auto"
+    clique_dissent: Annotated[float, Gt(0), Le(0.5)] = 0.5
     loss: Literal["class-weighted", "hamming"] = "class-weighted"
     class_weight: ClassWeight = "cube-root"
     node_features: str = "auto"
@@ -156,6 +169,7 @@ class ConditionalRandomField(LinearModel):
     certify: bool = False
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
     tables: NDArray[np.float64] | None = learned()
+    clique_weights: NDArray[np.float64] | None = learned()
     by_margin: NDArray[np.bool_] | None = learned()
     link_scales: NDArray[np.float64] | None = learned()
 
@@ -193,6 +207,7 @@ class ConditionalRandomField(LinearModel):
         """
         hidden = self.unlabelled == "hidden"
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
+        require_like_cliques([problem for problem, _ in examples])
         scaling, task = self._task(examples)
         if sample_weight is not None:
             given = weights_of(sample_weight, problems)
@@ -227,10 +242,12 @@ class ConditionalRandomField(LinearModel):
             n_maps=len(examples),
         )
         node_weights, tables = task.field.split(weights)
+        of_cliques = None if task.field.sets is None else task.field.set_weights(weights).copy()
         return replace(
             self,
             node_weights=node_weights.copy(),
             tables=tables.copy(),
+            clique_weights=of_cliques,
             by_margin=np.array([options.learner == "max-margin"]),
             **learned_arrays(scaling, record, solution.history, search),
             link_scales=link_scales,
@@ -239,9 +256,9 @@ class ConditionalRandomField(LinearModel):
     def _weights_to_begin_with(self, field: TableField) -> NDArray[np.float64] | None:
         if not self._goes_on:
             return None
-        return learned_weights(
-            self._learned("node_weights", "tables"), field.n_weights, field.n_labels
-        )
+        parts = self._learned("node_weights", "tables")
+        parts += [] if self.clique_weights is None else [self.clique_weights]
+        return learned_weights(parts, field.n_weights, field.n_labels)
 
     def _choose_penalty(
         self,
@@ -281,13 +298,13 @@ class ConditionalRandomField(LinearModel):
                 self._edge_features(problem),
                 len(names),
                 symmetric,
+                clique_terms(problem, self.clique_dissent),
             )
             for (problem, _), features in zip(examples, raw, strict=True)
         ]
         return scaling, LearningTask(beside(fields), truth, loss, loss_of)
 
     def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        require_no_cliques(problem)
         parts = parse_node_features(self.node_features)
         if "auto" in parts:
             there = "raw" if problem.unary is None else "logz"
@@ -315,6 +332,8 @@ class ConditionalRandomField(LinearModel):
     def potentials(self, problem: LabelingProblem) -> Potentials:
         """The log-potentials that the learned weights give a problem's nodes and edges.
 
+        What its cliques earn is in :meth:`clique_rewards`.
+
         Raises
         ------
         NotFittedError
@@ -332,19 +351,32 @@ class ConditionalRandomField(LinearModel):
         found = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
         return Potentials(problem.with_evidence(found.unary), pairwise=found.tables)
 
+    def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(C, K) what a clique in which all nodes agree on a label earns for each of them.
+
+        Raises
+        ------
+        InputError
+            Cliques in the problem but not in training, or the other way round; or other features.
+        """
+        return learned_rewards(problem, self.clique_weights)
+
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels that the chosen decoder finds, with their score.
 
         ``info["learning"]`` repeats how learning went; ``bound`` is there when the decoder proves
         one or ``certify`` asks for it.
         """
-        found = decode_as(self, problem, self.potentials(problem), self._decoder(problem))
+        potentials, rewards = self.potentials(problem), self.clique_rewards(problem)
+        found = decode_cliques_as(self, problem, potentials, self._decoder(problem), rewards)
         return self._with_summary(found)
 
     def _decoder(self, problem: LabelingProblem) -> Decoder:
         if self.inference != "auto":
             return self.inference
-        if not is_forest(adjacency(problem.graph.n_nodes, problem.graph.edges)):
+        if problem.cliques is not None or not is_forest(
+            adjacency(problem.graph.n_nodes, problem.graph.edges)
+        ):
             return "trw-s"
         [by_margin] = self._learned("by_margin")
         return "max-product" if by_margin[0] else "sum-product"
@@ -354,6 +386,7 @@ class ConditionalRandomField(LinearModel):
         node_weights, tables, by_margin = self._learned("node_weights", "tables", "by_margin")
         n_labels = node_weights.shape[1]
         finite_array("tables", tables, ("F", n_labels, n_labels))
+        check_clique_weights(self.clique_weights, n_labels)
         if by_margin.shape != (1,):
             raise InputError("by_margin must hold one value")
 

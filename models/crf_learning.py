@@ -100,6 +100,7 @@ class LearningTask:
             node_features=field.node_features[keep],
             around=adjacency(int(keep.sum()), number[edges[inside]]),
             edge_features=field.edge_features[inside],
+            sets=None if field.sets is None else field.sets.among(keep),
         )
         weight = None if self.weight is None else self.weight[keep]
         labels, loss = self.labels[keep], self.loss[keep]
@@ -193,11 +194,14 @@ def _weighed(task: LearningTask) -> TableField:
     field = task.field
     if task.weight is None:
         return field
-    share = part_means(field.n_nodes, field.around.edges, task.weight)
+    edges, sets = field.around.edges, field.sets
+    joins = edges if sets is None else np.concatenate([edges, sets.joins])
+    share = part_means(field.n_nodes, joins, task.weight)
     return replace(
         field,
         node_features=times_rows(field.node_features, share),
-        edge_features=times_rows(field.edge_features, share[field.around.edges[:, 0]]),
+        edge_features=times_rows(field.edge_features, share[edges[:, 0]]),
+        sets=None if sets is None else sets.times(share),
     )
 
 
@@ -282,7 +286,8 @@ def scaled(
 
 
 def _labels_at(field: TableField, weights: NDArray[np.float64]) -> NDArray[np.int64]:
-    return best_labels(field, *field.potentials(weights), DECODING_PASSES)
+    labels = best_labels(field, *field.whole_potentials(weights), DECODING_PASSES)
+    return labels[: field.n_nodes]
 
 
 def choose_penalty(

@@ -216,6 +216,11 @@ class _Loss:
     node_weight: NDArray[np.float64] | None
 
     def __post_init__(self) -> None:
+        if self.field.sets is not None:
+            raise InputError(
+                "weights of cliques are learned by learner='max-margin' only: the sum over all "
+                "labellings of a set is out of reach; take that learner, or leave the cliques out"
+            )
         if self.kind == "exact" and self.node_weight is not None:
             _require_equal_ends(self.field, self.node_weight)
 

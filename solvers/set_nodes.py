@@ -118,6 +118,14 @@ class SetNodes:
         wide = np.pad(agreement, ((0, 0), (0, self.n_whole_labels - self.n_labels)))
         return np.concatenate([wide, self.link_rewards(rewards)])
 
+    def tables(
+        self, tables: NDArray[np.float64], rewards: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(E + A M, K', K') the tables of the edges (E, K, K) with those of the links."""
+        wider = (0, self.n_whole_labels - self.n_labels)
+        links = self.link_rewards(rewards)[:, :, None] * np.eye(self.n_whole_labels)
+        return np.concatenate([np.pad(tables, ((0, 0), wider, wider)), links])
+
     def agreed(self, labels: NDArray[np.integer]) -> NDArray[np.float64]:
         """(C, K) ``max(0, n - d_k / q)`` for a labelling (N,): what a reward is multiplied by.
 

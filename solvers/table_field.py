@@ -4,7 +4,8 @@ Node weights (D, K) and tables (F, K, K) of any sign give the score of a labelli
 
     score(y) = sum_i w_n[:, y_i] . x_i + sum_ij w_t[:, y_i, y_j] . z_ij = w . phi(y) .
 
-Weights are one flat vector: node weights, then tables, both row by row.
+Weights are one flat vector: node weights, then tables, both row by row. Where sets of nodes want
+one label (:mod:`pgm_places.solvers.set_terms`), clique weights (G, K) >= 0 follow.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from pgm_places._checks import feature_rows, finite_array, frozen, is_sparse, st
 from pgm_places.errors import InputError
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.forest import is_forest, rooted_forest
+from pgm_places.solvers.set_terms import SetTerms
 
 __all__ = ["FieldTables", "TableField", "beside"]
 
@@ -50,6 +52,8 @@ class TableField:
         K.
     symmetric : bool
         Whether a table must not tell the first node of an edge from the second.
+    sets : SetTerms, optional
+        Sets of nodes that want to have one label, and their features.
     """
 
     node_features: NDArray[np.float64]
@@ -57,12 +61,15 @@ class TableField:
     edge_features: NDArray[np.float64]
     n_labels: int
     symmetric: bool = False
+    sets: SetTerms | None = None
 
     def __post_init__(self) -> None:
         nodes = feature_rows("node_features", self.node_features, self.around.n_nodes)
         if not self.around.n_nodes:
             raise InputError("a field needs at least one node, got none")
         edges = finite_array("edge_features", self.edge_features, (self.around.n_edges, "F"))
+        if self.sets is not None:
+            self.sets.check_fits(self.around.n_nodes, self.n_labels)
         object.__setattr__(self, "node_features", nodes)
         object.__setattr__(self, "edge_features", frozen(edges))
 
@@ -77,14 +84,31 @@ class TableField:
         return self.node_features.shape[1] * self.n_labels
 
     @property
-    def n_weights(self) -> int:
-        """D K + F K K, the length of the flat vector."""
+    def n_free(self) -> int:
+        """D K + F K K: where the clique weights begin, which may not be negative."""
         return self.n_node_weights + self.edge_features.shape[1] * self.n_labels**2
+
+    @property
+    def n_weights(self) -> int:
+        """D K + F K K + G K, the length of the flat vector."""
+        of_sets = 0 if self.sets is None else self.sets.features.shape[1]
+        return self.n_free + of_sets * self.n_labels
 
     @cached_property
     def is_forest(self) -> bool:
         """Whether the graph has no cycle, so that sums and maxima over labellings are exact."""
-        return is_forest(self.around)
+        return self.sets is None and is_forest(self.around)
+
+    @cached_property
+    def whole(self) -> Adjacency:
+        """The graph on which the score is pairwise, with the nodes and links of sets after its own.
+
+        Its nodes have one more label where there are sets and three labels or more.
+        """
+        if self.sets is None:
+            return self.around
+        nodes = self.sets.nodes
+        return adjacency(nodes.n_whole, np.concatenate([self.around.edges, nodes.links]))
 
     @cached_property
     def rooting(self) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
@@ -100,7 +124,7 @@ class TableField:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Node weights (D, K) and tables (F, K, K) of a flat vector."""
         start, k = self.n_node_weights, self.n_labels
-        tables = weights[start:].reshape(-1, k, k)
+        tables = weights[start : self.n_free].reshape(-1, k, k)
         if self.symmetric:
             tables = 0.5 * (tables + tables.transpose(0, 2, 1))
         return weights[:start].reshape(-1, k), tables
@@ -116,14 +140,29 @@ class TableField:
         pairs = (seen @ tables.reshape(-1, k * k)).reshape(-1, k, k)
         return FieldTables(unary, pairs[0] if self._is_uniform else pairs)
 
+    def set_weights(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Clique weights (G, K) of a flat vector, G = 0 without sets; a view."""
+        return weights[self.n_free :].reshape(-1, self.n_labels)
+
+    def whole_potentials(self, weights: NDArray[np.float64]) -> FieldTables:
+        """Those of the whole graph, and so of the whole score."""
+        unary, tables = self.potentials(weights)
+        if self.sets is None:
+            return FieldTables(unary, tables)
+        nodes, rewards = self.sets.nodes, self.sets.features @ self.set_weights(weights)
+        each = np.broadcast_to(tables, (self.around.n_edges, self.n_labels, self.n_labels))
+        return FieldTables(nodes.unary(unary, rewards), nodes.tables(each, rewards))
+
     def features_of(self, labels: NDArray[np.int64]) -> NDArray[np.float64]:
         """The vector phi(y) with score(y) = w . phi(y), flat like the weights."""
         k = self.n_labels
         first, second = labels[self.around.edges].T
-        return self._flat(
+        pairwise = self._flat(
             _sums(self.node_features, labels, k),
             _sums(self.edge_features, first * k + second, k * k),
         )
+        of_sets = [] if self.sets is None else [self.sets.joint_features(labels)]
+        return np.concatenate([pairwise, *of_sets])
 
     def expected_features(
         self, beliefs: NDArray[np.float64], pair_beliefs: NDArray[np.float64]
@@ -150,12 +189,14 @@ def beside(fields: Sequence[TableField]) -> TableField:
     if len(fields) == 1:
         return fields[0]
     starts = np.cumsum([0, *(field.n_nodes for field in fields)])
+    sets = [field.sets for field in fields if field.sets is not None]
     edges = [field.around.edges + start for field, start in zip(fields, starts[:-1], strict=True)]
     return replace(
         fields[0],
         node_features=stacked_rows([field.node_features for field in fields]),
         around=adjacency(int(starts[-1]), np.concatenate(edges)),
         edge_features=np.concatenate([field.edge_features for field in fields]),
+        sets=SetTerms.beside(sets, starts[:-1]),
     )
 
 

@@ -1,12 +1,12 @@
 """Max-margin learning of full tables of label pairs, for the cutting plane.
 
 The objective is that of :mod:`pgm_places.solvers.max_margin` with the score of a
-:class:`~pgm_places.solvers.table_field.TableField`: no weight is bounded, since nothing needs to be
-associative (I. Tsochantaridis et al., "Large margin methods for structured and interdependent
-output variables", JMLR 6 (2005)).
+:class:`~pgm_places.solvers.table_field.TableField`: no weight is bounded but those of cliques,
+since nothing else needs to be associative (I. Tsochantaridis et al., "Large margin methods for
+structured and interdependent output variables", JMLR 6 (2005)).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
 from pgm_places.errors import InputError
+from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.certificate import Augmented, Certificate, certify
 from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.max_margin import Cut, Oracle
+from pgm_places.solvers.pairwise import pairwise_model, total_score
 from pgm_places.solvers.table_field import FieldTables, TableField
 from pgm_places.solvers.trws import trws
 
@@ -69,8 +72,8 @@ class TableMarginProblem:
 
     @property
     def n_free(self) -> int:
-        """All weights may have any sign."""
-        return self.n_weights
+        """All weights may have any sign but those of cliques."""
+        return self.field.n_free
 
     @cached_property
     def truth_features(self) -> NDArray[np.float64]:
@@ -78,9 +81,12 @@ class TableMarginProblem:
         return frozen(self.field.features_of(self.labels))
 
     def augmented_potentials(self, weights: NDArray[np.float64]) -> FieldTables:
-        """The potentials of score plus loss: l_i is added to every wrong label of node i."""
-        unary, tables = self.field.potentials(weights)
-        unary += self.loss[:, None]
+        """The potentials of score plus loss: l_i is added to every wrong label of node i.
+
+        They are those of the field's whole graph.
+        """
+        unary, tables = self.field.whole_potentials(weights)
+        unary[: self.n_nodes] += self.loss[:, None]
         unary[np.arange(self.n_nodes), self.labels] -= self.loss
         return FieldTables(unary, tables)
 
@@ -94,17 +100,46 @@ class TableMarginProblem:
 def best_labels(
     field: TableField, unary: NDArray[np.float64], tables: NDArray[np.float64], max_passes: int
 ) -> NDArray[np.int64]:
-    """A labelling of large score: the best on a forest, elsewhere the best that TRW-S sees."""
+    """A labelling of large score: the best on a forest, elsewhere the best that is found.
+
+    It is one of the field's whole graph, whose potentials are given.
+    """
     if field.is_forest:
         return forest_maximum(unary, field.around, pairwise=tables).labels
-    return trws(unary, field.around, pairwise=tables, max_iterations=max_passes).labels
+    if field.sets is None:
+        return trws(unary, field.around, pairwise=tables, max_iterations=max_passes).labels
+    return _best_with_sets(field.whole, field.n_nodes, unary, tables, max_passes)
+
+
+def _best_with_sets(
+    whole: Adjacency,
+    n_nodes: int,
+    unary: NDArray[np.float64],
+    tables: NDArray[np.float64],
+    max_passes: int,
+) -> NDArray[np.int64]:
+    """The best that TRW-S and a local search find, from its labels and from one label for all.
+
+    TRW-S labels each node beside those before it; with the nodes of sets first, members follow
+    their sets.
+    """
+    n_after = whole.n_nodes - n_nodes
+    edges = (whole.edges + n_after) % whole.n_nodes
+    found = trws(np.roll(unary, n_after, axis=0), edges, pairwise=tables, max_iterations=max_passes)
+    starts = [np.roll(found.labels, -n_after).astype(np.int32)]
+    allowed = np.flatnonzero(np.isfinite(unary).all(axis=0))
+    starts += [np.full(whole.n_nodes, k, np.int32) for k in allowed]
+    model = pairwise_model(unary, whole, pairwise=tables)
+    for labels in starts:
+        improved_modes(model, labels)
+    return max(starts, key=lambda labels: total_score(model, labels)).astype(np.int64)
 
 
 def table_oracle(field: TableField) -> Oracle:
-    """What finds labellings of large score for given potentials of a field."""
+    """What finds labellings of large score for given potentials of a field's whole graph."""
 
     def best(unary: NDArray[np.float64], tables: NDArray[np.float64]) -> NDArray[np.int64]:
-        return best_labels(field, unary, tables, ORACLE_PASSES)
+        return best_labels(field, unary, tables, ORACLE_PASSES)[: field.n_nodes]
 
     return best
 
@@ -116,7 +151,9 @@ def certify_tables(
 
     As :func:`~pgm_places.solvers.certificate.certify_weights`, for tables.
     """
+    field = problem.field
     unary, tables = problem.augmented_potentials(weights)
-    quick = table_oracle(problem.field)(unary, tables)
-    augmented = Augmented(problem.field.around, unary, pairwise=tables)
-    return certify(problem, weights, augmented, quick, accuracy=accuracy)
+    quick = best_labels(field, unary, tables, ORACLE_PASSES)
+    augmented = Augmented(field.whole, unary, pairwise=tables)
+    found = certify(problem, weights, augmented, quick, accuracy=accuracy)
+    return replace(found, labels=found.labels[: field.n_nodes])

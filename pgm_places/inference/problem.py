@@ -300,8 +300,8 @@ def require_no_cliques(problem: LabelingProblem) -> None:
     """Refuse a problem with sets of nodes, for a method that would pass over them."""
     if problem.cliques is not None:
         raise InputError(
-            "cliques are known to methods 'potts' and 'amn' only; take one of them, or leave the "
-            "cliques out"
+            "cliques are known to methods 'potts', 'amn' and 'crf' only; take one of them, or "
+            "leave the cliques out"
         )
 
 

@@ -102,9 +102,7 @@ def test_methods_that_know_no_sets_say_so() -> None:
     problem = LabelingProblem(
         graph, ("a", "b"), np.zeros((3, 2)), cliques=Cliques.of([[0, 1, 2]], 3)
     )
-    with pytest.raises(InputError, match="cliques are known to methods 'potts' and 'amn' only"):
-        build("crf").fit([problem], [np.array([0, 1, 0])])
-    with pytest.raises(InputError, match="cliques are known to methods 'potts' and 'amn' only"):
+    with pytest.raises(InputError, match="cliques are known to methods 'potts', 'amn' and 'crf'"):
         build("independent").infer(problem)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pgm_places import LabelGraph, LabelingProblem, Status, build, load, save
 from pgm_places.errors import InputError, LabelError, NotFittedError
+from pgm_places.graph.cliques import Cliques
 from pgm_places.models.crf import ConditionalRandomField
 from tests.reference.energy import Model, best_score
 
@@ -243,3 +244,61 @@ def test_weights_that_a_learner_cannot_take_are_refused() -> None:
     assert dropped.fit([problem], [some], sample_weight=each).tables is not None
     with pytest.raises(InputError, match="sample_weight is 0 at every labelled node"):
         dropped.fit([problem], [some], sample_weight=[(some < 0).astype(float)])
+
+
+def sentences(seed: int, n_sets: int = 24) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A ring on which a, b and c follow each other, and strewn sets of six nodes of one label."""
+    rng = np.random.default_rng(seed)
+    n = 6 * n_sets
+    truth = np.arange(n) % 3
+    of_label = [rng.permutation(np.flatnonzero(truth == k)).reshape(-1, 6) for k in range(3)]
+    sets = np.concatenate(of_label)[rng.permutation(n_sets)]
+    looks = np.eye(3)[truth] + 2.0 * rng.normal(size=(n, 3))
+    graph, cliques = LabelGraph.from_lattice((n,)), Cliques.of(sets, n)
+    return LabelingProblem(graph, NAMES, node_features=looks, cliques=cliques), truth
+
+
+def test_what_sets_earn_is_learned_beside_tables() -> None:
+    train, truth = sentences(0)
+    test, expected = sentences(1)
+    field = ConditionalRandomField().fit([train], [truth])
+    alone = ConditionalRandomField("max-margin").fit([replace(train, cliques=None)], [truth])
+    assert field.clique_weights is not None
+    assert field.clique_weights.shape == (1, 3)
+    assert (field.clique_weights > 0).all()
+    found = field.infer(test)
+    assert found.info["decoder"] == "trw-s"
+    assert field.tables is not None
+    assert field.tables[0].argmax(axis=1).tolist() == [1, 2, 0]
+    assert np.mean(found.labels == expected) > 0.95
+    assert np.mean(alone.infer(replace(test, cliques=None)).labels == expected) < 0.85
+    assert field.summary["certified_objective"] >= field.summary["lower_bound"]
+
+
+def test_cliques_complete_labels_choose_the_price_and_go_on() -> None:
+    problem, truth = sentences(0, 12)
+    some = np.where(np.arange(len(truth)) % 5 == 0, -1, truth)
+    hidden = ConditionalRandomField(C=(1.0, 100.0)).fit([problem], [some])
+    assert hidden.penalty_search is not None
+    assert hidden.summary["status"] == "local_optimum"
+    before = ConditionalRandomField(warm_start=True).fit([problem], [truth])
+    again = before.fit([problem], [truth])
+    assert again.summary["iterations"] < before.summary["iterations"]
+    twice = before.fit([problem, problem], [truth, truth], sample_weight=[1.0, 1e-6])
+    assert twice.clique_weights is not None
+
+
+def test_a_field_with_cliques_is_kept_and_refuses_what_does_not_fit(tmp_path: Path) -> None:
+    problem, truth = sentences(0, 12)
+    bare = replace(problem, cliques=None)
+    field = ConditionalRandomField().fit([problem], [truth])
+    save(field, tmp_path / "field", label_names=NAMES)
+    assert load(tmp_path / "field").infer(problem).score == field.infer(problem).score
+    with pytest.raises(InputError, match="cliques are learned by learner='max-margin' only"):
+        ConditionalRandomField("pseudo-likelihood").fit([problem], [truth])
+    with pytest.raises(InputError, match="trained on cliques with 0 features, this problem has no"):
+        field.infer(bare)
+    with pytest.raises(InputError, match="must all have cliques with the same features"):
+        ConditionalRandomField().fit([problem, bare], [truth, truth])
+    with pytest.raises(InputError, match="clique_weights must be at least 0"):
+        replace(field, clique_weights=-np.ones((1, 3)))

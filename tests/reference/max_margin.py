@@ -6,7 +6,7 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.solvers.max_margin import MaxMarginProblem, Oracle
+from pgm_places.solvers.max_margin import MarginProblem, MaxMarginProblem, Oracle
 from tests.reference.cliques import set_score
 
 
@@ -60,17 +60,24 @@ def objective(problem: MaxMarginProblem, weights: NDArray[np.float64]) -> float:
 
 def optimum(problem: MaxMarginProblem) -> tuple[float, NDArray[np.float64]]:
     """The least objective and its weights, with one constraint per labelling."""
-    d, k = problem.node_features.shape[1], problem.n_labels
     basis = np.eye(problem.n_weights)
-    labelings = all_labelings(problem.n_nodes, k)
+    labelings = all_labelings(problem.n_nodes, problem.n_labels)
     features = np.array([[score(problem, unit, y) for unit in basis] for y in labelings])
     truth = np.array([score(problem, unit, problem.labels) for unit in basis])
     losses = np.array([loss(problem, y) for y in labelings])
-    weights, slack = cp.Variable(len(basis)), cp.Variable()
-    margins = (features - truth) @ weights + losses
+    return constrained_optimum(problem, features - truth, losses)
+
+
+def constrained_optimum(
+    problem: MarginProblem, gains: NDArray[np.float64], losses: NDArray[np.float64]
+) -> tuple[float, NDArray[np.float64]]:
+    """The same from what each labelling has more features (M, n_weights) than the truth."""
+    weights, slack = cp.Variable(problem.n_weights), cp.Variable()
+    constraints = [slack >= (gains @ weights + losses) / problem.n_nodes]
+    if problem.n_free < problem.n_weights:
+        constraints.append(weights[problem.n_free :] >= 0)
     program = cp.Problem(
-        cp.Minimize(0.5 * cp.sum_squares(weights) + problem.penalty * slack),
-        [slack >= margins / problem.n_nodes, weights[d * k :] >= 0],
+        cp.Minimize(0.5 * cp.sum_squares(weights) + problem.penalty * slack), constraints
     )
     program.solve(solver="CLARABEL")
     assert program.status == "optimal"

@@ -1,6 +1,5 @@
 """Max-margin learning of tables against a program with one constraint per labelling."""
 
-import cvxpy as cp
 import networkx as nx
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from pgm_places.solvers.table_margin import (
     certify_tables,
     table_oracle,
 )
-from tests.reference.max_margin import all_labelings
+from tests.reference.max_margin import all_labelings, constrained_optimum
 
 
 def task(seed: int, *, forest: bool, n: int = 5, k: int = 3) -> TableMarginProblem:
@@ -59,15 +58,7 @@ def optimum(problem: TableMarginProblem) -> float:
     features = np.array([[_score(problem, unit, y) for unit in basis] for y in every])
     truth = np.array([_score(problem, unit, problem.labels) for unit in basis])
     losses = np.array([problem.loss[y != problem.labels].sum() for y in every])
-    weights, slack = cp.Variable(len(basis)), cp.Variable()
-    margins = (features - truth) @ weights + losses
-    program = cp.Problem(
-        cp.Minimize(0.5 * cp.sum_squares(weights) + problem.penalty * slack),
-        [slack >= margins / problem.n_nodes],
-    )
-    program.solve(solver="CLARABEL")
-    assert program.status == "optimal"
-    return float(program.value)
+    return constrained_optimum(problem, features - truth, losses)[0]
 
 
 @pytest.mark.parametrize("seed", range(4))
