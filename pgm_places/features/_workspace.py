@@ -21,7 +21,7 @@ class Workspace:
 
     ``rho`` holds the beams, ``edges`` and ``shape`` what the polygon's kernels share, ``values``
     the features; the others are room for single kernels. ``calls`` are what fills ``values``, ready
-    to be made again, for the plan and the number of scans that ``calls_for`` holds.
+    to be made again, for the plan and the number of tiles that ``calls_for`` holds.
     """
 
     def __init__(self, n_tiles: int) -> None:

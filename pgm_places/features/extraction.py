@@ -224,19 +224,20 @@ def _extract_part(
     for start in range(0, len(scans), SCANS_PER_GROUP):
         stop = min(start + SCANS_PER_GROUP, len(scans))
         load_tiles(scans, start, stop, limit, space.rows, block, space.rho)
-        for call in _calls(plan, space, stop - start):
+        for call in _calls(plan, space, -(-(stop - start) // LANES), alone=stop - start == 1):
             call()
         write_rows(space.values, plan.columns, start, stop, space.rows, space.places, rows)
 
 
-def _calls(plan: FeaturePlan, space: Workspace, n_scans: int) -> list[Callable[[], None]]:
+def _calls(
+    plan: FeaturePlan, space: Workspace, n_tiles: int, *, alone: bool
+) -> list[Callable[[], None]]:
     """What computes the features of a plan in these planes, once the beams are there."""
-    if space.calls_for != (plan, n_scans):
-        n_tiles = -(-n_scans // LANES)
+    if space.calls_for != (plan, n_tiles, alone):
         calls = [*_beam_families(plan, space, n_tiles), *_polygon_families(plan, space, n_tiles)]
         if plan.fourier is not None:
-            calls.append(_fourier_series(plan.fourier, space, n_scans))
-        space.calls_for, space.calls = (plan, n_scans), calls
+            calls.append(_fourier_series(plan.fourier, space, n_tiles, alone=alone))
+        space.calls_for, space.calls = (plan, n_tiles, alone), calls
     return space.calls
 
 
@@ -271,12 +272,14 @@ def _polygon_families(
         yield ready(moment_features, rho, n_tiles, DIRECTIONS, shape, space.few, values)
 
 
-def _fourier_series(plan: FourierPlan, space: Workspace, n_scans: int) -> Callable[[], None]:
+def _fourier_series(
+    plan: FourierPlan, space: Workspace, n_tiles: int, *, alone: bool
+) -> Callable[[], None]:
     outline = Outline(space.rho, DIRECTIONS, space.edges, space.shape)
-    if n_scans == 1:
+    if alone:
         return ready(lone_fourier_features, outline, plan, space.lone, space.values)
     room = FourierRoom(space.few, space.outline, space.cells)
-    return ready(fourier_features, outline, -(-n_scans // LANES), plan, room, space.values)
+    return ready(fourier_features, outline, n_tiles, plan, room, space.values)
 
 
 def _check_columns(columns: Columns | None) -> tuple[int, ...]:
