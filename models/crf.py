@@ -68,6 +68,9 @@ __all__ = ["ConditionalRandomField"]
 AUTO_PENALTIES = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
 """What C="auto" tries."""
 
+CHAIN_SCALE = 2.0
+"""Of edges on chains: each step has one table, which is shared by all, but many node weights."""
+
 
 @dataclass(frozen=True, eq=False)
 class ConditionalRandomField(LinearModel):
@@ -119,6 +122,10 @@ class ConditionalRandomField(LinearModel):
     edge_features : tuple of str
         As of the network; ``auto`` is ``constant``, and ``given`` where the problem has edge
         features.
+    edge_scale : float or "auto"
+        Edge features are multiplied by this while learning: the larger, the less the size of
+        tables counts against that of node weights. ``tables`` are those of the features as given.
+        ``auto`` is 2 for likelihoods where all training graphs are chains, else 1.
     learning_tolerance : float
         Relative gap at which learning ends.
     max_steps : int
@@ -161,6 +168,7 @@ class ConditionalRandomField(LinearModel):
     class_weight: ClassWeight = "cube-root"
     node_features: str = "auto"
     edge_features: str | tuple[str, ...] = ("auto",)
+    edge_scale: Positive | Literal["auto"] = "auto"
     learning_tolerance: Annotated[float, Gt(0), Lt(1)] = 1e-3
     max_steps: Whole = 500
     time_limit_s: Positive | None = None
@@ -221,7 +229,7 @@ class ConditionalRandomField(LinearModel):
         else:
             penalty = penalties[0]
         start = time.perf_counter()
-        begin = self._weights_to_begin_with(task.field)
+        begin = self._weights_to_begin_with(task.field, self._edge_scale(examples))
         solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
         if (task.labels < 0).any() and options.learner in ("pseudo-likelihood", "piecewise"):
@@ -246,17 +254,26 @@ class ConditionalRandomField(LinearModel):
         return replace(
             self,
             node_weights=node_weights.copy(),
-            tables=tables.copy(),
+            tables=self._edge_scale(examples) * tables,
             clique_weights=of_cliques,
             by_margin=np.array([options.learner == "max-margin"]),
             **learned_arrays(scaling, record, solution.history, search),
             link_scales=link_scales,
         )
 
-    def _weights_to_begin_with(self, field: TableField) -> NDArray[np.float64] | None:
+    def _edge_scale(self, examples: Sequence[Example]) -> float:
+        if self.edge_scale != "auto":
+            return self.edge_scale
+        chains = all(p.graph.is_chain and p.cliques is None for p, _ in examples)
+        return CHAIN_SCALE if chains and self.learner != "max-margin" else 1.0
+
+    def _weights_to_begin_with(
+        self, field: TableField, edge_scale: float
+    ) -> NDArray[np.float64] | None:
         if not self._goes_on:
             return None
-        parts = self._learned("node_weights", "tables")
+        node_weights, tables = self._learned("node_weights", "tables")
+        parts = [node_weights, tables / edge_scale]
         parts += [] if self.clique_weights is None else [self.clique_weights]
         return learned_weights(parts, field.n_weights, field.n_labels)
 
@@ -291,11 +308,12 @@ class ConditionalRandomField(LinearModel):
         loss[known] = loss_of(truth[known])
         chains = all(problem.graph.is_chain for problem, _ in examples)
         symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
+        edge_scale = self._edge_scale(examples)
         fields = [
             TableField(
                 scaling.apply(features),
                 adjacency(problem.graph.n_nodes, problem.graph.edges),
-                self._edge_features(problem),
+                edge_scale * self._edge_features(problem),
                 len(names),
                 symmetric,
                 clique_terms(problem, self.clique_dissent),

@@ -109,7 +109,7 @@ def test_nodes_without_a_label_inform_learning(learner: Any) -> None:
 def test_the_price_is_chosen_on_held_out_parts() -> None:
     examples = [ring(60, seed) for seed in range(3)]
     problems, truths = [p for p, _ in examples], [t for _, t in examples]
-    field = ConditionalRandomField(C=(0.01, 100.0)).fit(problems, truths)
+    field = ConditionalRandomField(C=(0.01, 100.0), edge_scale=1.0).fit(problems, truths)
     assert field.penalty_search is not None
     assert field.penalty_search[:, 0].tolist() == [0.01, 100.0]
     assert field.penalty_search[1, 1] > field.penalty_search[0, 1]
@@ -168,6 +168,18 @@ def test_edge_features_of_any_sign_have_tables_of_their_own() -> None:
     assert np.mean(field.infer(test).labels == expected) > 0.95
     with pytest.raises(InputError, match=r"at least 0, got -1.*method 'crf'"):
         build("amn").fit([train], [truth])
+
+
+def test_the_scale_of_edges_is_that_of_their_features_while_learning() -> None:
+    problem, truth = ring(60, 0)
+    given = ConditionalRandomField(C=10.0, edge_features="given", learning_tolerance=1e-6)
+    ones = np.ones((59, 1))
+    narrow, wide = (replace(problem, edge_features=scale * ones) for scale in (1.0, 3.0))
+    scaled = replace(given, edge_scale=3.0).fit([narrow], [truth]).potentials(narrow)
+    wanted = replace(given, edge_scale=1.0).fit([wide], [truth]).potentials(wide)
+    other = replace(given, edge_scale=1.0).fit([narrow], [truth]).potentials(narrow)
+    np.testing.assert_allclose(known(scaled.pairwise), known(wanted.pairwise), rtol=1e-6)
+    assert np.abs(known(scaled.pairwise) - known(other.pairwise)).max() > 0.1
 
 
 def test_a_saved_field_labels_as_before(tmp_path: Path) -> None:
