@@ -229,7 +229,8 @@ class ConditionalRandomField(LinearModel):
         else:
             penalty = penalties[0]
         start = time.perf_counter()
-        begin = self._weights_to_begin_with(task.field, self._edge_scale(examples))
+        edge_scale = self._edge_scale(examples)
+        begin = self._weights_to_begin_with(task.field, edge_scale)
         solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
         if (task.labels < 0).any() and options.learner in ("pseudo-likelihood", "piecewise"):
@@ -254,7 +255,7 @@ class ConditionalRandomField(LinearModel):
         return replace(
             self,
             node_weights=node_weights.copy(),
-            tables=self._edge_scale(examples) * tables,
+            tables=edge_scale * tables,
             clique_weights=of_cliques,
             by_margin=np.array([options.learner == "max-margin"]),
             **learned_arrays(scaling, record, solution.history, search),
