@@ -29,13 +29,7 @@ from pgm_places.models.amn_learning import (
     penalties_of,
     weighted,
 )
-from pgm_places.models.cliques import (
-    check_clique_weights,
-    clique_terms,
-    decode_cliques_as,
-    learned_rewards,
-    require_like_cliques,
-)
+from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoding import Decoder
 from pgm_places.models.learning_record import LearningRecord
@@ -46,12 +40,7 @@ from pgm_places.models.linear_features import (
     node_features,
     parse_node_features,
 )
-from pgm_places.models.linear_model import (
-    LinearModel,
-    learned_arrays,
-    learned_weights,
-    require_edge_features,
-)
+from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
@@ -180,7 +169,6 @@ class AssociativeMarkovNetwork(LinearModel):
     certify_learning: bool = True
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] = 5e-3
     edge_weights: NDArray[np.float64] | None = learned()
-    clique_weights: NDArray[np.float64] | None = learned()
     completion_objectives: NDArray[np.float64] | None = learned()
 
     # ------------------------------------------------------------------ learning
@@ -347,8 +335,7 @@ class AssociativeMarkovNetwork(LinearModel):
         if not self._goes_on:
             return None
         parts = self._learned("node_weights", "edge_weights")
-        parts += [] if self.clique_weights is None else [self.clique_weights]
-        return learned_weights(parts, task.n_weights, task.n_labels)
+        return self._flat_weights(parts, task.n_weights, task.n_labels)
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         found = edge_features(problem, self.edge_features)
@@ -419,16 +406,6 @@ class AssociativeMarkovNetwork(LinearModel):
         unary = problem.with_evidence(nodes @ node_weights)
         return Potentials(unary, agreement=edges @ edge_weights)
 
-    def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(C, K) what a clique in which all nodes agree on a label earns for each of them.
-
-        Raises
-        ------
-        InputError
-            Cliques in the problem but not in training, or the other way round; or other features.
-        """
-        return learned_rewards(problem, self.clique_weights)
-
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels of largest score that the chosen decoder finds, with that score.
 
@@ -445,4 +422,3 @@ class AssociativeMarkovNetwork(LinearModel):
         finite_array("edge_weights", edge_weights, ("F", node_weights.shape[1]))
         if edge_weights.size and edge_weights.min() < 0:
             raise InputError("edge_weights must be at least 0")
-        check_clique_weights(self.clique_weights, node_weights.shape[1])

@@ -24,13 +24,7 @@ from pgm_places.models.amn_learning import (
     node_losses,
     penalties_of,
 )
-from pgm_places.models.cliques import (
-    check_clique_weights,
-    clique_terms,
-    decode_cliques_as,
-    learned_rewards,
-    require_like_cliques,
-)
+from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import hidden_parts
 from pgm_places.models.crf_learning import (
     FieldLearner,
@@ -51,12 +45,7 @@ from pgm_places.models.linear_features import (
     node_features,
     parse_node_features,
 )
-from pgm_places.models.linear_model import (
-    LinearModel,
-    learned_arrays,
-    learned_weights,
-    require_edge_features,
-)
+from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest import is_forest
@@ -177,7 +166,6 @@ class ConditionalRandomField(LinearModel):
     certify: bool = False
     certified_tolerance: Annotated[float, Gt(0), Lt(1)] | None = 5e-3
     tables: NDArray[np.float64] | None = learned()
-    clique_weights: NDArray[np.float64] | None = learned()
     by_margin: NDArray[np.bool_] | None = learned()
     link_scales: NDArray[np.float64] | None = learned()
 
@@ -275,8 +263,7 @@ class ConditionalRandomField(LinearModel):
             return None
         node_weights, tables = self._learned("node_weights", "tables")
         parts = [node_weights, tables / edge_scale]
-        parts += [] if self.clique_weights is None else [self.clique_weights]
-        return learned_weights(parts, field.n_weights, field.n_labels)
+        return self._flat_weights(parts, field.n_weights, field.n_labels)
 
     def _choose_penalty(
         self,
@@ -370,16 +357,6 @@ class ConditionalRandomField(LinearModel):
         found = field.potentials(np.concatenate([node_weights.ravel(), tables.ravel()]))
         return Potentials(problem.with_evidence(found.unary), pairwise=found.tables)
 
-    def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
-        """(C, K) what a clique in which all nodes agree on a label earns for each of them.
-
-        Raises
-        ------
-        InputError
-            Cliques in the problem but not in training, or the other way round; or other features.
-        """
-        return learned_rewards(problem, self.clique_weights)
-
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The labels that the chosen decoder finds, with their score.
 
@@ -405,7 +382,6 @@ class ConditionalRandomField(LinearModel):
         node_weights, tables, by_margin = self._learned("node_weights", "tables", "by_margin")
         n_labels = node_weights.shape[1]
         finite_array("tables", tables, ("F", n_labels, n_labels))
-        check_clique_weights(self.clique_weights, n_labels)
         if by_margin.shape != (1,):
             raise InputError("by_margin must hold one value")
 

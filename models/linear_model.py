@@ -12,6 +12,7 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
+from pgm_places.models.cliques import check_clique_weights, learned_rewards
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.linear_features import (
     Standardization,
@@ -21,7 +22,7 @@ from pgm_places.models.linear_features import (
 from pgm_places.options import check_options
 from pgm_places.solvers.max_margin import LearningStep
 
-__all__ = ["LinearModel", "learned_arrays", "learned_weights", "require_edge_features"]
+__all__ = ["LinearModel", "learned_arrays", "require_edge_features"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,6 +30,7 @@ class LinearModel:
     """The learned arrays that networks and fields share; a model adds its options and its own."""
 
     node_weights: NDArray[np.float64] | None = learned()
+    clique_weights: NDArray[np.float64] | None = learned()
     feature_columns: NDArray[np.int64] | None = learned()
     feature_mean: NDArray[np.float64] | None = learned()
     feature_scale: NDArray[np.float64] | None = learned()
@@ -64,6 +66,16 @@ class LinearModel:
         """Whether learning begins with what was learned before."""
         return bool(getattr(self, "warm_start", False)) and self.node_weights is not None
 
+    def clique_rewards(self, problem: LabelingProblem) -> NDArray[np.float64]:
+        """(C, K) what a clique in which all nodes agree on a label earns for each of them.
+
+        Raises
+        ------
+        InputError
+            Cliques in the problem but not in training, or the other way round; or other features.
+        """
+        return learned_rewards(problem, self.clique_weights)
+
     def _learned(self, *names: str) -> list[NDArray[Any]]:
         """Learned arrays by name, all of them there."""
         arrays = [getattr(self, name) for name in names]
@@ -72,6 +84,25 @@ class LinearModel:
                 f"this {type(self).__name__} has not learned yet; call fit(problems, labelings)"
             )
         return arrays
+
+    def _flat_weights(
+        self, parts: Sequence[NDArray[np.float64]], n_weights: int, n_labels: int
+    ) -> NDArray[np.float64]:
+        """Learned weights, (D, K) of nodes first, as the vector that learning goes on from.
+
+        Raises
+        ------
+        InputError
+            The problems to learn from have other labels or features.
+        """
+        of_cliques = [] if self.clique_weights is None else [self.clique_weights]
+        weights = np.concatenate([part.ravel() for part in (*parts, *of_cliques)])
+        if len(weights) != n_weights or parts[0].shape[1] != n_labels:
+            raise InputError(
+                "warm_start needs the labels and features that the model has learned: it has "
+                f"{len(weights)} weights, these problems need {n_weights}"
+            )
+        return weights
 
     def _scaling(self) -> Standardization:
         count, *rest = self._learned(
@@ -103,6 +134,7 @@ class LinearModel:
         finite_array("feature_mean", scaling.mean, (n_kept,))
         if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
             raise InputError("feature_scale must be positive")
+        check_clique_weights(self.clique_weights, node_weights.shape[1])
         if self.learning is not None and self.learning.shape != (N_RECORD,):
             raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
 
@@ -114,25 +146,6 @@ def require_edge_features(count: int, n_known: int) -> None:
             f"the model was trained on {n_known} edge features, this problem has {count}; make "
             "them the same way as for training"
         )
-
-
-def learned_weights(
-    parts: Sequence[NDArray[np.float64]], n_weights: int, n_labels: int
-) -> NDArray[np.float64]:
-    """Learned weights, those of nodes (D, K) first, as the flat vector that learning goes on from.
-
-    Raises
-    ------
-    InputError
-        The problems to learn from have other labels or features.
-    """
-    weights = np.concatenate([part.ravel() for part in parts])
-    if len(weights) != n_weights or parts[0].shape[1] != n_labels:
-        raise InputError(
-            "warm_start needs the labels and features that the model has learned: it has "
-            f"{len(weights)} weights, these problems need {n_weights}"
-        )
-    return weights
 
 
 def learned_arrays(
