@@ -1,15 +1,13 @@
-"""The ``pgm-places`` command: its frame, and its commands in the order of its help."""
+"""The ``pgm-places`` command: its options, and its commands in the order of its help."""
 
 import importlib
 from collections.abc import Sequence
-from typing import Annotated
 
-import typer
-
-from pgm_places._version import __version__
+from pgm_places.cli.command import HELP, Command
 from pgm_places.cli.terminal import say
+from pgm_places.errors import InputError, nearest_name
 
-__all__ = ["app_for"]
+__all__ = ["COMMANDS", "command", "run"]
 
 COMMANDS = {
     "demo": "experiments",
@@ -33,42 +31,57 @@ COMMANDS = {
 }
 """The module of each command."""
 
-TAKE_POSITIONS = {"where", "split", "explain"}
-"""Commands whose arguments may be negative numbers, which look like flags."""
+_SUMMARY = "Label the places of a robot's map: corridor, room, doorway, or your own."
+_OPTIONS = {
+    "--version": "Show the version.",
+    "--show-completion": "Show what completes commands and options in bash or zsh; "
+    'eval "$(pgm-places --show-completion)" turns it on.',
+}
 
 
-def app_for(arguments: Sequence[str]) -> typer.Typer:
-    """The command line, with the only command that these arguments can run, or with all.
+def command(name: str) -> Command:
+    """A command by its name; only its own module is imported."""
+    module = importlib.import_module(f"pgm_places.cli.{COMMANDS[name]}")
+    return Command(name, getattr(module, name.replace("-", "_")))
 
-    Declaring all of them takes longer than a short command runs.
+
+def run(words: Sequence[str]) -> None:
+    """Do what a command line says.
+
+    Raises
+    ------
+    InputError
+        There is no such command or option, or it does not take what it is given.
     """
-    app = typer.Typer(
-        name="pgm-places",
-        help="Label the places of a robot's map: corridor, room, doorway, or your own.",
-        no_args_is_help=True,
-        add_completion=True,
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,  # plain help starts faster and reads the same everywhere
-    )
-    app.callback()(_options)
-    named = [name for name in arguments[:1] if name in COMMANDS]
-    for name in named or COMMANDS:
-        module = importlib.import_module(f"pgm_places.cli.{COMMANDS[name]}")
-        settings = {"ignore_unknown_options": name in TAKE_POSITIONS}
-        app.command(name, context_settings=settings)(getattr(module, name.replace("-", "_")))
-    return app
+    first, *others = words or [HELP]
+    if first in COMMANDS:
+        _run(command(first), others)
+    elif first == HELP:
+        from pgm_places.cli.help import help_of_all
 
+        say(help_of_all(_SUMMARY, _OPTIONS, map(command, COMMANDS)))
+    elif first == "--version":
+        from pgm_places._version import __version__
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
         say(f"pgm-places {__version__}")
-        raise typer.Exit
+    elif first == "--show-completion":
+        from pgm_places.cli.completion import completion
+
+        say(completion(_OPTIONS, map(command, COMMANDS)))
+    elif first.startswith("-"):
+        raise _unknown("option", first, [*_OPTIONS, HELP])
+    else:
+        raise _unknown("command", first, list(COMMANDS))
 
 
-def _options(
-    _version: Annotated[
-        bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
-    ] = False,
-) -> None:
-    """Label the places of a robot's map: corridor, room, doorway, or your own."""
+def _run(chosen: Command, words: Sequence[str]) -> None:
+    if HELP in words:
+        from pgm_places.cli.help import help_of
+
+        say(help_of(chosen))
+    else:
+        chosen.run(words)
+
+
+def _unknown(kind: str, name: str, known: Sequence[str]) -> InputError:
+    return InputError(f"there is no {kind} {name!r}. {nearest_name(name, known)}")

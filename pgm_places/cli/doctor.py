@@ -4,9 +4,8 @@ import platform
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from pgm_places._version import __version__
+from pgm_places.cli.declarations import Argument
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
 
@@ -25,16 +24,13 @@ REQUIRED = (
     "pillow",
     "pyyaml",
     "safetensors",
-    "typer",
     "rich",
 )
 OPTIONAL = ("clarabel", "piqp", "ortools", "rosbags", "opencv-python-headless")
 
 
 def doctor(
-    map_yaml: Annotated[
-        Path | None, typer.Argument(metavar="[MAP.yaml]", help="A map to check.")
-    ] = None,
+    map_yaml: Annotated[Path | None, Argument(metavar="MAP.yaml", help="A map to check.")] = None,
 ) -> None:
     """Check the installation and, optionally, a map file."""
     from pgm_places.features.own import FEATURES

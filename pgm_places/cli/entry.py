@@ -12,12 +12,12 @@ import sys
 import threading
 from collections.abc import Iterator
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 __all__ = ["EXIT_BAD_INPUT", "EXIT_MAPS_FAILED", "EXIT_OUT_OF_MEMORY", "main"]
 
 EXIT_BAD_INPUT = 2
-EXIT_OUT_OF_MEMORY = 1
+EXIT_OUT_OF_MEMORY = EXIT_UNREAD = 1
 EXIT_MAPS_FAILED = 3
 
 
@@ -62,10 +62,8 @@ def main() -> None:
             _run()
     except KeyboardInterrupt:
         _interrupted(stops)
-    except SystemExit as ended:  # typer makes an exit of an interrupt
-        if stops.number is not None and ended.code:
-            _interrupted(stops)
-        raise
+    except BrokenPipeError:  # nobody reads on, which needs no words
+        _leave(EXIT_UNREAD)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         _end(f"{where}{error.strerror or error}", EXIT_BAD_INPUT)
@@ -81,7 +79,8 @@ def _run() -> None:
     # of itself.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
-        importlib.import_module("pgm_places.cli.app").app_for(sys.argv[1:])()
+        importlib.import_module("pgm_places.cli.app").run(sys.argv[1:])
+        sys.exit()
     except PgmPlacesError as error:
         _end(str(error), EXIT_BAD_INPUT)
     except MemoryError:
@@ -109,10 +108,14 @@ def _interrupted(stops: _Stops) -> None:
     _end("interrupted; no file is left half-written", 128 + number)
 
 
-def _end(message: str, code: int) -> None:
+def _end(message: str, code: int) -> NoReturn:
     from pgm_places.cli.terminal import complain
 
     complain(f"pgm-places: {message}")
+    _leave(code)
+
+
+def _leave(code: int) -> NoReturn:
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()
         sys.exit(code)

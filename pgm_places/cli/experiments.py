@@ -5,15 +5,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
+from pgm_places.cli.declarations import Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
 from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import ConfigError, InputError
+from pgm_places.options import Seed
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
@@ -53,7 +53,7 @@ def compare(
     out: Out,
     by_building: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--by-building",
             help="Leave out each building of [[train]] in turn, train on the others and test on "
             "it; [[test]] is not used.",
@@ -110,7 +110,7 @@ def _compare(experiment: "Experiment", folder: Path, shared_out: WorkerOptions |
 
 def demo(
     out: Out = Path("demo-report"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the generated building.")] = 0,
+    seed: Annotated[Seed, Option(help="Seed of the generated building.")] = 0,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,

@@ -1,15 +1,12 @@
 """``pgm-places explain``: why a position of a map has its label, in words and as a picture."""
 
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Model, Quiet, Threads, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
-from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -18,19 +15,17 @@ __all__ = ["explain"]
 
 
 def explain(
-    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
-    x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Write a picture of it (PNG).")
-    ] = None,
+    map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="A map_server map.")],
+    x: Annotated[float, Argument(metavar="X", help="Position in the map frame (m).")],
+    y: Annotated[float, Argument(metavar="Y", help="Position in the map frame (m).")],
+    out: Annotated[Path | None, Option("--out", "-o", help="Write a picture of it (PNG).")] = None,
     model: Model = "default",
     method: Annotated[
-        str | None, typer.Option(help="Method of the model; its last one by default.")
+        str | None, Option(help="Method of the model; its last one by default.")
     ] = None,
     corrections: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png|FILE.geojson", help="Known labels, as label takes them."),
+        Option(metavar="FILE.png|FILE.geojson", help="Known labels, as label takes them."),
     ] = None,
     unknown_value: UnknownValue = None,
     n_threads: Threads = None,
@@ -45,8 +40,6 @@ def explain(
     from pgm_places.teaching.teacher import Teacher
     from pgm_places.trained import stored_labeler
 
-    if not (isfinite(x) and isfinite(y)):
-        raise InputError(f"X and Y must be finite coordinates in metres, got {x:g} and {y:g}")
     progress = make_progress(quiet=quiet)
     stored = stored_labeler(model)
     labeler: PlaceLabeler = stored.item

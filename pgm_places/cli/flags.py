@@ -7,8 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any
 
-import typer
-
+from pgm_places.cli.declarations import Option
 from pgm_places.options import (
     OptionError,
     from_mapping,
@@ -96,7 +95,7 @@ def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parame
         flag, is_switch = flags[item.name], hints[item.name] is bool
         if is_switch:
             flag += f"/--no-{flag.removeprefix('--')}"
-        option = typer.Option(flag, help=lines[item.name], metavar=_metavar(item.default))
+        option = Option(flag, help=lines[item.name], metavar=_metavar(item.default))
         found.append(
             inspect.Parameter(
                 item.name,

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
@@ -28,7 +27,7 @@ __all__ = ["label"]
 def label(
     maps: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="MAP.yaml...",
             help="map_server maps, folders to look through, or quoted patterns.",
         ),
@@ -36,11 +35,11 @@ def label(
     out: Out,
     model: Model = "default",
     method: Annotated[
-        str | None, typer.Option(help="Method of the model; its last one by default.")
+        str | None, Option(help="Method of the model; its last one by default.")
     ] = None,
     doorways: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="gates|labels",
             help="What separates places: gates, if the model finds any, or cells labelled as "
             "doorways; by default, as set in the model's [topology].",
@@ -48,7 +47,7 @@ def label(
     ] = None,
     halls: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="corridor|room|hall",
             help="What lobbies, foyers and other halls are labelled, if the model knows them; by "
             "default, as set in the model's [labels].",
@@ -56,7 +55,7 @@ def label(
     ] = None,
     corrections: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE.png|FILE.geojson",
             help="Known labels of a single map: a label image of its size, or polygons "
             "and lines in metres with a property 'class'. Every method keeps them.",
@@ -189,4 +188,4 @@ def _label_many(
     for path in batch.written:
         say(f"wrote {path}")
     if batch.failures:
-        raise typer.Exit(EXIT_MAPS_FAILED)
+        raise SystemExit(EXIT_MAPS_FAILED)

@@ -5,16 +5,16 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from pgm_places._extras import needed
 from pgm_places.cli.arguments import Force, Model, Quiet, Threads
+from pgm_places.cli.declarations import Option
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import ConfigError
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.node_options import NodeOptions
+from pgm_places.options import AtLeastZero
 
 if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -33,39 +33,35 @@ PLACES_FILE = "places.jsonl"
 def live(
     replay: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
+        Option(metavar="LOG", help="Replay a ROS bag or a CARMEN log at full speed."),
     ] = None,
     dds: Annotated[
-        bool, typer.Option("--dds", help="Connect to a ROS 2 robot, with no ROS on this machine.")
+        bool, Option("--dds", help="Connect to a ROS 2 robot, with no ROS on this machine.")
     ] = False,
     local: Annotated[
-        bool, typer.Option("--local", help="With --dds: communicate within this machine only.")
+        bool, Option("--local", help="With --dds: communicate within this machine only.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(min=0, help="With --dds: stop after this many seconds.")
+        AtLeastZero | None, Option(help="With --dds: stop after this many seconds.")
     ] = None,
     model: Model = "default",
     method: Annotated[
-        str | None, typer.Option(help="Method that labels the map; the model's last by default.")
+        str | None, Option(help="Method that labels the map; the model's last by default.")
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--out", "-o", help="With --replay: folder for the place of each scan and the last map."
         ),
     ] = None,
     max_range: Annotated[
-        float | None,
-        typer.Option(
-            min=0, help="With --replay: readings of this range or more (m) count as no return."
-        ),
+        AtLeastZero | None,
+        Option(help="With --replay: readings of this range or more (m) count as no return."),
     ] = None,
     *,
     node: NodeOptions,
     options: LiveOptions,
-    jsonl: Annotated[
-        bool, typer.Option("--jsonl", help="Print each line as a JSON object.")
-    ] = False,
+    jsonl: Annotated[bool, Option("--jsonl", help="Print each line as a JSON object.")] = False,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,

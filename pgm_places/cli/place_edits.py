@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Place, Places
+from pgm_places.cli.declarations import Argument
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
 
@@ -18,7 +17,7 @@ __all__ = ["merge", "rename", "split"]
 def rename(
     folder: Places,
     place: Place,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its new name.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Its new name.")],
 ) -> None:
     """Give a place a name of your own, in place_names.yaml."""
     from pgm_places.io.places.topology_files import load_named_topology, write_own_name
@@ -34,9 +33,7 @@ def rename(
 def merge(
     folder: Places,
     first: Place,
-    second: Annotated[
-        str, typer.Argument(metavar="OTHER", help="The place to merge into the first.")
-    ],
+    second: Annotated[str, Argument(metavar="OTHER", help="The place to merge into the first.")],
 ) -> None:
     """Merge two places into one. It keeps the id and the name of the first."""
     from pgm_places.io.places.topology_files import load_named_topology
@@ -50,7 +47,7 @@ def split(
     place: Place,
     points: Annotated[
         list[float],
-        typer.Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
+        Argument(metavar="X Y [X2 Y2]", help="A point, or the ends of a line (m)."),
     ],
 ) -> None:
     """Split a place along a line or at a point. A point splits it where it is narrowest."""

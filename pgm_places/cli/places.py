@@ -2,17 +2,16 @@
 
 import re
 from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import named_as_flags, option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
+from pgm_places.options import AtLeastZero
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
@@ -25,21 +24,20 @@ __all__ = ["export", "topology", "where"]
 def topology(
     labels_png: Annotated[
         Path,
-        typer.Argument(metavar="LABELS.png", help="Label image, with its names file next to it."),
+        Argument(metavar="LABELS.png", help="Label image, with its names file next to it."),
     ],
-    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map it belongs to.")],
+    map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="The map it belongs to.")],
     out: Out,
     names_file: Annotated[
         Path | None,
-        typer.Option("--names", help="Names file; LABELS.yaml or labels.yaml by default."),
+        Option("--names", help="Names file; LABELS.yaml or labels.yaml by default."),
     ] = None,
     *,
     rules: TopologyOptions,
     propose_splits_m: Annotated[
-        float,
-        typer.Option(
+        AtLeastZero,
+        Option(
             "--propose-splits",
-            min=0,
             help="List the places that --split-rooms would split at this width (m), without "
             "splitting them.",
         ),
@@ -95,23 +93,22 @@ def export(
     folder: Places,
     to: Annotated[
         str,
-        typer.Option(
+        Option(
             help="nav2-route, regions, zones, keepout, speed-percent, speed-m-s, binary, graphml, "
             "node-link, dot, geotiff or mcap."
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the files; DIR by default.")
+        Path | None, Option("--out", "-o", help="Folder for the files; DIR by default.")
     ] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
+        Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
     ] = None,
     robot_radius_m: Annotated[
-        float | None,
-        typer.Option(
+        AtLeastZero | None,
+        Option(
             "--robot-radius",
-            min=0,
             help="For nav2-route: leave out passages too narrow for this radius (m).",
         ),
     ] = None,
@@ -148,19 +145,17 @@ def _values(texts: Sequence[str]) -> dict[str, int]:
 
 def where(
     folder: Places,
-    x: Annotated[float, typer.Argument(metavar="X", help="Position in the map frame (m).")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="Position in the map frame (m).")],
+    x: Annotated[float, Argument(metavar="X", help="Position in the map frame (m).")],
+    y: Annotated[float, Argument(metavar="Y", help="Position in the map frame (m).")],
 ) -> None:
     """Show the place at a position. The exit code is 1 if there is none."""
     from pgm_places.io.places.topology_files import load_named_topology
 
-    if not (isfinite(x) and isfinite(y)):
-        raise InputError(f"X and Y must be finite coordinates in metres, got {x:g} and {y:g}")
     topology = load_named_topology(folder)
     region = topology.region_at(x, y)
     if region is None:
         say("no place at this position")
-        raise typer.Exit(1)
+        raise SystemExit(1)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
     confidence = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
     say(f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{confidence})")

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Force, Out, Quiet, Threads
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
@@ -17,14 +16,14 @@ __all__ = ["reproduce"]
 def reproduce(
     names: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[SECTION]...",
+        Argument(
+            metavar="SECTION...",
             help="Sections such as 7.1 7.5, ablations, buildings; 7.1 to 7.6 by default.",
         ),
     ] = None,
     out: Out = Path("reproduced"),
     again: Annotated[
-        bool, typer.Option("--again", help="Rerun sections that have already been run.")
+        bool, Option("--again", help="Rerun sections that have already been run.")
     ] = False,
     force: Force = False,
     n_threads: Threads = None,

@@ -4,13 +4,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Ge
 
 from pgm_places.cli.arguments import Force, Quiet, Threads, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
+from pgm_places.options import AtLeastZero, Seed
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
 
@@ -28,7 +30,7 @@ LASER_FLAGS = {"n_beams": "--beams", "view_degrees": "--view"}
 def simulate(
     out: Annotated[
         Path,
-        typer.Option(
+        Option(
             "--out",
             "-o",
             help="The log: NAME.log, NAME.log.gz (CARMEN), NAME.bag (ROS 1), NAME.mcap, NAME (a "
@@ -36,33 +38,32 @@ def simulate(
         ),
     ],
     map_yaml: Annotated[
-        Path | None, typer.Argument(metavar="MAP.yaml", help="The map_server map to drive in.")
+        Path | None, Argument(metavar="MAP.yaml", help="The map_server map to drive in.")
     ] = None,
     demo: Annotated[
-        bool, typer.Option("--demo", help="Drive in a generated building and write its map too.")
+        bool, Option("--demo", help="Drive in a generated building and write its map too.")
     ] = False,
     labels: Annotated[
-        Path | None, typer.Option(help="Label image of the map, for the true place of every step.")
+        Path | None, Option(help="Label image of the map, for the true place of every step.")
     ] = None,
     *,
     laser: LaserOptions,
     odometry_noise: Annotated[
-        float, typer.Option(min=0, help="Odometry noise scale (1 = typical).")
+        AtLeastZero, Option(help="Odometry noise scale (1 = typical).")
     ] = 1.0,
     wheels_only: Annotated[
-        bool, typer.Option("--wheels-only", help="Record odometry only, without the true poses.")
+        bool, Option("--wheels-only", help="Record odometry only, without the true poses.")
     ] = False,
     length_m: Annotated[
-        float | None,
-        typer.Option(
+        Annotated[float, Ge(0.5)] | None,
+        Option(
             "--length",
-            min=0.5,
             help="Distance to drive (m); by default, far enough to pass every place.",
         ),
     ] = None,
     motion: RobotMotion,
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the starting point, the noise and the building.")
+        Seed, Option(help="Seed of the starting point, the noise and the building.")
     ] = 0,
     unknown_value: UnknownValue = None,
     force: Force = False,

@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Force, Out, Quiet, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say_written
 from pgm_places.datasets.map_simulation import MapSimulation
+from pgm_places.options import Seed, Whole
 
 __all__ = ["simulate_map"]
 
@@ -19,13 +19,13 @@ _ENDS = (".yaml", ".png", "_labels.png", "_labels.yaml")
 @option_flags("options", MapSimulation)
 def simulate_map(
     plan_yaml: Annotated[
-        Path, typer.Argument(metavar="PLAN.yaml", help="A clean map, such as one from CAD.")
+        Path, Argument(metavar="PLAN.yaml", help="A clean map, such as one from CAD.")
     ],
-    labels: Annotated[Path, typer.Option(help="Label image of the plan.")],
+    labels: Annotated[Path, Option(help="Label image of the plan.")],
     out: Out,
     *,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first map.")] = 0,
-    copies: Annotated[int, typer.Option(min=1, help="Number of maps, a seed for each.")] = 1,
+    seed: Annotated[Seed, Option(help="Seed of the first map.")] = 0,
+    copies: Annotated[Whole, Option(help="Number of maps, a seed for each.")] = 1,
     options: MapSimulation,
     unknown_value: UnknownValue = None,
     force: Force = False,

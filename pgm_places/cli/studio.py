@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Ge, Le
 
 from pgm_places._extras import needed
 from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 
@@ -18,16 +19,14 @@ __all__ = ["studio"]
 
 
 def studio(
-    map_yaml: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="A map_server map.")],
+    map_yaml: Annotated[Path, Argument(metavar="MAP.yaml", help="A map_server map.")],
     labels: Annotated[
         list[Path] | None,
-        typer.Option(
-            help="Label image to compare with, such as the truth; may be given several times."
-        ),
+        Option(help="Label image to compare with, such as the truth; may be given several times."),
     ] = None,
     model: Annotated[
         str,
-        typer.Option(
+        Option(
             "--model",
             "-m",
             help="Folder written by 'train', or the name of a shipped model; none to learn from "
@@ -36,19 +35,17 @@ def studio(
     ] = "default",
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", help="Folder for the paint and the exports; MAP-studio by default."
-        ),
+        Option("--out", "-o", help="Folder for the paint and the exports; MAP-studio by default."),
     ] = None,
     drive: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
+        Option(metavar="LOG", help="A drive in the map's frame, whose path is shown."),
     ] = None,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any that is free.")
+        Annotated[int, Ge(0), Le(65535)], Option(help="Port to listen on; 0 for any that is free.")
     ] = 0,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address without opening it.")
+        bool, Option("--no-browser", help="Print the address without opening it.")
     ] = False,
     unknown_value: UnknownValue = None,
     n_threads: Threads = None,

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from pgm_places.cli.arguments import Force, Quiet
+from pgm_places.cli.declarations import Argument, Option
 from pgm_places.errors import ConfigError
+from pgm_places.options import AtLeastZero
 
 __all__ = ["track"]
 
@@ -14,13 +14,11 @@ __all__ = ["track"]
 def track(
     log: Annotated[
         Path,
-        typer.Argument(
-            metavar="LOG", help="CARMEN log, ROS bag or table of poses; - with --follow."
-        ),
+        Argument(metavar="LOG", help="CARMEN log, ROS bag or table of poses; - with --follow."),
     ],
     model: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--model",
             "-m",
             help="Folder written by 'train', or the name of a shipped model; 'tracking' by "
@@ -28,57 +26,57 @@ def track(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results; created if needed.")
+        Path | None, Option("--out", "-o", help="Folder for the results; created if needed.")
     ] = None,
     map_yaml: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.yaml", help="Map in the frame of the log's poses."),
+        Option("--map", metavar="MAP.yaml", help="Map in the frame of the log's poses."),
     ] = None,
     map_labels: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="DIR",
             help="Folder that label wrote for this map: its labels are a further observation.",
         ),
     ] = None,
     mode: Annotated[
-        str, typer.Option(help="filter (as online), or smooth or viterbi (complete logs only).")
+        str, Option(help="filter (as online), or smooth or viterbi (complete logs only).")
     ] = "filter",
     beams: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="How to complete scans of less than a full circle: known-map (default with "
             "--map), local-map, mirror or max-range."
         ),
     ] = None,
     every: Annotated[
         float | None,
-        typer.Option(help="Distance between updates (m); the model's by default."),
+        Option(help="Distance between updates (m); the model's by default."),
     ] = None,
     max_range: Annotated[
-        float | None,
-        typer.Option(min=0, help="Readings of this range or more (m) count as no return."),
+        AtLeastZero | None,
+        Option(help="Readings of this range or more (m) count as no return."),
     ] = None,
     truth: Annotated[
         Path | None,
-        typer.Option(help="Table of the true places, one row per step, to score against."),
+        Option(help="Table of the true places, one row per step, to score against."),
     ] = None,
     counts: Annotated[
         Path | None,
-        typer.Option(help="CSV or JSON of object counts, for a model trained with them."),
+        Option(help="CSV or JSON of object counts, for a model trained with them."),
     ] = None,
     counts_within: Annotated[
-        float,
-        typer.Option(min=0, help="Longest time between a scan and its object counts (s)."),
+        AtLeastZero,
+        Option(help="Longest time between a scan and its object counts (s)."),
     ] = 5.0,
     follow: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--follow", "-f", help="Follow a growing CARMEN log or CSV, or -: one line per scan."
         ),
     ] = False,
     jsonl: Annotated[
-        bool, typer.Option("--jsonl", help="With --follow: print each line as a JSON object.")
+        bool, Option("--jsonl", help="With --follow: print each line as a JSON object.")
     ] = False,
     force: Force = False,
     quiet: Quiet = False,

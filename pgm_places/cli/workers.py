@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from annotated_types import Ge, Le
 
+from pgm_places.cli.declarations import Option
 from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
@@ -13,18 +14,16 @@ if TYPE_CHECKING:
 __all__ = ["Jobs", "Memory", "Scheduler", "WorkerOptions", "make_workers"]
 
 Jobs = Annotated[
-    int | None,
-    typer.Option(
-        "--jobs", "-j", min=1, max=1024, help="Worker processes; one per core by default."
-    ),
+    Annotated[int, Ge(1), Le(1024)] | None,
+    Option("--jobs", "-j", help="Worker processes; one per core by default."),
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Hand the work to this Dask cluster instead."),
+    Option(metavar="ADDRESS", help="Hand the work to this Dask cluster instead."),
 ]
 Memory = Annotated[
     str | None,
-    typer.Option(metavar="SIZE", help="Memory limit of each worker, such as 4GB."),
+    Option(metavar="SIZE", help="Memory limit of each worker, such as 4GB."),
 ]
 
 

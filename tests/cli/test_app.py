@@ -1,27 +1,80 @@
-"""The frame of the commands: all of them for help, one of them to run."""
+"""The frame of the commands: help, version, completion, and what is refused."""
 
-from typing import Any
+import re
+import shutil
+import subprocess
 
 import pytest
-import typer
 
-from pgm_places.cli.app import COMMANDS, app_for
-
-
-def commands_for(*arguments: str) -> dict[str, Any]:
-    group: Any = typer.main.get_command(app_for(arguments))
-    return dict(group.commands)
+from pgm_places._version import __version__
+from pgm_places.cli.app import COMMANDS, command
+from tests.cli.conftest import Run
 
 
-@pytest.mark.parametrize("arguments", [(), ("--help",), ("lable",), ("--version", "label")])
-def test_help_and_errors_know_every_command(arguments: tuple[str, ...]) -> None:
-    assert list(commands_for(*arguments)) == list(COMMANDS)
+def test_the_help_lists_every_command_with_its_first_sentence(run: Run) -> None:
+    code, out, _ = run("--help")
+    assert (code, out) == run()[:2]
+    lines = out.splitlines()
+    assert code == 0 and max(map(len, lines)) <= 80
+    listed = lines[lines.index("Commands:") + 1 :]
+    assert [line.split()[0] for line in listed] == list(COMMANDS)
+    assert all(re.fullmatch(r"  \S+ +[A-Z].+\.", line) for line in listed)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_alone_is_declared_as_among_the_others(name: str) -> None:
-    alone, among = commands_for(name, "--help"), commands_for()[name]
-    assert list(alone) == [name]
-    assert alone[name].name == name
-    assert alone[name].callback.__name__ == name.replace("-", "_")
-    assert [repr(item) for item in alone[name].params] == [repr(item) for item in among.params]
+def test_the_help_of_a_command_says_what_each_parameter_means(name: str, run: Run) -> None:
+    code, out, _ = run(name, "--help")
+    assert code == 0 and max(map(len, out.splitlines())) <= 80
+    for item in command(name).parameters:
+        text = item.declared.help
+        assert text.endswith("."), item.name
+        assert "".join(text.split()) in "".join(out.split())
+        assert all(flag in out for flag in item.switches)
+
+
+def test_a_switch_shows_both_its_flags_and_which_holds(run: Run) -> None:
+    text = " ".join(run("topology", "--help")[1].split())
+    assert "--correct/--no-correct Correct erroneous regions. [default: --correct]" in text
+    assert "-o, --out PATH Folder for the results; created if needed. [required]" in text
+
+
+def test_version(run: Run) -> None:
+    assert run("--version") == (0, f"pgm-places {__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["lable"], "there is no command 'lable'. Did you mean 'label'?"),
+        (["--versoin"], "there is no option '--versoin'. Did you mean '--version'?"),
+    ],
+)
+def test_what_there_is_not_is_one_line(words: list[str], said: str, run: Run) -> None:
+    code, out, error = run(*words)
+    assert (code, out, error.count("\n")) == (2, "", 1)
+    assert said in error
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="there is no bash")
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (["wh"], ["where"]),
+        (["--v"], ["--version"]),
+        (["label", "--me"], ["--method", "--memory"]),
+        (["label", "-"], ["-m", "-o", "-q", "-j"]),
+        (["topology", "--no-c"], ["--no-correct"]),
+        (["label", "x"], []),
+    ],
+)
+def test_bash_completes_commands_and_flags(words: list[str], found: list[str], run: Run) -> None:
+    _, script, _ = run("--show-completion")
+    asked = (
+        f"COMP_WORDS=(pgm-places {' '.join(words)}); COMP_CWORD={len(words)}\n"
+        '_pgm_places; echo "${COMPREPLY[@]}"'
+    )
+    ended = subprocess.run(
+        ["bash", "-c", f"{script}\n{asked}"], capture_output=True, text=True, check=True
+    )
+    assert set(found) <= set(ended.stdout.split())
+    assert found or not ended.stdout.split()

@@ -77,7 +77,7 @@ def test_paint_is_explained_as_such(tmp_path: Path, run: Run, building: Path) ->
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("nan", 1), "X and Y must be finite coordinates in metres, got nan and 1"),
+        (("nan", 1), "X must be a finite number, got nan"),
         ((-1000, -1000), "there is no free cell at (-1000, -1000)"),
         ((1, 1, "--method", "amn"), "no method 'amn'"),
         ((1, 1, "--model", "nowhere"), "no model at nowhere"),

@@ -1,0 +1,162 @@
+"""What a command takes: arguments and options, declared beside the parameters of its function.
+
+``n_threads: Annotated[Whole | None, Option("--threads", help="Number of threads.")] = None`` is an
+option of one whole number. The type says what it takes, in the words of every other option.
+"""
+
+import inspect
+import typing
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pgm_places._option_words import arms, bare
+from pgm_places.options import check_option
+
+__all__ = ["Argument", "Option", "Parameter", "number_in", "parameters_of"]
+
+
+@dataclass(frozen=True)
+class Argument:
+    """The mark of a parameter that is given by its place on the command line.
+
+    Parameters
+    ----------
+    metavar : str
+        What stands for it in usage and messages.
+    help : str
+        One sentence.
+    """
+
+    metavar: str
+    help: str
+
+
+class Option:
+    """The mark of a parameter that is given by a flag.
+
+    Parameters
+    ----------
+    *flags : str
+        ``"--out", "-o"``; named after the parameter if there are none. A switch that can also be
+        turned off is written ``"--correct/--no-correct"``.
+    help : str
+        One sentence.
+    metavar : str, optional
+        What stands for its value; the kind of value by default.
+    """
+
+    def __init__(self, *flags: str, help: str, metavar: str | None = None) -> None:
+        self.flags, self.help, self.metavar = flags, help, metavar
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One thing that a command takes.
+
+    Parameters
+    ----------
+    name : str
+        Of the function's parameter.
+    hint : Any
+        What it takes.
+    declared : Argument or Option
+    default : Any
+        ``inspect.Parameter.empty`` where it must be given.
+    """
+
+    name: str
+    hint: Any
+    declared: Argument | Option
+    default: Any
+
+    @property
+    def is_required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is inspect.Parameter.empty
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it takes several values."""
+        return typing.get_origin(self._kind) is list
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it takes no value."""
+        return self.hint is bool
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """How an option is given; none of an argument."""
+        if isinstance(self.declared, Argument):
+            return ()
+        return self.declared.flags or (f"--{self.name.replace('_', '-')}",)
+
+    @property
+    def switches(self) -> dict[str, bool]:
+        """Each flag by itself, and whether it turns on what it names."""
+        return {
+            flag: position == 0
+            for flags in self.flags
+            for position, flag in enumerate(flags.split("/"))
+        }
+
+    @property
+    def shown(self) -> str:
+        """What messages call it."""
+        return self.flags[0] if self.flags else str(self.declared.metavar)
+
+    @property
+    def metavar(self) -> str:
+        """What stands for its value."""
+        kinds = {Path: "PATH", int: "NUMBER", float: "NUMBER"}
+        return self.declared.metavar or kinds.get(bare(self._item), "TEXT")
+
+    @property
+    def _kind(self) -> Any:
+        return bare(arms(self.hint)[0])
+
+    @property
+    def _item(self) -> Any:
+        """What each value has to be, with its limits."""
+        return typing.get_args(self._kind)[0] if self.is_list else arms(self.hint)[0]
+
+    def read(self, text: str) -> Any:
+        """The value that a text says.
+
+        Raises
+        ------
+        ConfigError
+            It is none that the parameter takes.
+        """
+        kind = bare(self._item)
+        if kind in (str, Path):
+            return kind(text)
+        return check_option(self.shown, self._item, number_in(text, kind))
+
+
+def number_in(text: str, kind: type) -> Any:
+    """A number where the text is one, of a kind if it can be; otherwise the text.
+
+    Examples
+    --------
+    >>> number_in("3", int), number_in("3", float), number_in("3.5", int), number_in("no", int)
+    (3, 3.0, 3.5, 'no')
+    """
+    for wanted in dict.fromkeys((kind, float)):
+        try:
+            return wanted(text)
+        except ValueError:
+            continue
+    return text
+
+
+def parameters_of(command: Callable[..., None]) -> list[Parameter]:
+    """What a command takes, in the order of its parameters."""
+    found = []
+    for item in inspect.signature(command).parameters.values():
+        *hint, declared = typing.get_args(item.annotation)
+        kind = Annotated[tuple(hint)] if len(hint) > 1 else hint[0]  # with its own marks
+        found.append(Parameter(item.name, kind, declared, item.default))
+    return found

@@ -1,0 +1,73 @@
+"""The help of the commands as text, 80 columns wide."""
+
+import textwrap
+from collections.abc import Iterable, Mapping
+
+from pgm_places.cli.command import HELP, Command
+from pgm_places.cli.declarations import Parameter
+
+__all__ = ["help_of", "help_of_all"]
+
+_WIDTH, _WIDEST_NAME = 80, 28
+_SHOW_HELP = (HELP, "Show this message and exit.")
+
+
+def help_of(command: Command) -> str:
+    """What a command does and takes."""
+    arguments = [item for item in command.parameters if not item.flags]
+    options = [item for item in command.parameters if item.flags]
+    given = [item.metavar if item.is_required else f"[{item.metavar}]" for item in arguments]
+    parts = [
+        f"Usage: {' '.join(['pgm-places', command.name, '[OPTIONS]', *given])}",
+        *(_filled(paragraph) for paragraph in command.help.split("\n\n")),
+        _table("Arguments", ((item.metavar, _line(item)) for item in arguments)),
+        _table("Options", [*((_name(item), _line(item)) for item in options), _SHOW_HELP]),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def help_of_all(summary: str, options: Mapping[str, str], commands: Iterable[Command]) -> str:
+    """What the program does, its own options, and its commands."""
+    listed = ((item.name, item.summary) for item in commands)
+    parts = [
+        "Usage: pgm-places [OPTIONS] COMMAND ...",
+        _filled(summary),
+        _table("Options", [*options.items(), _SHOW_HELP]),
+        _table("Commands", listed),
+    ]
+    return "\n\n".join(parts)
+
+
+def _name(item: Parameter) -> str:
+    """``-o, --out PATH``, the short flag first."""
+    flags = ", ".join(sorted(item.flags, key=len))
+    return flags if item.is_switch else f"{flags} {item.metavar}"
+
+
+def _line(item: Parameter) -> str:
+    """What is said of a parameter, and what holds if it is not given."""
+    text = item.declared.help
+    if item.is_required:
+        return f"{text} [required]" if item.flags else text
+    if item.default is None or item.default is False:
+        return text
+    default = item.flags[0].split("/")[0] if item.is_switch else item.default
+    return f"{text} [default: {default}]"
+
+
+def _filled(text: str, *, indent: str = "  ") -> str:
+    return textwrap.fill(text, _WIDTH, initial_indent=indent, subsequent_indent=indent)
+
+
+def _table(title: str, rows: Iterable[tuple[str, str]]) -> str:
+    """Names and what is said of them beside each other, below a title; nothing without rows."""
+    listed = list(rows)
+    width = min(max((len(name) for name, _ in listed), default=0), _WIDEST_NAME) + 4
+    lines = [f"{title}:"] if listed else []
+    for name, text in listed:
+        filled = _filled(text, indent=" " * width)
+        if len(name) > _WIDEST_NAME:
+            lines += [f"  {name}", filled]
+        else:
+            lines.append(f"  {name}".ljust(width) + filled[width:])
+    return "\n".join(lines)
