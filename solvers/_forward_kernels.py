@@ -26,11 +26,10 @@ def subtract_best(
     log_likelihood: NDArray[np.float64],
     out: NDArray[np.float64],
     best: NDArray[np.float64],
-    each: Any,
 ) -> None:
     """Rows (n, K) less their largest entry, which goes to ``best``; all -inf stays so, best 0."""
-    n_labels = len(each)
-    for t in range(log_likelihood.shape[0]):
+    n_steps, n_labels = log_likelihood.shape
+    for t in range(n_steps):
         most = log_likelihood[t, 0]
         for k in range(1, n_labels):
             most = max(most, log_likelihood[t, k])
@@ -41,25 +40,23 @@ def subtract_best(
 
 
 @njit
-def _weigh_in_logs(
-    log_likelihood: NDArray[np.float64], t: int, predicted: NDArray[np.float64]
-) -> tuple[float, float]:
-    """Multiply a prediction by a likelihood of any size; the total and its logarithmic scale.
+def weigh_in_logs(log_likelihood: NDArray[np.float64], predicted: NDArray[np.float64]) -> float:
+    """Multiply a prediction of any sum by a likelihood of any size, and divide it by its sum.
 
-    The total is 0 and the prediction unchanged where every product is 0.
+    The logarithm of that sum is returned: -inf where every product is 0, and the prediction is left
+    as it was, but for its sum.
     """
-    most = -np.inf
-    for k in range(len(predicted)):
+    most, total = -np.inf, 0.0
+    for k in range(len(log_likelihood)):
         if predicted[k] > 0.0:
-            most = max(most, np.log(predicted[k]) + log_likelihood[t, k])
-    if most == -np.inf:
-        return 0.0, 0.0
-    total = 0.0
-    for k in range(len(predicted)):
-        if predicted[k] > 0.0:
-            predicted[k] = np.exp(np.log(predicted[k]) + log_likelihood[t, k] - most)
+            most = max(most, np.log(predicted[k]) + log_likelihood[k])
+    for k in range(len(log_likelihood)):
+        if predicted[k] > 0.0 and most > -np.inf:
+            predicted[k] = np.exp(np.log(predicted[k]) + log_likelihood[k] - most)
         total += predicted[k]
-    return total, most
+    for k in range(len(log_likelihood)):
+        predicted[k] /= total
+    return most + np.log(total)
 
 
 class Steps(NamedTuple):
@@ -81,11 +78,7 @@ class Steps(NamedTuple):
 
 @njit
 def filter_steps(
-    belief: NDArray[np.float64],
-    begun: bool,
-    arrival: NDArray[np.float64],
-    steps: Steps,
-    each: Any,
+    belief: NDArray[np.float64], begun: bool, arrival: NDArray[np.float64], steps: Steps
 ) -> float:
     """Filter some steps on from ``belief`` (K,), of any sum, left at the last (paper eq. 3).
 
@@ -95,55 +88,38 @@ def filter_steps(
     what is in ``scale``: that of the products carried, which needs no logarithm per step.
     """
     action, log_likelihood, likelihood, scale, out, impossible = steps
-    n_steps, n_labels = likelihood.shape[0], len(each)
-    logs = np.empty(n_labels)
-    carried, following = blank(each), blank(each)
-    before = 0.0  # the sum of what is carried
-    for k in range(n_labels):
-        carried = replaced(carried, k, belief[k])
-        before += belief[k]
-    evidence = -np.log(before)
+    n_steps, n_labels = likelihood.shape
+    carried, predicted = belief.copy(), belief.copy()
+    mass = carried.sum()
+    evidence = -np.log(mass)
     for t in range(n_steps):
         if t > 0 or begun:
-            a = action[t]
             for k in range(n_labels):
-                arriving = arrival[a, k, 0] * carried[0]
-                for m in range(1, n_labels):
-                    arriving += arrival[a, k, m] * carried[m]
-                following = replaced(following, k, arriving)
-            carried, following = following, carried
+                arriving = 0.0
+                for m in range(n_labels):
+                    arriving += arrival[action[t], k, m] * carried[m]
+                predicted[k] = arriving
         mass = 0.0
         for k in range(n_labels):
-            weighed = carried[k] * likelihood[t, k]
-            following = replaced(following, k, weighed)
-            mass += weighed
+            carried[k] = predicted[k] * likelihood[t, k]
+            mass += carried[k]
         impossible[t] = False
-        if mass < SMALL_TOTAL:
-            if mass < SMALLEST_TOTAL:
-                for k in range(n_labels):
-                    logs[k] = carried[k] / before
-                evidence += np.log(before)
-                mass, scale[t] = _weigh_in_logs(log_likelihood, t, logs)
-                impossible[t] = mass == 0.0
-                evidence += np.log(mass) if mass > 0.0 else -np.inf
-                if mass == 0.0:
-                    for k in range(n_labels):
-                        mass += logs[k]
-                for k in range(n_labels):
-                    following = replaced(following, k, logs[k])
-            else:
-                evidence += np.log(mass)
-            for k in range(n_labels):
-                following = replaced(following, k, following[k] / mass)
+        if mass < SMALLEST_TOTAL:
+            carried[:] = predicted
+            gained = weigh_in_logs(log_likelihood[t], carried)
+            impossible[t] = gained == -np.inf
+            evidence += gained
+            scale[t] = 0.0
+            mass = 1.0
+        elif mass < SMALL_TOTAL:
+            evidence += np.log(mass)
+            carried /= mass
             mass = 1.0
         factor = 1.0 / mass
         for k in range(n_labels):
-            out[t, k] = following[k] * factor
-        carried, following = following, carried
-        before = mass
-    for k in range(n_labels):
-        belief[k] = carried[k]
-    return evidence + np.log(before)
+            out[t, k] = carried[k] * factor
+    belief[:] = carried
+    return evidence + np.log(mass)
 
 
 @fused

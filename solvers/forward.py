@@ -4,8 +4,9 @@ Observations that the model says cannot happen are left out, as if nothing had b
 step, and their steps are reported; beliefs never become NaN.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,9 @@ __all__ = [
     "viterbi",
 ]
 
-STEPS_AT_ONCE = 8192  # likelihoods of so many steps stay in cache between exponential and filter
+STEPS_AT_ONCE = 8192  # log-likelihoods of so many steps stay in cache between check and kernel
 LANES_WIDE = 8  # labels of a chain that one vector holds
-FEWER_ALONE = 4  # so few labels are faster one by one
+FEWER_ALONE = 4  # so few labels are faster one by one, but in the filter
 FEW_LABELS = 8  # kernels are compiled for each of these numbers of labels, and for any larger one
 SUM_TOLERANCE = 1e-6  # of probabilities that must sum to one
 
@@ -200,7 +201,8 @@ class ForwardFilter:
 
     def __init__(self, initial: ArrayLike, transition: ArrayLike) -> None:
         n_labels = len(np.asarray(initial))
-        self._start, self._arrival = _check_tables(initial, transition, n_labels)
+        self._start, arrival = _check_tables(initial, transition, n_labels)
+        self._run = _filter_for(arrival)
 
     def step(
         self, log_likelihood: ArrayLike, belief: ArrayLike | None = None, action: int = 0
@@ -221,8 +223,6 @@ class ForwardFilter:
         InputError
             An array has another shape, the likelihood NaN or +inf, or the belief does not sum to 1.
         """
-        from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
-
         rows = number_array("log_likelihood", log_likelihood)[None]
         before = self._start if belief is None else number_array("belief", belief)
         for name, values in (("log_likelihood", rows[0]), ("belief", before)):
@@ -232,14 +232,9 @@ class ForwardFilter:
             finite_array("log_likelihood", rows[0], ("K",), allow_minus_inf=True)
         if not (before.min() >= 0 and abs(before.sum() - 1.0) <= SUM_TOLERANCE):
             raise InputError(f"belief must hold probabilities that sum to one, got {before}")
-        scaled, found, each = np.empty(rows.shape), np.empty(rows.shape), _each(len(before))
-        impossible, scale = np.empty(1, np.bool_), np.empty(1)
-        subtract_best(rows, scaled, scale, each)
-        np.exp(scaled, out=scaled)
-        led = np.array([action])
-        steps = Steps(led, rows, scaled, scale, found, impossible)
-        filter_steps(before.copy(), belief is not None, self._arrival, steps, each)
-        return found[0], not impossible[0]
+        row, impossible = np.empty(rows.size + LANES_WIDE), np.empty(1, np.bool_)
+        self._run(before, belief is not None, rows, np.array([action]), row, impossible)
+        return row[: rows.size], not impossible[0]
 
 
 Chain = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
@@ -293,10 +288,11 @@ def _each(n_labels: int) -> Any:
     return (0.0,) * n_labels if 0 < n_labels <= FEW_LABELS else np.zeros(n_labels)
 
 
-def _blocks(n_steps: int) -> Iterator[slice]:
-    """Slices of few enough steps that all their numbers stay in cache."""
-    for begin in range(0, n_steps, STEPS_AT_ONCE):
-        yield slice(begin, min(begin + STEPS_AT_ONCE, n_steps))
+def _blocks(n_steps: int, size: int | None = None) -> Iterator[slice]:
+    """Slices of as many steps, by default few enough that all their numbers stay in cache."""
+    size = size or STEPS_AT_ONCE
+    for begin in range(0, n_steps, size):
+        yield slice(begin, min(begin + size, n_steps))
 
 
 def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
@@ -307,28 +303,96 @@ def _checked(observed: NDArray[np.float64], part: slice) -> NDArray[np.float64]:
     return rows
 
 
+def _rows_in_lanes(
+    observed: NDArray[np.float64], size: int | None = None
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    """Slices of the steps, and their rows in one, which has room behind it."""
+    for part in _blocks(len(observed), size):
+        behind = observed[part.start : part.stop + LANES_WIDE]
+        is_last = len(behind) < part.stop - part.start + LANES_WIDE
+        yield part, _in_a_row(observed[part], 0.0) if is_last else behind.reshape(1, -1)
+
+
+_Run = Callable[
+    [
+        NDArray[np.float64],
+        bool,
+        NDArray[np.float64],
+        NDArray[np.int64],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+    ],
+    float,
+]
+"""Writes the beliefs of some steps in a row, and which are impossible; the log of the evidence.
+
+It is given the belief (K,) before, whether anything has begun, the log-likelihoods (T, K), and the
+actions that led to each step."""
+
+
 def _filter(
     start: NDArray[np.float64],
     arrival: NDArray[np.float64],
     observed: NDArray[np.float64],
     led: NDArray[np.int64],
 ) -> ChainBeliefs:
+    row = np.empty(observed.size + LANES_WIDE)  # a vector ends behind the last belief
+    impossible = np.empty(len(observed), np.bool_)
+    evidence = _filter_for(arrival)(start, False, observed, led, row, impossible)
+    beliefs = row[: observed.size].reshape(observed.shape)
+    return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
+
+
+def _filter_for(arrival: NDArray[np.float64]) -> _Run:
+    """The filter for arrivals (A, K, K), in vectors where there are few labels."""
+    if arrival.shape[1] <= LANES_WIDE:
+        return partial(_filter_in_lanes, _by_origin(arrival, 0.0))
+    return partial(_filter_one_by_one, arrival)
+
+
+def _filter_in_lanes(
+    table: NDArray[np.float64],
+    start: NDArray[np.float64],
+    begun: bool,
+    observed: NDArray[np.float64],
+    led: NDArray[np.int64],
+    row: NDArray[np.float64],
+    impossible: NDArray[np.bool_],
+) -> float:
+    from pgm_places.solvers._chain_lane_kernels import filter_lanes
+
+    belief, each, evidence = _in_a_row(start, 0.0), _each(len(start)), 0.0
+    most = max(len(observed) - LANES_WIDE, LANES_WIDE)
+    for part, flat in _rows_in_lanes(observed, most):  # nearly all at once, and those at the end
+        begun, out = begun or part.start > 0, row[None, part.start * len(start) :]
+        evidence += filter_lanes(belief, begun, table, led[part], flat, out, impossible[part], each)
+    if np.isnan(evidence):
+        finite_array("log_likelihood", observed, ("T", "K"), allow_minus_inf=True)
+    return evidence
+
+
+def _filter_one_by_one(
+    arrival: NDArray[np.float64],
+    start: NDArray[np.float64],
+    begun: bool,
+    observed: NDArray[np.float64],
+    led: NDArray[np.int64],
+    row: NDArray[np.float64],
+    impossible: NDArray[np.bool_],
+) -> float:
     from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
 
-    n_steps, n_labels = observed.shape
-    beliefs, impossible = np.empty((n_steps, n_labels)), np.empty(n_steps, np.bool_)
-    size = min(n_steps, STEPS_AT_ONCE)
-    likelihood, scales = np.empty((size, n_labels)), np.empty(size)
-    belief, each, evidence = start.copy(), _each(n_labels), 0.0
-    for part in _blocks(n_steps):
-        rows, n = _checked(observed, part), part.stop - part.start
-        scaled, scale = likelihood[:n], scales[:n]
-        subtract_best(rows, scaled, scale, each)
+    belief, evidence = start.copy(), 0.0
+    beliefs = row[: observed.size].reshape(observed.shape)
+    for part in _blocks(len(observed)):
+        rows = _checked(observed, part)
+        scaled, scale = np.empty(rows.shape), np.empty(len(rows))
+        subtract_best(rows, scaled, scale)
         np.exp(scaled, out=scaled)
         steps = Steps(led[part], rows, scaled, scale, beliefs[part], impossible[part])
-        evidence += filter_steps(belief, part.start > 0, arrival, steps, each)
+        evidence += filter_steps(belief, begun or part.start > 0, arrival, steps)
         evidence += float(scale.sum())
-    return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
+    return evidence
 
 
 def _smooth_one_by_one(
@@ -367,8 +431,8 @@ def _by_origin(arrival: NDArray[np.float64], fill: float) -> NDArray[np.float64]
 
 def _in_a_row(values: NDArray[np.float64], fill: float) -> NDArray[np.float64]:
     """(1, n + some) numbers, and at least eight lanes behind the first."""
-    row = np.full((1, values.size + LANES_WIDE), fill)
-    row[0, : values.size] = values.reshape(-1)
+    row = np.empty((1, values.size + LANES_WIDE))
+    row[0, : values.size], row[0, values.size :] = values.reshape(-1), fill
     return row
 
 
@@ -384,10 +448,8 @@ def _viterbi_in_lanes(
     from pgm_places.solvers._chain_lane_kernels import viterbi_lanes
 
     reach, table, shift = _in_a_row(score, -np.inf), _by_origin(log_arrival, -np.inf), 0.0
-    for part in _blocks(len(observed)):
-        rows = _checked(observed, part)
-        behind = observed[part.start : part.stop + LANES_WIDE]  # a vector ends in rows behind
-        flat = behind.reshape(1, -1) if len(behind) > len(rows) + 7 else _in_a_row(rows, 0.0)
+    for part, flat in _rows_in_lanes(observed):
+        _checked(observed, part)
         begun = part.start > 0
         shift += viterbi_lanes(
             reach, begun, table, led[part], flat, origin[part], impossible[part], _each(len(score))

@@ -11,7 +11,7 @@ from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
 from pgm_places.kernels.lane_access_rules import ACCESS_RULES
-from pgm_places.kernels.lane_type import Emit, LanesType, Rule, llvm_call, splat_value
+from pgm_places.kernels.lane_type import Emit, LanesType, Rule, as_lanes, llvm_call, splat_value
 from pgm_places.kernels.lanes import LANES
 from pgm_places.kernels.register_rules import REGISTER_RULES
 
@@ -76,11 +76,16 @@ def _splat_rule(value: Any) -> tuple[Any, Emit]:
     return signature(LanesType(value), value), emit
 
 
-def _same(count: int, name: str) -> Rule:
+def _same(name: str) -> Rule:
     def rule(*operands: Any) -> tuple[Any, Emit]:
-        return signature(operands[0], *[operands[0]] * count), llvm_call(name)
+        return signature(_lanes_among(operands), *operands), llvm_call(name)
 
     return rule
+
+
+def _lanes_among(operands: Any) -> Any:
+    """The type of the vectors among vectors and numbers."""
+    return next(kind for kind in operands if isinstance(kind, LanesType))
 
 
 def _pick_rule(comparison: str) -> Rule:
@@ -88,18 +93,33 @@ def _pick_rule(comparison: str) -> Rule:
 
     def rule(a: Any, b: Any) -> tuple[Any, Emit]:
         def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            return builder.select(builder.fcmp_ordered(comparison, *args), *args)
+            operands = as_lanes(context, builder, sig, args)
+            return builder.select(builder.fcmp_ordered(comparison, *operands), *operands)
 
-        return signature(a, a, a), emit
+        return signature(_lanes_among((a, b)), a, b), emit
 
     return rule
 
 
 def _select_rule(mask: Any, a: Any, b: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.select(*args)
+        return builder.select(*as_lanes(context, builder, sig, args))
 
-    return signature(a, mask, a, a), emit
+    return signature(_lanes_among((a, b)), mask, a, b), emit
+
+
+def _power_rule(a: Any) -> tuple[Any, Emit]:
+    """The bits of a double's exponent, which adding a large number leaves in the lowest places."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = args[0].type
+        words = ir.VectorType(ir.IntType(64), vector.count)
+        large = splat_value(builder, vector, ir.Constant(vector.element, 1.5 * 2.0**52 + 1023))
+        places = splat_value(builder, words, ir.Constant(words.element, 52))
+        bits = builder.bitcast(builder.fadd(args[0], large), words)
+        return builder.bitcast(builder.shl(bits, places), vector)
+
+    return signature(a, a), emit
 
 
 def _any_rule(mask: Any) -> tuple[Any, Emit]:
@@ -196,19 +216,20 @@ def _prefetch_rule(array: Any, index: Any) -> tuple[Any, Emit]:
 _RULES: dict[str, Rule] = {
     **ACCESS_RULES,
     **REGISTER_RULES,
-    "absolute": _same(1, "fabs"),
+    "absolute": _same("fabs"),
     "add_to": _add_rule,
     "any_lane": _any_rule,
-    "fma": _same(3, "fma"),
+    "fma": _same("fma"),
     "largest": _pick_rule(">"),
     "load": _load_rule,
     "narrow": _cast_rule(types.float32, "fptrunc"),
-    "nearest_integer": _same(1, "rint"),
+    "nearest_integer": _same("rint"),
+    "power_of_two": _power_rule,
     "prefetch": _prefetch_rule,
     "select": _select_rule,
     "smallest": _pick_rule("<"),
     "splat": _splat_rule,
-    "square_root": _same(1, "sqrt"),
+    "square_root": _same("sqrt"),
     "store": _store_rule,
     "transpose_block": _block_rule,
     "widen": _cast_rule(types.float64, "fpext"),

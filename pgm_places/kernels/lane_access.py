@@ -19,6 +19,7 @@ __all__ = [
     "EIGHT",
     "FOUR",
     "field_at",
+    "highest_lane",
     "load_at",
     "load_eight",
     "load_four",
@@ -28,6 +29,7 @@ __all__ = [
     "store_eight",
     "store_four",
     "sum_of_four",
+    "sum_of_lanes",
 ]
 
 FOUR, EIGHT = 4, 8
@@ -85,6 +87,20 @@ def spread(few: Any) -> Any:
 def sum_of_four(four: Any) -> Any:
     """The sum of the four numbers from the first to the last."""
     return functools.reduce(operator.add, four)
+
+
+@instruction
+def sum_of_lanes(lanes: Any) -> Any:
+    """The sum of all lanes: of the two halves' sums, added lane by lane until one is left."""
+    while len(lanes) > 1:
+        lanes = lanes[: len(lanes) // 2] + lanes[len(lanes) // 2 :]
+    return lanes[0]
+
+
+@instruction
+def highest_lane(lanes: Any) -> Any:
+    """The largest of all lanes; of none that is NaN."""
+    return lanes.max()
 
 
 @instruction

@@ -1,6 +1,7 @@
 """What the instructions of :mod:`~pgm_places.kernels.lane_access` become in compiled kernels."""
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -89,6 +90,33 @@ def _sum_rule(four: Any) -> tuple[Any, Emit]:
     return signature(four.scalar, four), emit
 
 
+def _halving_rule(combine: Callable[[Any, Any, Any], Any]) -> Rule:
+    """One number from all lanes: halves are combined lane by lane until one is left."""
+
+    def rule(lanes: Any) -> tuple[Any, Emit]:
+        def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            rest = args[0]
+            while rest.type.count > 1:
+                half = rest.type.count // 2
+                indices = ir.VectorType(ir.IntType(32), half)
+                halves = [
+                    builder.shuffle_vector(
+                        rest, rest, ir.Constant(indices, list(range(begin, begin + half)))
+                    )
+                    for begin in (0, half)
+                ]
+                rest = combine(builder, *halves)
+            return builder.extract_element(rest, ir.IntType(32)(0))
+
+        return signature(lanes.scalar, lanes), emit
+
+    return rule
+
+
+def _larger(builder: Any, a: Any, b: Any) -> Any:
+    return builder.select(builder.fcmp_ordered(">", a, b), a, b)
+
+
 def _field_rule(codes: Any, index: Any, shift: Any, mask: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
@@ -107,6 +135,7 @@ def _field_rule(codes: Any, index: Any, shift: Any, mask: Any) -> tuple[Any, Emi
 
 ACCESS_RULES: dict[str, Rule] = {
     "field_at": _field_rule,
+    "highest_lane": _halving_rule(_larger),
     "load_at": _load_rule(LANES),
     "load_eight": _load_rule(EIGHT),
     "load_four": _load_rule(FOUR),
@@ -116,4 +145,5 @@ ACCESS_RULES: dict[str, Rule] = {
     "store_eight": _store_rule,
     "store_four": _store_rule,
     "sum_of_four": _sum_rule,
+    "sum_of_lanes": _halving_rule(lambda builder, a, b: builder.fadd(a, b)),
 }

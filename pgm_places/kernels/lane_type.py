@@ -1,6 +1,6 @@
 """The vector type of :mod:`~pgm_places.kernels.lanes` for numba: type, operators, intrinsics."""
 # numba calls generators and templates with a fixed list of arguments:
-# ruff: noqa: ARG001, ARG002
+# ruff: noqa: ARG002
 
 import operator
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from numba.extending import lower_builtin, models, register_model
 
 from pgm_places.kernels.lanes import LANES
 
-__all__ = ["Emit", "LanesType", "Rule", "llvm_call", "splat_value"]
+__all__ = ["Emit", "LanesType", "Rule", "as_lanes", "llvm_call", "splat_value"]
 
 
 class LanesType(types.Type):  # type: ignore[misc]
@@ -51,16 +51,29 @@ def splat_value(builder: Any, vector: Any, value: Any) -> Any:
     return builder.shuffle_vector(first, undefined, zeros)
 
 
+def as_lanes(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
+    """The operands of a call as vectors: a number is put in every lane."""
+    lanes_type = [kind for kind in sig.args if isinstance(kind, LanesType)][-1]
+    vector = context.get_value_type(lanes_type)
+    return [
+        value
+        if isinstance(kind, LanesType)
+        else splat_value(builder, vector, context.cast(builder, value, kind, lanes_type.scalar))
+        for kind, value in zip(sig.args, args, strict=True)
+    ]
+
+
 def llvm_call(name: str) -> Emit:
     """The generator of a call of LLVM's element-wise function of that name."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        vector = args[0].type
+        operands = as_lanes(context, builder, sig, args)
+        vector = operands[0].type
         suffix = "f32" if isinstance(vector.element, ir.FloatType) else "f64"
         kind = ir.FunctionType(vector, [vector] * len(args))
         full_name = f"llvm.{name}.v{vector.count}{suffix}"
         call = cgutils.get_or_insert_function(builder.module, kind, full_name)
-        return builder.call(call, args)
+        return builder.call(call, operands)
 
     return emit
 
@@ -87,15 +100,7 @@ def _register_operator(function: Any, emit_lanes: Callable[..., Any], gives_mask
     infer_global(function)(Template)
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        lanes_type = next(a for a in sig.args if isinstance(a, LanesType))
-        vector = context.get_value_type(lanes_type)
-        spread = [
-            value
-            if isinstance(kind, LanesType)
-            else splat_value(builder, vector, context.cast(builder, value, kind, lanes_type.scalar))
-            for kind, value in zip(sig.args, args, strict=True)
-        ]
-        return emit_lanes(builder, *spread)
+        return emit_lanes(builder, *as_lanes(context, builder, sig, args))
 
     for pair in (
         (LanesType, LanesType),

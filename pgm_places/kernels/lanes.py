@@ -29,6 +29,7 @@ __all__ = [
     "load",
     "narrow",
     "nearest_integer",
+    "power_of_two",
     "select",
     "smallest",
     "splat",
@@ -97,6 +98,12 @@ def absolute(a: Any) -> Any:
 def nearest_integer(a: Any) -> Any:
     """Every lane rounded to the nearest integer, halves to the even one."""
     return np.rint(a)
+
+
+@instruction
+def power_of_two(a: Any) -> Any:
+    """2 to the power of every lane: float64, whole numbers from -1022 to 1023."""
+    return np.ldexp(1.0, a.astype(np.int64))
 
 
 @instruction

@@ -7,6 +7,7 @@ from pgm_places.kernels.lane_access import (
     EIGHT,
     FOUR,
     field_at,
+    highest_lane,
     load_at,
     load_eight,
     load_four,
@@ -16,6 +17,7 @@ from pgm_places.kernels.lane_access import (
     store_eight,
     store_four,
     sum_of_four,
+    sum_of_lanes,
 )
 from pgm_places.kernels.lanes import LANES, absolute, any_lane, fma, largest, select
 
@@ -105,3 +107,23 @@ def test_eight_numbers_are_computed_like_sixteen() -> None:
     np.testing.assert_array_equal(whole[1, 1:9], np.where(x < 0, 0, 5))
     assert not whole[0].any()
     assert whole[1, 9] == 0
+
+
+@njit
+def _all_lanes(a: Matrix, out: Matrix) -> None:
+    out[0, 0], out[0, 1] = sum_of_lanes(load_four(a, 0, 1)), highest_lane(load_four(a, 0, 1))
+    out[1, 0], out[1, 1] = sum_of_lanes(load_eight(a, 0, 1)), highest_lane(load_eight(a, 0, 1))
+    out[2, 0], out[2, 1] = sum_of_lanes(load_at(a, 0, 1)), highest_lane(load_at(a, 0, 1))
+
+
+def test_one_number_from_all_lanes() -> None:
+    a = np.random.default_rng(3).normal(size=(1, 1 + LANES))
+    a[0, 9] = -np.inf
+    out = np.zeros((3, 2))
+    _all_lanes(a, out)
+    for row, count in zip(out, (FOUR, EIGHT, LANES), strict=True):
+        lanes = a[0, 1 : 1 + count]
+        np.testing.assert_allclose(row[0], lanes.sum(), rtol=1e-14)
+        assert row[1] == lanes.max()
+    first, second, third, fourth = a[0, 1:5]
+    assert out[0, 0] == (first + third) + (second + fourth)

@@ -14,6 +14,7 @@ from pgm_places.kernels.lanes import (
     load,
     narrow,
     nearest_integer,
+    power_of_two,
     select,
     smallest,
     splat,
@@ -49,6 +50,16 @@ def _any(a: Planes, bound: float) -> bool:
     return any_lane(load(a, 0) > bound)
 
 
+@njit
+def _with_numbers(a: Planes, out: Planes) -> None:
+    x = load(a, 0)
+    store(out, 0, fma(x, 3.0, -1.0))
+    store(out, 1, largest(0.5, x))
+    store(out, 2, smallest(x, 0))
+    store(out, 3, select(x < 0.0, 2.0, x))
+    store(out, 4, power_of_two(nearest_integer(x * 400.0)))
+
+
 @pytest.fixture
 def pair() -> tuple[Planes, Planes]:
     rng = np.random.default_rng(0)
@@ -77,6 +88,21 @@ def test_every_lane_is_computed_like_a_number(pair: tuple[Planes, Planes]) -> No
         x.astype(np.float32),
     ]
     np.testing.assert_allclose(out, expected, rtol=1e-14, atol=1e-15)
+
+
+def test_a_number_stands_for_a_vector_of_it(pair: tuple[Planes, Planes]) -> None:
+    out = np.full((5, LANES), np.nan)
+    _with_numbers(pair[0], out)
+    x = pair[0][0]
+    expected = [
+        x * 3 - 1,
+        np.maximum(x, 0.5),
+        np.minimum(x, 0),
+        np.where(x < 0, 2, x),
+        2.0 ** np.rint(x * 400),
+    ]
+    np.testing.assert_allclose(out, expected, rtol=1e-14, atol=1e-15)
+    np.testing.assert_array_equal(out[4], expected[4])
 
 
 def test_any_lane_finds_a_single_one(pair: tuple[Planes, Planes]) -> None:
