@@ -1,10 +1,9 @@
 """GeoJSON files of polygons in a map's metres, checked feature by feature."""
 
-import functools
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,6 @@ from numpy.typing import NDArray
 from pgm_places.errors import LabelError, is_printable, shown
 from pgm_places.io.input_file import user_path
 from pgm_places.io.json_file import read_json
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
 
 __all__ = ["Region", "read_regions"]
 
@@ -79,18 +75,9 @@ def read_regions(
     ]
 
 
-@functools.cache
-def _shapes(*, are_lines: bool) -> Any:
-    """A check of coordinates: of a MultiPolygon in GeoJSON (RFC 7946, 3.1.7), or of lines."""
-    from pydantic import Field, TypeAdapter  # at use: its import takes a twentieth of a second
-
-    number: Any = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=-1e9, lt=1e9)]
-    point: Any = Annotated[list[number], Field(min_length=2)]
-    line: Any = Annotated[list[point], Field(min_length=2 if are_lines else 4)]
-    shape: Any = line if are_lines else Annotated[list[line], Field(min_length=1)]
-    return TypeAdapter(Annotated[list[shape], Field(min_length=1)])
-
-
+_POLYGONS, _LINES = (1, 1, 4, 2), (1, 2, 2)
+"""How many items there are at least at each depth of coordinates (RFC 7946, 3.1)."""
+_FAR = 1e9
 _WANTED = (
     "a list of polygons",
     "a list of rings",
@@ -124,15 +111,11 @@ def _region(
         raise LabelError(
             f"{where} is a {shown(kind)}; a region must be a Polygon or a MultiPolygon{lines_too}"
         )
-    from pydantic import ValidationError
-
     single = kind == "Polygon"
-    try:
-        polygons = _shapes(are_lines=False).validate_python(
-            [coordinates] if single else coordinates
-        )
-    except ValidationError as error:
-        raise LabelError(f"{where}: {_complaint(error, depth=int(single))}") from None
+    polygons: Any = [coordinates] if single else coordinates
+    problem = _misplaced(polygons, _POLYGONS)
+    if problem is not None:
+        raise LabelError(f"{where}: {_complaint(*problem, depth=int(single))}")
     return Region(
         index, str(code), tuple(tuple(_ring(where, ring) for ring in item) for item in polygons)
     )
@@ -148,17 +131,14 @@ def _width(where: str, value: Any) -> float:
 
 def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...], ...]:
     """A rectangle around each segment of some lines; a segment without length is a square."""
-    from pydantic import ValidationError
-
-    try:
-        checked = _shapes(are_lines=True).validate_python(lines)
-    except ValidationError as error:
-        steps = "".join(f"[{step}]" for step in error.errors(include_url=False)[0]["loc"])
+    problem = _misplaced(lines, _LINES)
+    if problem is not None:
+        steps = "".join(f"[{step}]" for step in problem[0])
         raise LabelError(
             f"{where}: coordinates{steps}: a line needs at least two points [x, y] in metres"
-        ) from None
+        )
     found = []
-    for line in checked:
+    for line in lines:
         points: NDArray[np.float64] = np.array([point[:2] for point in line], np.float64)
         for start, end in itertools.pairwise(points):
             length = float(np.hypot(*(end - start)))
@@ -172,12 +152,24 @@ def _rectangles(where: str, lines: Any, width_m: float) -> tuple[tuple[Ring, ...
     return tuple(found)
 
 
-def _complaint(error: "ValidationError", *, depth: int) -> str:
-    """The first problem: what was wanted, what came, and where below a depth."""
-    problem = error.errors(include_url=False)[0]
-    steps = "".join(f"[{step}]" for step in problem["loc"][depth:])
-    wanted, got = _WANTED[len(problem["loc"])], shown(problem["input"])
-    return f"coordinates{steps} must be {wanted}, got {got}"
+def _misplaced(value: Any, least: tuple[int, ...]) -> tuple[tuple[int, ...], Any] | None:
+    """Where the first thing stands that is no list of so many items, or no number; and what."""
+    if not least:
+        is_number = type(value) in (int, float) and -_FAR < value < _FAR  # which NaN is not
+        return None if is_number else ((), value)
+    if not isinstance(value, list):
+        return (), value
+    for step, item in enumerate(value):
+        problem = _misplaced(item, least[1:])
+        if problem is not None:
+            return (step, *problem[0]), problem[1]
+    return None if len(value) >= least[0] else ((), value)
+
+
+def _complaint(steps: tuple[int, ...], value: Any, *, depth: int) -> str:
+    """What was wanted, what came, and where below a depth."""
+    at = "".join(f"[{step}]" for step in steps[depth:])
+    return f"coordinates{at} must be {_WANTED[len(steps)]}, got {shown(value)}"
 
 
 def _ring(where: str, points: list[list[float]]) -> Ring:
