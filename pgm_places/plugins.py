@@ -7,7 +7,6 @@ keeps the name and the options, and finds the class again by the name.
 import dataclasses
 import importlib
 from collections.abc import Mapping
-from importlib.metadata import entry_points
 from typing import Any
 
 from pgm_places._checks import nearest_name
@@ -98,6 +97,8 @@ class Registry:
             It is not registered.
         """
         own = f"{cls.__module__}:{cls.__qualname__}"
+        if own in self.built_in.values():  # no other package need be asked
+            return next(name for name, target in self.built_in.items() if target == own)
         targets = self._targets()
         for name, target in targets.items():
             if target == own:
@@ -133,5 +134,7 @@ class Registry:
         return self.built_in.get(name) or self._targets().get(name)
 
     def _targets(self) -> dict[str, str]:
+        from importlib.metadata import entry_points  # it takes a tenth of a short command to import
+
         installed = {point.name: point.value for point in entry_points(group=self.group)}
         return {**installed, **self.built_in}

@@ -119,14 +119,13 @@ def _mark(name: str) -> Path | None:
     """The file that says that a stage has been compiled, by this Python and this compiler."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return None
-    from importlib.metadata import version
-
     from pgm_places.kernels.cache import cache_folder
+    from pgm_places.kernels.numba_version import numba_version
 
     folder = cache_folder()
     if folder is None:
         return None
-    return folder / f"{name}-python{platform.python_version()}-numba{version('numba')}"
+    return folder / f"{name}-python{platform.python_version()}-numba{numba_version()}"
 
 
 def _warm_up_features() -> None:

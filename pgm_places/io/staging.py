@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import secrets
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,7 +39,7 @@ def stage(parent: Path, name: str) -> Iterator[Path]:
     """
     remove_leftovers(parent, name)
     while True:
-        folder = parent / f".{name}.{secrets.token_hex(6)}.tmp"
+        folder = parent / f".{name}.{os.urandom(6).hex()}.tmp"
         folder.mkdir()
         lock = _lock(folder)
         if lock is not None:

@@ -15,7 +15,6 @@ import ctypes
 import functools
 import hashlib
 import importlib.machinery
-import importlib.metadata
 import importlib.util
 import json
 import os
@@ -34,6 +33,7 @@ import numpy as np
 from pgm_places.kernels.cache import cache_folder, tell_once
 from pgm_places.kernels.code_constants import as_object
 from pgm_places.kernels.deferred import Deferred, reachable
+from pgm_places.kernels.numba_version import numba_version
 
 __all__ = ["ObjectCode", "load_code", "save_code", "source_stamps"]
 
@@ -166,6 +166,7 @@ def _machine() -> str | None:
         return None
     if {name for name in os.environ if name.startswith("NUMBA_")} - _HARMLESS:
         return None
+    import llvmlite
     from llvmlite import binding
 
     rules = ("instruction_rules", "lane_access_rules", "lane_type")
@@ -173,8 +174,8 @@ def _machine() -> str | None:
         (
             _FORMAT,
             sys.version,
-            importlib.metadata.version("numba"),
-            importlib.metadata.version("llvmlite"),
+            numba_version(),
+            llvmlite.__version__,
             np.__version__,
             binding.get_host_cpu_name(),
             binding.get_host_cpu_features().flatten(),

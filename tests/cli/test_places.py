@@ -1,6 +1,8 @@
 """Places from the command line: found, kept, exported, asked for."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -178,3 +180,17 @@ def test_edits_that_make_no_sense_are_refused(places: Path, run: Run) -> None:
     assert code == 2 and "a point X Y or a line X1 Y1 X2 Y2, got 3 numbers" in err
     code, _, err = run("rename", places, "room 1", "room 2")
     assert code == 2 and "'room 2' twice" in err
+
+
+def test_where_imports_nothing_that_it_does_not_need(places: Path) -> None:
+    code = (
+        "import sys\n"
+        "from pgm_places.cli.app import run\n"
+        "try: run(['where', sys.argv[1], '-1000', '-1000'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'pydantic', 'importlib.metadata', 'numba', 'scipy', 'rich', 'numpy.ma'}\n"
+        "print(*heavy & set(sys.modules))"
+    )
+    command = [sys.executable, "-c", code, str(places)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "no place at this position\n\n"

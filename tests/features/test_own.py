@@ -75,7 +75,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
         for name, target in (("shortest", "Shortest"), ("east", "East"))
     ]
     monkeypatch.setattr(
-        "pgm_places.plugins.entry_points",
+        "importlib.metadata.entry_points",
         lambda group: points if group == FEATURES.group else [],
     )
 
@@ -180,7 +180,7 @@ def test_a_model_whose_feature_is_absent_or_changed_says_so(
         changed.setattr(Shortest, "column_names", ("closest",))
         with pytest.raises(ModelFileError, match=r"'shortest' has the columns \['closest'\] now"):
             load(tmp_path / "model")
-    monkeypatch.setattr("pgm_places.plugins.entry_points", lambda group: [])
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [])
     with pytest.raises(ModelFileError, match=r"no feature 'shortest' is installed; install the"):
         load(tmp_path / "model")
 

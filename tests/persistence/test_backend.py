@@ -65,7 +65,7 @@ def test_a_plugin_is_found_by_its_entry_point_saved_and_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     point = EntryPoint("mine", f"{__name__}:Unregistered", METHODS.group)
-    monkeypatch.setattr("pgm_places.plugins.entry_points", lambda group: [point])
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [point])
     assert "mine" in backend_names()
     save(build("mine"), tmp_path / "model")
     assert load(tmp_path / "model") == Unregistered()
@@ -79,8 +79,8 @@ def test_a_built_in_method_is_found_without_reading_the_entry_points(
     def refuse(group: str) -> list[EntryPoint]:
         raise AssertionError(f"entry points of {group} were read")
 
+    monkeypatch.setattr("importlib.metadata.entry_points", refuse)
     save(build("potts", {"weight": 0.5}), tmp_path / "model")
-    monkeypatch.setattr("pgm_places.plugins.entry_points", refuse)
     assert load(tmp_path / "model") == build("potts", {"weight": 0.5})
 
 
