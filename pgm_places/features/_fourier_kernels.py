@@ -23,8 +23,10 @@ import numpy as np
 from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
 from pgm_places.features.laser import first_column
 from pgm_places.features.plan import FOURIER_BLOCK, FOURIER_REACH, FourierPlan
+from pgm_places.kernels.deferred import by_registers
 from pgm_places.kernels.jit import inlined, njit
 from pgm_places.kernels.lanes import (
+    LANES,
     absolute,
     add_to,
     fma,
@@ -32,11 +34,11 @@ from pgm_places.kernels.lanes import (
     narrow,
     nearest_integer,
     select,
-    splat,
     square_root,
     store,
     widen,
 )
+from pgm_places.kernels.parts import PART, alike, part, room
 
 CHUNK = 12
 N_STEPS = FOURIER_REACH + 1
@@ -58,8 +60,9 @@ POWER = CENTRES + 4 * CHUNK
 STRIDE = POWER + 2 * CHUNK
 WORK_ROWS = STRIDE + 2 * CHUNK
 
-SUM_ROWS = 4 * 7 * N_STEPS
-"""Four sums for each cell; seven centres reach order 100."""
+SPARE_CELL = 7 * N_STEPS
+SUM_ROWS = 4 * (SPARE_CELL + 1)
+"""Four sums for each cell, seven centres reach order 100, and for one whose sums nobody wants."""
 
 
 class Outline(NamedTuple):
@@ -99,7 +102,7 @@ def _sides(rho: Any, top: int, directions: Any, edges: Any, work: Any) -> None:
         y = after * directions[other, 1]
         edge = load(edges, top + beam)
         seen = edge > LEAST_EDGE_M
-        scale = ONE / narrow(select(seen, edge, splat(1e30)))
+        scale = ONE / narrow(select(seen, edge, 1e30))
         store(work, SIDES + beam, narrow(x - x_before) * scale)
         store(work, SIDES + N_BEAMS + beam, narrow(y - y_before) * scale)
         x_before = x
@@ -110,22 +113,22 @@ def _sides(rho: Any, top: int, directions: Any, edges: Any, work: Any) -> None:
 def _sine(x: Any) -> Any:
     """sin(pi x) for ``|x| <= 1/2``, float64, error below 3e-11."""
     y = x * x
-    p = fma(y, splat(-0.007028386369347573), splat(0.08205040178581838))
-    p = fma(y, p, splat(-0.599252197819169))
-    p = fma(y, p, splat(2.5501633189466246))
-    p = fma(y, p, splat(-5.167712764624521))
-    return x * fma(y, p, splat(3.14159265353629))
+    p = fma(y, -0.007028386369347573, 0.08205040178581838)
+    p = fma(y, p, -0.599252197819169)
+    p = fma(y, p, 2.5501633189466246)
+    p = fma(y, p, -5.167712764624521)
+    return x * fma(y, p, 3.14159265353629)
 
 
 @inlined
 def _cosine(x: Any) -> Any:
     """cos(pi x) for ``|x| <= 1/2``, float64, error below 3e-10."""
     y = x * x
-    p = fma(y, splat(-0.02439632429741323), splat(0.23493731378366647))
-    p = fma(y, p, splat(-1.3352120030432615))
-    p = fma(y, p, splat(4.058709159555605))
-    p = fma(y, p, splat(-4.934802137078794))
-    return fma(y, p, splat(0.9999999997799038))
+    p = fma(y, -0.02439632429741323, 0.23493731378366647)
+    p = fma(y, p, -1.3352120030432615)
+    p = fma(y, p, 4.058709159555605)
+    p = fma(y, p, -4.934802137078794)
+    return fma(y, p, 0.9999999997799038)
 
 
 @inlined
@@ -159,7 +162,7 @@ def _add_first_orders(
         # half of theta, less a quarter turn, lies between -1/2 and 1/2 times pi
         half_sin = _cosine(turns - 0.5)
         half_cos = _sine(turns - 0.5)  # its negative
-        cosine = fma(half_sin * -2.0, half_sin, splat(1.0))
+        cosine = fma(half_sin * -2.0, half_sin, 1.0)
         sine = half_sin * half_cos * -2.0
         re_cos = fma(re, cosine, re_cos)
         im_sin = fma(im, sine, im_sin)
@@ -172,7 +175,7 @@ def _add_first_orders(
             x = x - nearest_integer(x)
             half_sin_f = narrow(_sine(x))
             half_cos_f = narrow(_cosine(x))
-            cosine_f = fma(half_sin_f * MINUS_ONE, half_sin_f * TWO, narrow(splat(1.0)))
+            cosine_f = fma(half_sin_f * MINUS_ONE, half_sin_f * TWO, ONE)
             sine_f = half_sin_f * half_cos_f * TWO
             store(work, STRIDE + i, cosine_f)
             store(work, STRIDE + CHUNK + i, sine_f)
@@ -224,9 +227,9 @@ def _centre(work: Any) -> None:
 
 
 @inlined
-def _sum_block(work: Any, centre: int, cell: int, steps: Any, sums: Any) -> None:
-    """Add a chunk to five cells of one centre; twenty sums stay in registers."""
-    zero = narrow(splat(0.0))
+def _sum_five(work: Any, centre: int, cell: int, steps: Any, sums: Any) -> None:
+    """Add a chunk to five cells of one centre; twenty sums stay in 32 registers."""
+    zero = alike(load(work, centre), 0.0)
     p0 = q0 = u0 = v0 = zero
     p1 = q1 = u1 = v1 = zero
     p2 = q2 = u2 = v2 = zero
@@ -299,9 +302,60 @@ def _sum_block(work: Any, centre: int, cell: int, steps: Any, sums: Any) -> None
 
 
 @inlined
+def _sum_three(
+    work: Any, centre: int, step0: int, step1: int, step2: int, sums: Any, cell: int, last: int
+) -> None:
+    """Add a chunk to the cells ``cell``, ``cell + 1`` and ``last``; all stays in 16 registers."""
+    zero = alike(load(work, centre), 0.0)
+    p0 = q0 = u0 = v0 = zero
+    p1 = q1 = u1 = v1 = zero
+    p2 = q2 = u2 = v2 = zero
+    cos0 = STEPS + 2 * CHUNK * step0
+    cos1 = STEPS + 2 * CHUNK * step1
+    cos2 = STEPS + 2 * CHUNK * step2
+    for i in range(CHUNK):
+        re = load(work, centre + i)
+        im = load(work, centre + CHUNK + i)
+        row = cos0 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p0 = fma(re, c, p0)
+        q0 = fma(im, s, q0)
+        u0 = fma(im, c, u0)
+        v0 = fma(re, s, v0)
+        row = cos1 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p1 = fma(re, c, p1)
+        q1 = fma(im, s, q1)
+        u1 = fma(im, c, u1)
+        v1 = fma(re, s, v1)
+        row = cos2 + i
+        c = load(work, row)
+        s = load(work, row + CHUNK)
+        p2 = fma(re, c, p2)
+        q2 = fma(im, s, q2)
+        u2 = fma(im, c, u2)
+        v2 = fma(re, s, v2)
+    row = 4 * cell
+    add_to(sums, row, p0)
+    add_to(sums, row + 1, q0)
+    add_to(sums, row + 2, u0)
+    add_to(sums, row + 3, v0)
+    add_to(sums, row + 4, p1)
+    add_to(sums, row + 5, q1)
+    add_to(sums, row + 6, u1)
+    add_to(sums, row + 7, v1)
+    add_to(sums, 4 * last, p2)
+    add_to(sums, 4 * last + 1, q2)
+    add_to(sums, 4 * last + 2, u2)
+    add_to(sums, 4 * last + 3, v2)
+
+
+@inlined
 def _sum_cell(work: Any, centre: int, cell: int, step: int, sums: Any) -> None:
     """Add a chunk to one cell."""
-    zero = narrow(splat(0.0))
+    zero = alike(load(work, centre), 0.0)
     p = q = u = v = zero
     first = STEPS + 2 * CHUNK * step
     for i in range(CHUNK):
@@ -320,24 +374,46 @@ def _sum_cell(work: Any, centre: int, cell: int, step: int, sums: Any) -> None:
     add_to(sums, 4 * cell + 3, v)
 
 
+@inlined
+def _cells_by_fives(work: Any, centre: int, cell: int, end: int, steps: Any, sums: Any) -> None:
+    """Add a chunk to the cells ``cell..end - 1`` of one centre."""
+    while cell + FOURIER_BLOCK <= end:
+        _sum_five(work, centre, cell, steps, sums)
+        cell += FOURIER_BLOCK
+    while cell < end:
+        _sum_cell(work, centre, cell, steps[cell], sums)
+        cell += 1
+
+
+@inlined
+def _cells_by_threes(work: Any, centre: int, cell: int, end: int, steps: Any, sums: Any) -> None:
+    """The same; of three cells, the last may be a spare one."""
+    while cell + 1 < end:
+        last = cell + 2 if cell + 2 < end else SPARE_CELL
+        third = steps[min(cell + 2, end - 1)]
+        _sum_three(work, centre, steps[cell], steps[cell + 1], third, sums, cell, last)
+        cell += 3
+    if cell < end:
+        _sum_cell(work, centre, cell, steps[cell], sums)
+
+
+_add_to_cells = by_registers(many=_cells_by_fives, few=_cells_by_threes)
+
+
 @njit
-def _sum_cells(bounds: Any, steps: Any, work: Any, sums: Any) -> None:
+def _sum_cells(bounds: Any, steps: Any, planes: Any, sum_planes: Any) -> None:
     """Add a chunk to all cells: those of centre row ``r`` are ``bounds[r]..bounds[r + 1] - 1``."""
+    work = room(planes)
+    sums = room(sum_planes)
     n_rows = bounds.size - 1
     for row in range(n_rows):
         if row % 2 == 1:
             _centre(work)
         centre = CENTRES + (0 if row % 2 == 1 else 2 * CHUNK) if row > 0 else TURNS
-        cell = bounds[row]
-        while cell + FOURIER_BLOCK <= bounds[row + 1]:
-            _sum_block(work, centre, cell, steps, sums)
-            cell += FOURIER_BLOCK
-        while cell < bounds[row + 1]:
-            _sum_cell(work, centre, cell, steps[cell], sums)
-            cell += 1
+        _add_to_cells(work, centre, bounds[row], bounds[row + 1], steps, sums)
 
 
-@njit
+@inlined
 def _write_orders(
     shape_row: int, row: int, shape: Any, first: Any, sums: Any, orders: Any, values: Any
 ) -> None:
@@ -355,22 +431,21 @@ def _write_orders(
     minus = square_root(minus_re * minus_re + minus_im * minus_im)
     scale = length * (0.25 / (math.pi * math.pi))
     usable = plus * scale > LEAST_LENGTH_M
-    safe = select(usable, plus, splat(1.0))
-    zero = splat(0.0)
+    safe = select(usable, plus, 1.0)
     major = plus + minus
     minor = absolute(plus - minus)
-    axes = narrow(select(usable, minor / select(usable, major, splat(1.0)), zero))
+    axes = narrow(select(usable, minor / select(usable, major, 1.0), 0.0))
     store(values, row + F17, narrow(major * scale))
     store(values, row + F17 + 1, narrow(minor * scale))
     store(values, row + F17 + 2, axes)
-    store(values, row + F17 + 3, narrow(select(usable, major / safe, zero)))
-    store(values, row + F17 + 4, narrow(select(usable, minor / safe, zero)))
+    store(values, row + F17 + 3, narrow(select(usable, major / safe, 0.0)))
+    store(values, row + F17 + 4, narrow(select(usable, minor / safe, 0.0)))
     store(values, row + F17 + 5, axes)
-    inverse = narrow(select(usable, 1.0 / safe, zero))
+    inverse = narrow(select(usable, 1.0 / safe, 0.0))
     for o in range(orders.shape[0]):
         n = orders[o, 0]
         if n == -1:
-            store(values, row + orders[o, 3], narrow(select(usable, minus / safe, zero)))
+            store(values, row + orders[o, 3], narrow(select(usable, minus / safe, 0.0)))
             continue
         cell = 4 * orders[o, 1]
         p = load(sums, cell)
@@ -384,29 +459,47 @@ def _write_orders(
         store(values, row + orders[o, 3], size * (inverse * np.float32(1.0 / (n * n))))
 
 
+@inlined
+def _clear(planes: Any, first: int, end: int, value: float) -> None:
+    number = alike(load(planes, first), value)
+    for row in range(first, end):
+        store(planes, row, number)
+
+
+@inlined
+def _one_part(
+    lane: int, tile: int, outline: Outline, plan: FourierPlan, space: FourierRoom, values: Any
+) -> None:
+    """The series of a part of a tile."""
+    n_steps, bounds, steps, orders = plan
+    rho = part(outline.rho, lane)
+    edges = part(outline.edges, lane)
+    shape = part(outline.shape, lane)
+    first = room(space.first)
+    work = room(space.work)
+    sums = room(space.sums)
+    top = tile * TILE_ROWS
+    _sides(rho, top, outline.directions, edges, work)
+    _clear(first, 0, 5, 0.0)
+    _clear(sums, 0, 4 * steps.size, 0.0)
+    length = load(shape, 4 * tile + 1)
+    inverse_length = 1.0 / select(length > LEAST_LENGTH_M, length, 1.0)
+    for start in range(0, N_BEAMS, CHUNK):
+        _add_first_orders(edges, top, start, inverse_length, bounds.size > 2, first, work)
+        _steps(n_steps, work)
+        _sum_cells(bounds, steps, space.work, space.sums)
+    row = tile * N_FEATURES
+    _write_orders(4 * tile + 1, row, shape, first, sums, orders, part(values, lane))
+
+
 @njit
 def fourier_features(
-    outline: Outline, n_tiles: int, plan: FourierPlan, room: FourierRoom, values: Any
+    outline: Outline, n_tiles: int, plan: FourierPlan, space: FourierRoom, values: Any
 ) -> None:
     """Write f17 to f19_2, and f16 for each of the plan's orders."""
-    rho, directions, edges, shape = outline
-    n_steps, bounds, steps, orders = plan
-    first, work, sums = room
-    deep = bounds.size > 2
-    for i in range(CHUNK):
-        store(work, STEPS + i, narrow(splat(1.0)))
-        store(work, STEPS + CHUNK + i, narrow(splat(0.0)))
+    work = room(space.work)
+    _clear(work, STEPS, STEPS + CHUNK, 1.0)
+    _clear(work, STEPS + CHUNK, STEPS + 2 * CHUNK, 0.0)
     for tile in range(n_tiles):
-        top = tile * TILE_ROWS
-        _sides(rho, top, directions, edges, work)
-        for row in range(5):
-            store(first, row, splat(0.0))
-        for row in range(4 * steps.size):
-            store(sums, row, narrow(splat(0.0)))
-        length = load(shape, 4 * tile + 1)
-        inverse_length = 1.0 / select(length > LEAST_LENGTH_M, length, splat(1.0))
-        for start in range(0, N_BEAMS, CHUNK):
-            _add_first_orders(edges, top, start, inverse_length, deep, first, work)
-            _steps(n_steps, work)
-            _sum_cells(bounds, steps, work, sums)
-        _write_orders(4 * tile + 1, tile * N_FEATURES, shape, first, sums, orders, values)
+        for lane in range(0, LANES, PART):
+            _one_part(lane, tile, outline, plan, space, values)

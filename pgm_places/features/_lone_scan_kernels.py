@@ -38,6 +38,7 @@ from pgm_places.kernels.lanes import (
     transpose_block,
     widen,
 )
+from pgm_places.kernels.parts import part
 
 VERTICES = -(-(N_BEAMS + 1) // LANES) * LANES
 """Columns of the rows that hold a number for each vertex, and a little more."""
@@ -233,6 +234,7 @@ def lone_fourier_features(outline: Outline, plan: FourierPlan, room: LoneRoom, v
         _lone_sums(n_rows, single, by_vertex, cells)
     for row in range(n_rows):
         for cell in range(bounds[row], bounds[row + 1]):
-            for part in range(4):
-                sums[4 * cell + part, 0] = cells[4 * row + part, steps[cell]]
-    _write_orders(1, 0, shape, first, sums, orders, values)
+            for k in range(4):
+                sums[4 * cell + k, 0] = cells[4 * row + k, steps[cell]]
+    sizes, beginning, cell_sums = part(shape, 0), part(first, 0), part(sums, 0)
+    _write_orders(1, 0, sizes, beginning, cell_sums, orders, part(values, 0))

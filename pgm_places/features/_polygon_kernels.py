@@ -23,6 +23,7 @@ from pgm_places.kernels.lanes import (
     square_root,
     store,
 )
+from pgm_places.kernels.parts import PART, alike, part
 
 STEP_RAD = 2.0 * math.pi / N_BEAMS
 SINE = math.sin(STEP_RAD)
@@ -137,12 +138,11 @@ def moment_features(
 ) -> None:
     """Write f21[1..7], f22 and f23; ``work`` has seven rows of float64 to work in."""
     for tile in range(n_tiles):
-        _moments_about_sensor(rho, tile * TILE_ROWS, directions, work)
-        area = load(shape, tile * SHAPE_ROWS + AREA)
-        centre_x = load(shape, tile * SHAPE_ROWS + CENTRE_X)
-        centre_y = load(shape, tile * SHAPE_ROWS + CENTRE_Y)
-        _invariants(area, centre_x, centre_y, work, tile * N_FEATURES, values)
         row = tile * N_FEATURES
+        for lane in range(0, LANES, PART):
+            moments = part(work, lane)
+            _moments_about_sensor(part(rho, lane), tile * TILE_ROWS, directions, moments)
+            _invariants(part(shape, lane), tile * SHAPE_ROWS, moments, row, part(values, lane))
         for k in range(7):
             for lane in range(LANES):
                 h = work[k, lane]
@@ -166,7 +166,7 @@ def _moments_about_sensor(rho: Any, top: int, directions: Any, work: Any) -> Non
     xy_before = x_before * y_before
     xxy_before = xx_before * y_before
     xyy_before = x_before * yy_before
-    m20 = m02 = m11 = m30 = m03 = m21 = m12 = splat(0.0)
+    m20 = m02 = m11 = m30 = m03 = m21 = m12 = alike(before, 0.0)
     for beam in range(N_BEAMS):
         other = beam + 1
         after = load(rho, top + other)
@@ -209,11 +209,13 @@ def _moments_about_sensor(rho: Any, top: int, directions: Any, work: Any) -> Non
 
 
 @inlined
-def _invariants(area: Any, cx: Any, cy: Any, work: Any, row: int, values: Any) -> None:
+def _invariants(shape: Any, shape_row: int, work: Any, row: int, values: Any) -> None:
     """Replace the moments in ``work`` by Hu's seven invariants; write f22 and f23."""
-    zero = splat(0.0)
+    area = load(shape, shape_row + AREA)
+    cx = load(shape, shape_row + CENTRE_X)
+    cy = load(shape, shape_row + CENTRE_Y)
     solid = area > LEAST_AREA_M2
-    safe = select(solid, area, splat(1.0))
+    safe = select(solid, area, 1.0)
     m20 = load(work, 0)
     m02 = load(work, 1)
     m11 = load(work, 2)
@@ -236,14 +238,14 @@ def _invariants(area: Any, cx: Any, cy: Any, work: Any, row: int, values: Any) -
     spread = apart * apart + 4.0 * e11 * e11
     u = p * (pp - 3.0 * qq)
     v = q * (3.0 * pp - qq)
-    store(work, 0, select(solid, e20 + e02, zero))
-    store(work, 1, select(solid, spread, zero))
-    store(work, 2, select(solid, r * r + s * s, zero))
-    store(work, 3, select(solid, pp + qq, zero))
-    store(work, 4, select(solid, r * u + s * v, zero))
-    store(work, 5, select(solid, apart * (pp - qq) + 4.0 * e11 * p * q, zero))
-    store(work, 6, select(solid, s * u - r * v, zero))
-    trace = select(solid, e20 + e02, splat(1.0))
+    store(work, 0, select(solid, e20 + e02, 0.0))
+    store(work, 1, select(solid, spread, 0.0))
+    store(work, 2, select(solid, r * r + s * s, 0.0))
+    store(work, 3, select(solid, pp + qq, 0.0))
+    store(work, 4, select(solid, r * u + s * v, 0.0))
+    store(work, 5, select(solid, apart * (pp - qq) + 4.0 * e11 * p * q, 0.0))
+    store(work, 6, select(solid, s * u - r * v, 0.0))
+    trace = select(solid, e20 + e02, 1.0)
     compactness = (1.0 / (2.0 * math.pi)) / trace
-    store(values, row + F21 + 7, narrow(select(solid, compactness, zero)))
-    store(values, row + F21 + 8, narrow(select(solid, square_root(spread) / trace, zero)))
+    store(values, row + F21 + 7, narrow(select(solid, compactness, 0.0)))
+    store(values, row + F21 + 8, narrow(select(solid, square_root(spread) / trace, 0.0)))

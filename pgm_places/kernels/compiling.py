@@ -17,6 +17,7 @@ from pgm_places.kernels.code_cache import KernelCache
 from pgm_places.kernels.deferred import Deferred, Helper, Instruction, called_names
 from pgm_places.kernels.instruction_rules import intrinsic_named
 from pgm_places.kernels.machine_code import ObjectCode
+from pgm_places.kernels.part_rules import chosen
 
 __all__ = ["compile_for", "dispatcher_of"]
 
@@ -70,6 +71,7 @@ def _dispatcher(function: Deferred) -> Any:
 
 
 def _for_numba(value: Any) -> Any:
+    value = chosen(value)
     return dispatcher_of(value) if isinstance(value, Deferred) else value
 
 

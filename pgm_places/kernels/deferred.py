@@ -3,13 +3,15 @@
 import os
 from collections.abc import Callable, Iterator
 from types import CodeType
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 
 __all__ = [
     "IS_COMPILED",
+    "ByRegisters",
     "Deferred",
     "Helper",
     "Instruction",
+    "by_registers",
     "called_names",
     "instruction",
     "reachable",
@@ -17,6 +19,7 @@ __all__ = [
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 IS_COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 """Whether kernels are compiled in this process at all."""
@@ -51,6 +54,21 @@ class Instruction(Deferred):
     """A function that becomes the processor instruction of its name in ``instruction_rules``."""
 
 
+class ByRegisters(NamedTuple):
+    """Two values of a name in kernels, of which the processor's registers choose one."""
+
+    many: Any
+    few: Any
+
+
+def by_registers(*, many: T, few: T) -> T:
+    """A value of compiled kernels: ``many`` for 32 vector registers of sixteen floats, or ``few``.
+
+    Where kernels run uncompiled it is ``many``.
+    """
+    return cast(T, ByRegisters(many, few)) if IS_COMPILED else many
+
+
 def instruction(plain: Callable[P, R]) -> Callable[P, R]:
     """The function, replaced by processor instructions where compiled kernels call it."""
     return cast(Callable[P, R], Instruction(plain)) if IS_COMPILED else plain
@@ -64,9 +82,10 @@ def reachable(start: Deferred) -> set[Deferred]:
         names = set(called_names(plain.__code__))
         cells = [cell.cell_contents for cell in plain.__closure__ or ()]
         for value in [*(plain.__globals__.get(name) for name in names), *cells]:
-            if isinstance(value, Deferred) and value not in found:
-                found.add(value)
-                waiting.append(value)
+            for one in value if isinstance(value, ByRegisters) else (value,):
+                if isinstance(one, Deferred) and one not in found:
+                    found.add(one)
+                    waiting.append(one)
     return found
 
 

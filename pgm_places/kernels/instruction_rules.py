@@ -13,6 +13,7 @@ from numba.extending import intrinsic
 from pgm_places.kernels.lane_access_rules import ACCESS_RULES
 from pgm_places.kernels.lane_type import Emit, LanesType, Rule, as_lanes, llvm_call, splat_value
 from pgm_places.kernels.lanes import LANES
+from pgm_places.kernels.part_rules import PART_RULES, row_pointer, row_type
 from pgm_places.kernels.register_rules import REGISTER_RULES
 
 __all__ = ["intrinsic_named"]
@@ -33,25 +34,18 @@ def intrinsic_named(name: str, n_arguments: int) -> Any:
     return intrinsic(lambda context, a, b, c, d, e, f: rule(a, b, c, d, e, f))
 
 
-def _row_pointer(context: Any, builder: Any, array_type: Any, array: Any, row: Any) -> Any:
-    data = context.make_array(array_type)(context, builder, array).data
-    first = builder.gep(data, [builder.mul(row, ir.Constant(row.type, LANES))])
-    vector = context.get_value_type(LanesType(array_type.dtype))
-    return builder.bitcast(first, vector.as_pointer())
-
-
 def _load_rule(planes: Any, row: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value = builder.load(_row_pointer(context, builder, sig.args[0], *args))
+        value = builder.load(row_pointer(context, builder, sig.args[0], *args))
         value.align = sig.args[0].dtype.bitwidth // 8
         return value
 
-    return signature(LanesType(planes.dtype), planes, types.intp), emit
+    return signature(row_type(planes), planes, types.intp), emit
 
 
 def _store_rule(planes: Any, row: Any, value: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _row_pointer(context, builder, sig.args[0], args[0], args[1])
+        pointer = row_pointer(context, builder, sig.args[0], args[0], args[1])
         builder.store(args[2], pointer).align = sig.args[0].dtype.bitwidth // 8
         return context.get_dummy_value()
 
@@ -60,7 +54,7 @@ def _store_rule(planes: Any, row: Any, value: Any) -> tuple[Any, Emit]:
 
 def _add_rule(planes: Any, row: Any, value: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _row_pointer(context, builder, sig.args[0], args[0], args[1])
+        pointer = row_pointer(context, builder, sig.args[0], args[0], args[1])
         before = builder.load(pointer)
         before.align = sig.args[0].dtype.bitwidth // 8
         builder.store(builder.fadd(before, args[2]), pointer).align = before.align
@@ -122,6 +116,13 @@ def _power_rule(a: Any) -> tuple[Any, Emit]:
     return signature(a, a), emit
 
 
+def _alike_rule(like: Any, value: Any) -> tuple[Any, Emit]:
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return as_lanes(context, builder, sig, args)[1]
+
+    return signature(like, like, value), emit
+
+
 def _any_rule(mask: Any) -> tuple[Any, Emit]:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bits = builder.bitcast(args[0], ir.IntType(args[0].type.count))
@@ -138,7 +139,7 @@ def _cast_rule(scalar: Any, instruction: str) -> Rule:
                 return args[0]
             return getattr(builder, instruction)(args[0], wanted)
 
-        return signature(LanesType(scalar), a), emit
+        return signature(LanesType(scalar, a.count), a), emit
 
     return rule
 
@@ -215,9 +216,11 @@ def _prefetch_rule(array: Any, index: Any) -> tuple[Any, Emit]:
 
 _RULES: dict[str, Rule] = {
     **ACCESS_RULES,
+    **PART_RULES,
     **REGISTER_RULES,
     "absolute": _same("fabs"),
     "add_to": _add_rule,
+    "alike": _alike_rule,
     "any_lane": _any_rule,
     "fma": _same("fma"),
     "largest": _pick_rule(">"),

@@ -169,7 +169,7 @@ def _machine() -> str | None:
     import llvmlite
     from llvmlite import binding
 
-    rules = ("instruction_rules", "lane_access_rules", "lane_type")
+    rules = ("instruction_rules", "lane_access_rules", "lane_type", "part_rules")
     return repr(
         (
             _FORMAT,
