@@ -32,9 +32,8 @@ from pgm_places.solvers._forward_kernels import (
 
 __all__ = ["filter_lanes", "smooth_lanes", "viterbi_lanes"]
 
-STEPS_AHEAD = (
-    128  # whose likelihoods are computed at once, without waiting for each other's beliefs
-)
+# Likelihoods of so many steps are computed at once: they do not wait for each other as beliefs do.
+STEPS_AHEAD = 128
 
 
 @njit
