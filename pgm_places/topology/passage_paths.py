@@ -1,7 +1,6 @@
 """Paths from a place's anchor to its passages: as few straight lines inside it as possible."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,55 +64,39 @@ class _Walker:
     """Cheapest paths from one region's anchor, within the region's window of the map."""
 
     def __init__(self, topology: TopologicalMap, number: int, clearance: NDArray[np.int32]) -> None:
-        from scipy.sparse.csgraph import dijkstra
+        from pgm_places.topology._path_kernels import cheapest_ways
 
         self.topology, self.number = topology, number
         rows, columns = np.nonzero(topology.region == number)
-        self.corner = np.array([rows.min(), columns.min()]) - 1
-        window = np.s_[
-            max(0, self.corner[0]) : rows.max() + 2, max(0, self.corner[1]) : columns.max() + 2
-        ]
-        self.corner = np.maximum(self.corner, 0)
+        self.corner = np.maximum(np.array([rows.min(), columns.min()]) - 1, 0)
+        window = np.s_[self.corner[0] : rows.max() + 2, self.corner[1] : columns.max() + 2]
         self.region, self.clearance = topology.region[window], clearance[window]
-        self.cells = np.argwhere(self.region == number)
-        self.node = np.full(self.region.shape, -1, np.int64)
-        self.node[self.cells[:, 0], self.cells[:, 1]] = np.arange(len(self.cells))
-        anchor = self.nearest(topology.place(number).anchor_m)
-        _, came_from = dijkstra(
-            self._graph(), directed=False, indices=[anchor], return_predecessors=True
-        )
-        self.came_from = came_from[0]
+        is_mine = self.region == number
+        self.cells = np.argwhere(is_mine)
+        room = np.sqrt(self.clearance[is_mine].astype(np.float64))
+        cost = np.zeros(np.add(is_mine.shape, 2))
+        cost[1:-1, 1:-1][is_mine] = 1 + WALL_COST / room
+        self.width = len(cost[0])
+        self.came_from = np.full(cost.size, -1)
+        start = self._flat(self.nearest(topology.place(number).anchor_m))
+        pending = np.empty(len(self.cells), np.int64)
+        cheapest_ways(cost, start, np.full(cost.size, np.inf), self.came_from, pending)
 
-    def _graph(self) -> Any:
-        """(n, n) sparse costs of the steps between the region's cells."""
-        from scipy import sparse
+    def _flat(self, cell: NDArray[np.int64]) -> int:
+        """The index of a cell of the window in the raster with cells all around."""
+        return int((cell[0] + 1) * self.width + cell[1] + 1)
 
-        room = np.sqrt(self.clearance[self.cells[:, 0], self.cells[:, 1]].astype(np.float64))
-        cost = 1 + WALL_COST / room
-        starts, ends = [], []
-        padded = np.pad(self.node, 1, constant_values=-1)
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            other = padded[self.cells[:, 0] + 1 + dr, self.cells[:, 1] + 1 + dc]
-            near = np.flatnonzero(other >= 0)
-            starts.append(near)
-            ends.append(other[near])
-        # csgraph of older SciPy versions only accepts 32-bit indices.
-        i, j = (np.concatenate(parts).astype(np.int32) for parts in (starts, ends))
-        step = np.hypot(*(self.cells[i] - self.cells[j]).T)
-        size = len(self.cells)
-        return sparse.csr_array((step * (cost[i] + cost[j]) / 2, (i, j)), shape=(size, size))
-
-    def nearest(self, point_m: tuple[float, float]) -> int:
+    def nearest(self, point_m: tuple[float, float]) -> NDArray[np.int64]:
         """The region's cell with its centre nearest to a point."""
         position = _in_cells(self.topology, point_m) - self.corner
-        return int(((self.cells - position) ** 2).sum(axis=1).argmin())
+        return self.cells[int(((self.cells - position) ** 2).sum(axis=1).argmin())]
 
     def cells_to(self, point_m: tuple[float, float]) -> NDArray[np.int64]:
         """(n, 2) cells of the window from the anchor's to the one that is nearest to a point."""
-        chain = [self.nearest(point_m)]
+        chain = [self._flat(self.nearest(point_m))]
         while self.came_from[chain[-1]] >= 0:
             chain.append(int(self.came_from[chain[-1]]))
-        return self.cells[chain[::-1]]
+        return np.stack(np.divmod(np.array(chain[::-1]), self.width), axis=1) - 1
 
     def path(self, connection: Connection) -> PassagePath:
         """The path to the middle of a passage."""

@@ -5,9 +5,14 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from pgm_places.datasets import generate_building
+from pgm_places.topology._path_kernels import cheapest_ways
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.passage_paths import WALL_COST, _Walker, passage_paths
@@ -81,3 +86,25 @@ def test_no_way_over_the_cells_is_cheaper(labels: np.ndarray) -> None:
             assert (way[0], way[-1]) == (tuple(anchor), cell)
             found = sum(graph.edges[step]["cost"] for step in pairwise(way))
             assert found == pytest.approx(cost, rel=1e-9)
+
+
+@settings(max_examples=30)
+@given(raster=arrays(np.uint8, (9, 11), elements=st.integers(0, 4)), data=st.data())
+def test_ways_over_a_raster_are_those_of_scipy(raster: np.ndarray, data: st.DataObject) -> None:
+    cost = np.pad(raster * 0.75 + (raster > 0), 1)
+    cells = np.flatnonzero(cost)
+    assume(len(cells))
+    start = data.draw(st.sampled_from(cells.tolist()))
+    total, came_from = np.full(cost.size, np.inf), np.full(cost.size, -1)
+    cheapest_ways(cost, start, total, came_from, np.empty(len(cells), np.int64))
+    flat, steps = cost.ravel(), np.zeros((cost.size, cost.size))
+    for a in cells.tolist():
+        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            b = a + dr * cost.shape[1] + dc
+            if flat[b]:
+                steps[a, b] = steps[b, a] = np.hypot(dr, dc) * (flat[a] + flat[b]) / 2
+    np.testing.assert_array_equal(total, dijkstra(csr_array(steps), indices=[start])[0])
+    for cell in np.flatnonzero(came_from >= 0).tolist():
+        is_best = (steps[cell] > 0) & (total + steps[cell] == total[cell])
+        assert total[came_from[cell]] == total[is_best].min()
+        assert is_best[came_from[cell]]
