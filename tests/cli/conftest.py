@@ -17,6 +17,11 @@ names = ["corridor", "room", "doorway"]
 
 [classifier]
 n_rounds = 10
+n_folds = 2
+max_examples_per_map = 500
+
+[space]
+n_rounds = 5
 
 [[train]]
 map = "map.yaml"

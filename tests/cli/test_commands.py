@@ -141,7 +141,10 @@ def test_train_on_a_generated_building(
         names = ["corridor", "room", "doorway"]
         [classifier]
         n_rounds = 5
+        n_folds = 2
         max_examples_per_map = 500
+        [space]
+        n_rounds = 5
         [context]
         half_widths_m = []
         [[train]]
@@ -159,7 +162,7 @@ def test_train_on_a_generated_building(
 def test_compare_says_what_it_selected_on_the_training_maps(building: Path, run: Run) -> None:
     config = building / "config.toml"
     config.write_text(
-        config.read_text().replace("n_rounds = 10", "n_rounds = 10\nn_folds = 2")
+        config.read_text()
         + '\n[select]\nmethod = "adaboost"\nn_folds = 2\n'
         + '[select.options]\n"classifier.n_rounds" = [2, 12]\n'
     )

@@ -5,7 +5,6 @@ import io
 import json
 import sys
 import time
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +22,13 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import load, save
 from pgm_places.report.file_names import TRACK
-from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.vision.object_counts import ObjectCounts
 from tests.cli.conftest import Run
 from tests.drives import building as made_building
 from tests.drives import drive
 from tests.io.files import write_counts
-
-
-@lru_cache
-def places() -> PlaceLabeler:
-    known, names = made_building()
-    quick = DecisionListClassifier(n_rounds=10, order="heuristic")
-    return PlaceLabeler(names, sensor=Sensor(max_range_m=12.0), classifier=quick).fit([known])
+from tests.quick_labeler import places
 
 
 @pytest.fixture

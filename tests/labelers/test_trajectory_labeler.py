@@ -14,21 +14,14 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.persistence.stored import load, read, save
-from pgm_places.sensing.sensor import Sensor
 from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from pgm_places.unary.scan_model import BeamOptions
 from tests.drives import building, drive
+from tests.quick_labeler import places
 
 KNOWN = BeamOptions("known-map")
 QUICK = DecisionListClassifier(n_rounds=20, order="heuristic")
-
-
-@lru_cache
-def places() -> PlaceLabeler:
-    known, names = building()
-    quick = DecisionListClassifier(n_rounds=30, order="heuristic")
-    return PlaceLabeler(names, sensor=Sensor(max_range_m=12.0), classifier=quick).fit([known])
 
 
 @lru_cache

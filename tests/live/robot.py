@@ -13,7 +13,7 @@ from pgm_places.live.ros_codec import RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.trajectories.trajectory import Trajectory
 from tests.io.logs.bag_files import BagFile
-from tests.live.quick import places
+from tests.quick_labeler import places
 
 
 @dataclass

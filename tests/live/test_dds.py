@@ -22,8 +22,8 @@ from pgm_places.persistence.stored import save
 from tests.cli.conftest import Run, run
 from tests.drives import building, drive
 from tests.io.logs.bag_files import BagFile
-from tests.live.quick import places
 from tests.live.robot import raw_map, raw_messages, text_of
+from tests.quick_labeler import places
 
 __all__ = ["run"]
 

@@ -18,8 +18,8 @@ from pgm_places.live.ros_codec import RosCodec
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.drives import building, drive
 from tests.io.logs.bag_files import BagFile
-from tests.live.quick import places
 from tests.live.robot import Desk, driven, raw_map, raw_messages, text_of
+from tests.quick_labeler import places
 
 
 class Robot:

@@ -12,8 +12,8 @@ from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
 from pgm_places.live.map_process import MapAnswer, MapProcess
 from pgm_places.persistence.stored import save
 from tests.drives import building
-from tests.live.quick import places
 from tests.live.robot import raw_map
+from tests.quick_labeler import places
 
 PATIENCE_S = 300.0
 

@@ -24,7 +24,7 @@ from pgm_places.trajectories.trajectory import Trajectory
 from tests.cli.conftest import Run, run
 from tests.drives import building, drive
 from tests.io.logs.bag_files import BagFile
-from tests.live.quick import places
+from tests.quick_labeler import places
 
 __all__ = ["run"]
 

@@ -25,8 +25,8 @@ from pgm_places.live.ros_codec import TYPES
 from pgm_places.options import option_values
 from pgm_places.persistence.stored import save
 from tests.drives import building, drive
-from tests.live.quick import places
 from tests.live.robot import Desk, driven, raw_map, text_of
+from tests.quick_labeler import places
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros" / "pgm_places_ros"

@@ -46,8 +46,9 @@ def positions(n: int) -> list[list[float]]:
     return MADE.grid.cell_centres_m(cells[chosen]).tolist()
 
 
-@pytest.mark.parametrize(("x", "y"), positions(8))
-def test_votes_and_gates_give_the_probabilities_before_the_graph(x: float, y: float) -> None:
+@pytest.mark.parametrize("number", range(8))
+def test_votes_and_gates_give_the_probabilities_before_the_graph(number: int) -> None:
+    x, y = positions(8)[number]
     found = explain_cell(taught(), x, y)
     assert found.probabilities_alone is not None
     assert log_z(found) == pytest.approx(found.probabilities_alone, rel=0, abs=1e-4)
