@@ -26,6 +26,7 @@ def config(**changes: Any) -> ExperimentConfig:
             "test": halves[1:],
             "classifier": {"n_rounds": 3, "learn_on": "in-sample"},
             "context": {"half_widths_m": []},
+            "space": {"n_rounds": 3},
             "methods": [{"name": "relaxation"}],
         }
         | changes
@@ -115,7 +116,7 @@ def test_doors_are_counted_by_gates_where_a_method_sees_spaces_and_by_labels_els
         {"name": "independent", "id": "laser", "unary": "laser"},
         {"name": "independent", "id": "space", "unary": "space"},
     ]
-    given = config(resolution_m=0.2, methods=methods, space={"n_rounds": 3})
+    given = config(resolution_m=0.2, methods=methods)
     found = compare(Experiment(given, Path()))
     [item] = found.maps
     laser, space = found.methods

@@ -46,6 +46,7 @@ def config(**changes: Any) -> ExperimentConfig:
             "resolution_m": 0.2,
             "labels": {"names": list(NAMES)},
             "classifier": {"n_rounds": 3},
+            "space": {"n_rounds": 3},
             "steps": {"every_m": 0.3, "n_runs": 20, "beams": {"missing": "known-map"}},
             "train": [simulated(0, length_m=60.0)],
             "test": [simulated(1)],

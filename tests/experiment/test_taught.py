@@ -12,6 +12,7 @@ from pgm_places.errors import ConfigError, LabelError, ModelFileError
 from pgm_places.experiment.config import load_config, parse_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare, train
+from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.persistence.stored import save
@@ -74,10 +75,13 @@ def test_what_does_not_fit_a_base_model_is_refused(changes: dict[str, Any], mess
 
 @pytest.fixture(scope="module")
 def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Paint]:
-    """A small building as a map, a twelfth of whose cells are painted as they are."""
+    """A small building as a map, a twelfth of whose cells are painted as they are, and another."""
     folder = tmp_path_factory.mktemp("painted")
     building = generate_building(3, size="small", resolution_m=0.1)
     save_map(building.grid, folder / "map")
+    other = generate_building(4, size="small", resolution_m=0.1)
+    save_map(other.grid, folder / "other")
+    save_labels(folder / "other_labels.png", other.labels, other.label_names)
     cells = np.argwhere(building.grid.free)[::12]
     paint = Paint.blank(building.grid.shape, NAMES)
     for label, name in enumerate(NAMES):
@@ -123,7 +127,7 @@ def test_training_teaches_just_what_a_teacher_does(
 
 def test_a_model_that_was_taught_is_compared_like_any_other(painted: tuple[Path, Paint]) -> None:
     folder, _ = painted
-    test = "[[test]]\ngenerated = 4\n"
+    test = '[[test]]\nmap = "other.yaml"\nlabels = "other_labels.png"\n'
     names = 'base_model = "generated"\n[labels]\nnames = ["corridor", "room", "doorway"]\n'
     found = compare(configured(folder, names + test))
     assert [item.id for item in found.methods] == list(trained_labeler("generated").methods_)

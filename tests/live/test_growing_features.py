@@ -21,7 +21,7 @@ SENSORS = {
 
 @pytest.fixture(scope="module")
 def building() -> OccupancyGrid:
-    return generate_building(3, size="small", resolution_m=0.1).grid
+    return generate_building(3, size="small", resolution_m=0.2).grid
 
 
 def from_scratch(grid: OccupancyGrid, sensor: Sensor) -> NDArray[np.float32]:
@@ -111,9 +111,9 @@ def test_what_cannot_be_kept_is_cast_anew(building: OccupancyGrid, what: str) ->
     features(building)
     x, y = building.origin_xy_m
     other = {
-        "resolution": OccupancyGrid(building.cells, 0.11, (x, y)),
-        "raster": OccupancyGrid(building.cells, 0.1, (x + 0.03, y)),
-        "yaw": OccupancyGrid(building.cells, 0.1, (x, y), 0.1),
+        "resolution": OccupancyGrid(building.cells, 0.21, (x, y)),
+        "raster": OccupancyGrid(building.cells, 0.2, (x + 0.03, y)),
+        "yaw": OccupancyGrid(building.cells, 0.2, (x, y), 0.1),
         "noise": building,
     }[what]
     np.testing.assert_array_equal(of_all(features, other), from_scratch(other, sensor))

@@ -9,7 +9,7 @@ import pytest
 from pgm_places import LabelledMap, PlaceLabeler
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
-from pgm_places.labelers.label_map import label_map
+from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
 from pgm_places.teaching import cell_table
@@ -27,27 +27,34 @@ def building() -> LabelledBuilding:
     return generate_building(4, size="small", resolution_m=0.1)
 
 
+@cache
+def teacher() -> Teacher:
+    return Teacher(building().grid, trained_labeler())
+
+
+@cache
+def plain() -> LabelledPlaces:
+    return label_map(trained_labeler(), building().grid)
+
+
 def test_without_paint_it_labels_as_the_labeler_does() -> None:
-    teacher = Teacher(building().grid, trained_labeler())
-    taught = teacher.label(teacher.blank())
-    plain = label_map(trained_labeler(), building().grid)
-    np.testing.assert_array_equal(taught.labels, plain.labels)
+    taught = teacher().label(teacher().blank())
+    np.testing.assert_array_equal(taught.labels, plain().labels)
     alone = label_map(trained_labeler(), building().grid, method="adaboost")
     np.testing.assert_array_equal(taught.unary_labels, alone.labels)
     assert taught.probabilities is not None and taught.unary_probabilities is not None
     free = building().grid.free
     np.testing.assert_allclose(taught.probabilities[free].sum(axis=1), 1, rtol=0, atol=1e-5)
-    assert len(taught.gates) == len(plain.doorways or ())
+    assert len(taught.gates) == len(plain().doorways or ())
     assert taught.checks and taught.seconds > 0
 
 
 def test_painted_cells_keep_their_labels_and_ids_stay() -> None:
-    teacher = Teacher(building().grid, trained_labeler())
-    first = teacher.label(teacher.blank())
+    first = teacher().label(teacher().blank())
     place = max(first.topology.regions, key=lambda region: region.area_m2)
     other = "room" if place.label == "corridor" else "corridor"
     paint = first.paint.with_cells(first.topology.cells(place.id)[::5], other)
-    second = teacher.label(paint)
+    second = teacher().label(paint)
     assert (second.labels[paint.painted] == NAMES.index(other)).all()
     unchanged = {r.id: r.label for r in first.topology.regions if r.label == "doorway"}
     assert unchanged.items() <= {r.id: r.label for r in second.topology.regions}.items()
@@ -55,14 +62,14 @@ def test_painted_cells_keep_their_labels_and_ids_stay() -> None:
 
 def test_learning_from_nothing_but_paint() -> None:
     truth, grid = building().labels, building().grid
-    teacher = Teacher(grid, classes=NAMES)
+    pupil = Teacher(grid, classes=NAMES)
     with pytest.raises(LabelError, match="at least two classes; painted so far: none"):
-        teacher.label(teacher.blank())
+        pupil.label(pupil.blank())
     few = np.random.default_rng(0).random(grid.shape) < 0.02
-    paint = teacher.blank()
+    paint = pupil.blank()
     for label, name in enumerate(NAMES):
         paint = paint.with_mask(few & grid.free & (truth == label), name)
-    taught = teacher.teach(paint)
+    taught = pupil.teach(paint)
     right = taught.labels == truth
     assert right[grid.free & (truth >= 0)].mean() > 0.9
     assert right[paint.painted].all()
@@ -87,15 +94,14 @@ def relabelled(share: float) -> Paint:
 
 @cache
 def taught() -> Taught:
-    return Teacher(building().grid, trained_labeler()).teach(relabelled(0.05))
+    return teacher().teach(relabelled(0.05))
 
 
 def test_what_is_learned_in_one_half_is_applied_in_the_other() -> None:
     grid, truth = building().grid, building().labels
     east = grid.free & (truth == 1)
     east[:, : grid.shape[1] // 2 + 20] = False
-    before = label_map(trained_labeler(), grid).labels
-    assert (before[east] == 1).mean() > 0.95
+    assert (plain().labels[east] == 1).mean() > 0.95
     free = Teacher(grid, trained_labeler(), options=TeachingOptions(keep=0.0))
     assert (free.teach(relabelled(0.05)).labels[east] == 0).mean() > 0.8
 
@@ -123,12 +129,8 @@ def test_the_taught_labeler_is_a_model_like_any_other(tmp_path: Path) -> None:
 
 
 def test_the_given_labeler_is_as_before_and_no_paint_teaches_nothing() -> None:
-    labeler = trained_labeler()
-    teacher = Teacher(building().grid, labeler)
-    teacher.teach(relabelled(0.05))
-    np.testing.assert_array_equal(
-        teacher.teach(teacher.blank()).labels, label_map(trained_labeler(), building().grid).labels
-    )
+    taught()
+    np.testing.assert_array_equal(teacher().teach(teacher().blank()).labels, plain().labels)
 
 
 def test_maps_too_large_for_a_table_get_the_same_labels(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,15 +150,15 @@ def test_a_new_class_is_learned_beside_those_that_are_known(halls: str, tmp_path
     grid = building().grid
     labeler = trained_labeler().with_options(halls=halls)
     classes = (*labeler.label_names_, "office")
-    teacher = Teacher(grid, labeler, classes=classes)
-    first = teacher.label(teacher.blank())
+    pupil = Teacher(grid, labeler, classes=classes)
+    first = pupil.label(pupil.blank())
     rooms = [region for region in first.topology.regions if region.label == "room"]
-    paint = teacher.blank()
+    paint = pupil.blank()
     for room in rooms[::2]:
         paint = paint.with_cells(first.topology.cells(room.id), "office")
     with pytest.raises(LabelError, match="'office' is painted, which the labeler does not know"):
-        teacher.label(paint)
-    found = teacher.teach(paint)
+        pupil.label(paint)
+    found = pupil.teach(paint)
     office = found.label_names.index("office")
     assert {*found.label_names} == {*classes}
     assert (found.labels[paint.painted] == office).all()
@@ -170,14 +172,14 @@ def test_a_new_class_is_learned_beside_those_that_are_known(halls: str, tmp_path
 
 def test_halls_can_be_painted() -> None:
     grid = building().grid
-    teacher = Teacher(grid, trained_labeler().with_options(halls="hall"))
-    first = teacher.label(teacher.blank())
+    pupil = Teacher(grid, trained_labeler().with_options(halls="hall"))
+    first = pupil.label(pupil.blank())
     room = max(
         (region for region in first.topology.regions if region.label == "room"),
         key=lambda region: region.area_m2,
     )
-    paint = teacher.blank().with_cells(first.topology.cells(room.id), "hall")
-    found = teacher.teach(paint)
+    paint = pupil.blank().with_cells(first.topology.cells(room.id), "hall")
+    found = pupil.teach(paint)
     inside = tuple(first.topology.cells(room.id).T)
     assert (found.labels[inside] == found.label_names.index("hall")).mean() > 0.9
 
