@@ -24,7 +24,7 @@ def config(**changes: Any) -> ExperimentConfig:
             "labels": {"names": ["corridor", "room", "doorway"]},
             "train": halves[:1],
             "test": halves[1:],
-            "classifier": {"n_rounds": 3, "learn_on": "in-sample"},
+            "classifier": {"n_rounds": 3, "learn_on": "in-sample", "n_folds": 2},
             "context": {"half_widths_m": []},
             "space": {"n_rounds": 3},
             "methods": [{"name": "relaxation"}],

@@ -45,7 +45,7 @@ def config(**changes: Any) -> ExperimentConfig:
             "nodes": "steps",
             "resolution_m": 0.2,
             "labels": {"names": list(NAMES)},
-            "classifier": {"n_rounds": 3},
+            "classifier": {"n_rounds": 3, "n_folds": 2},
             "space": {"n_rounds": 3},
             "steps": {"every_m": 0.3, "n_runs": 20, "beams": {"missing": "known-map"}},
             "train": [simulated(0, length_m=60.0)],
