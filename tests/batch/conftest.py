@@ -15,7 +15,7 @@ from pgm_places.persistence.stored import save
 @pytest.fixture(scope="session")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a model that is learned in a second."""
-    building = generate_building(size="small")
+    building = generate_building(size="small", resolution_m=0.2)
     labeler = PlaceLabeler(
         building.label_names,
         {"alone": PlaceMethod("independent", "laser")},
@@ -33,6 +33,9 @@ def maps(tmp_path: Path) -> Path:
     folder = tmp_path / "maps"
     for seed in (1, 2):
         (folder / f"floor{seed}").mkdir(parents=True)
-        save_map(generate_building(seed, size="small").grid, folder / f"floor{seed}" / "map")
+        save_map(
+            generate_building(seed, size="small", resolution_m=0.2).grid,
+            folder / f"floor{seed}" / "map",
+        )
     (folder / "torn.yaml").write_text("image: torn.png\nresolution: 0.05\n")
     return folder

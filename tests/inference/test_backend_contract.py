@@ -1,6 +1,5 @@
 """What every method owes its users: one suite for all, on all graphs of up to six nodes."""
 
-from collections.abc import Iterator
 from functools import cache
 from itertools import product
 from typing import Any
@@ -65,21 +64,30 @@ def potts_scores(problem: LabelingProblem) -> Array:
     return total
 
 
-def problems(n_labels: int) -> Iterator[LabelingProblem]:
+@cache
+def problems(n_labels: int) -> tuple[LabelingProblem, ...]:
     """A problem with unaries of no structure on every small graph."""
     rng = np.random.default_rng(n_labels)
     names = [f"label {k}" for k in range(n_labels)]
-    for graph in small_graphs():
-        p = rng.dirichlet(np.ones(n_labels), graph.n_nodes)
-        yield LabelingProblem(graph, names, unary=np.log(p))
+    return tuple(
+        LabelingProblem(graph, names, unary=np.log(rng.dirichlet(np.ones(n_labels), graph.n_nodes)))
+        for graph in small_graphs()
+    )
 
 
+@cache
 def fitted(key: str, n_labels: int = 3) -> Backend:
     """The method, learned on lattices of two halves where it learns."""
     name, options = METHODS[key]
     backend = build(name, options)
     learn = getattr(backend, "fit", None)
     return backend if learn is None else learn(*training(n_labels))
+
+
+@cache
+def answers(key: str) -> tuple[Labeling, ...]:
+    """What the method says of the problems of three labels."""
+    return tuple(fitted(key).infer(problem) for problem in problems(3))
 
 
 def training(n_labels: int) -> tuple[list[LabelingProblem], list[NDArray[np.int64]]]:
@@ -124,9 +132,7 @@ def test_two_labels_are_solved_exactly_on_every_small_graph(decoder: str) -> Non
 
 @pytest.mark.parametrize("key", list(METHODS))
 def test_labels_and_beliefs_are_what_they_say(key: str) -> None:
-    backend = fitted(key)
-    for problem in problems(3):
-        found = backend.infer(problem)
+    for problem, found in zip(problems(3), answers(key), strict=True):
         assert found.labels.shape == (problem.graph.n_nodes,)
         assert np.isin(found.labels, [0, 1, 2]).all()
         if found.beliefs is not None:
@@ -139,11 +145,11 @@ def test_a_constant_for_all_labels_of_a_node_changes_nothing(key: str) -> None:
     """Not for linear models, to which unaries are features like others."""
     backend = fitted(key)
     rng = np.random.default_rng(0)
-    for problem in problems(3):
+    for problem, found in zip(problems(3), answers(key), strict=True):
         assert problem.unary is not None
         shift = rng.normal(size=(problem.graph.n_nodes, 1))
         moved = LabelingProblem(problem.graph, problem.label_names, unary=problem.unary + shift)
-        assert np.array_equal(backend.infer(moved).labels, backend.infer(problem).labels)
+        assert np.array_equal(backend.infer(moved).labels, found.labels)
 
 
 def renumbered(problem: LabelingProblem, order: NDArray[np.int64]) -> LabelingProblem:
@@ -171,9 +177,9 @@ def test_the_numbers_of_nodes_do_not_matter(key: str) -> None:
     backend = fitted(key)
     rng = np.random.default_rng(1)
     proved_only = key in LOCAL or key.startswith(LINEAR)
-    for problem in problems(3):
+    for problem, found in zip(problems(3), answers(key), strict=True):
         order = rng.permutation(problem.graph.n_nodes)
-        found, other = backend.infer(problem), backend.infer(renumbered(problem, order))
+        other = backend.infer(renumbered(problem, order))
         moved = Labeling(found.labels[order], found.status)
         assert same_where_proved(moved, other, proved_only=proved_only)
 
@@ -183,31 +189,28 @@ def test_the_order_of_labels_does_not_matter(key: str) -> None:
     """Relaxation learns on labels in the other order, too."""
     name, options = METHODS[key]
     swap = np.array([2, 0, 1])
-    backend = other = build(name, options)
+    other = build(name, options)
     if name == "relaxation":
         given, truths = training(3)
-        backend = build(name, options).fit(given, truths)
         turned = [
             LabelingProblem(item.graph, item.label_names, unary=item.unary[:, swap])  # type: ignore[index]
             for item in given
         ]
         other = build(name, options).fit(turned, [np.argsort(swap)[t] for t in truths])
-    for problem in problems(3):
+    for problem, found in zip(problems(3), answers(key), strict=True):
         assert problem.unary is not None
         turned_one = LabelingProblem(
             problem.graph, problem.label_names, unary=problem.unary[:, swap]
         )
-        found, turned_found = backend.infer(problem), other.infer(turned_one)
+        turned_found = other.infer(turned_one)
         back = Labeling(swap[turned_found.labels], turned_found.status)
         assert same_where_proved(found, back, proved_only=key in LOCAL)
 
 
 def test_decoders_agree_where_several_prove_their_answer() -> None:
-    backends = [build("potts", {"weight": WEIGHT, "inference": name}) for name in DECODERS]
     n_agreed = 0
-    for problem in problems(3):
-        proved = [b.infer(problem) for b in backends]
-        proved = [found for found in proved if found.status is Status.EXACT]
+    for of_one in zip(*map(answers, DECODERS), strict=True):
+        proved = [found for found in of_one if found.status is Status.EXACT]
         n_agreed += len(proved) > 1
         for found in proved[1:]:
             assert np.array_equal(found.labels, proved[0].labels)

@@ -38,9 +38,11 @@ from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.mrf import PottsField
+from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.scan_model import BeamOptions
 
 QUICK = DecisionListClassifier(n_rounds=4, order="rarest-first")
+FEW = SpaceOptions(n_rounds=4)
 SENSOR = Sensor(n_beams=36, max_range_m=8.0)
 NAMES = ("corridor", "room")
 
@@ -100,6 +102,7 @@ CASES = {
             {"alone": "independent", "potts": PottsField(0.5)},
             SENSOR,
             QUICK,
+            space=FEW,
             n_folds=2,
         ),
         lambda labeler, seed: labeler.fit([known(seed)]),
@@ -283,7 +286,7 @@ def test_true_labels_add_a_history_and_change_no_label(name: str) -> None:
 
 def test_a_search_chooses_among_options_of_methods() -> None:
     search = GridSearchCV(
-        PlaceLabeler(NAMES, {"potts": "potts"}, SENSOR, QUICK, n_folds=2),
+        PlaceLabeler(NAMES, {"potts": "potts"}, SENSOR, QUICK, space=FEW, n_folds=2),
         {"methods__potts__backend__weight": [0.5, 1e6]},
         cv=2,
         error_score="raise",
@@ -391,7 +394,7 @@ def test_labelling_does_not_import_scikit_learn() -> None:
 
 def test_built_methods_serve_as_well_as_names() -> None:
     by_name, built = (
-        PlaceLabeler(NAMES, {"potts": method}, SENSOR, QUICK, n_folds=2).fit([known(0)])
+        PlaceLabeler(NAMES, {"potts": method}, SENSOR, QUICK, space=FEW, n_folds=2).fit([known(0)])
         for method in ("potts", build("potts"))
     )
     grid = known(1).grid
