@@ -9,6 +9,7 @@ from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
+from pgm_places.io.raster_png import raster_png
 from pgm_places.labelers.label_map import LabelledPlaces
 
 __all__ = ["write_labels"]
@@ -58,8 +59,6 @@ def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[
 
 
 def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
-    import io
-
     from PIL import Image
 
     beliefs = result.labeling.beliefs
@@ -68,9 +67,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
     written = []
     for k, name in enumerate(result.label_names):
         raster = result.on_map(np.round(255 * beliefs[:, k]).astype(np.uint8), 0)
-        buffer = io.BytesIO()
-        Image.fromarray(raster[::-1]).save(buffer, "PNG")  # row 0 of an image is its top
+        picture = Image.fromarray(raster[::-1])  # row 0 of an image is its top
         path = folder / f"probability_{name}.png"
-        write_bytes(path, buffer.getvalue())
-        written.append(path)
+        written.append(write_bytes(path, raster_png(picture)))
     return written

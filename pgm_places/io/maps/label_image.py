@@ -1,6 +1,5 @@
 """Label images: ground truth or results on the map image's own raster, with a names file."""
 
-import io
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,6 +23,7 @@ from pgm_places.io.maps.label_values import (
     read_label_values,
 )
 from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
+from pgm_places.io.raster_png import raster_png
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["load_labels", "save_labels"]
@@ -203,9 +203,7 @@ def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
     palette = palette_of(list(values.values()))
     picture = Image.frombytes("P", stored.shape[::-1], np.ascontiguousarray(stored).tobytes())
     picture.putpalette(palette.ravel().tolist())
-    buffer = io.BytesIO()
-    picture.save(buffer, "PNG")
-    return buffer.getvalue()
+    return raster_png(picture)
 
 
 def _quoted(name: str) -> str:

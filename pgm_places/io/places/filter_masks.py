@@ -1,6 +1,5 @@
 """Masks for Nav2's costmap filters: zones, keep-out areas and speed limits by class or place."""
 
-import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from pgm_places.errors import InputError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.places.filter_parameters import TYPES, FilterKind, filter_parameters
+from pgm_places.io.raster_png import raster_png
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["FilterKind", "mask_values", "write_filter_mask"]
@@ -97,10 +97,9 @@ def write_filter_mask(
             f"a {kind} mask needs values by class or place, such as room = 100; classes: {classes}"
         )
     target = Path(stem)
-    buffer = io.BytesIO()
     mask = mask_values(topology, values)
-    Image.fromarray(np.ascontiguousarray(mask[::-1])).save(buffer, "PNG")
-    image_path = write_bytes(target.with_name(f"{target.name}.png"), buffer.getvalue())
+    content = raster_png(Image.fromarray(np.ascontiguousarray(mask[::-1])))
+    image_path = write_bytes(target.with_name(f"{target.name}.png"), content)
     grid = topology.grid
     x, y = grid.origin_xy_m
     yaml_path = write_text(

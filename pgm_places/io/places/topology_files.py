@@ -1,7 +1,6 @@
 """A topological map as files: topology.json, regions.png, regions.geojson, and the user's names."""
 
 import dataclasses
-import io
 import json
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,6 +18,7 @@ from pgm_places.io.json_file import read_json
 from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
 from pgm_places.io.places.gate_record import gate_record, read_gate
 from pgm_places.io.places.region_features import write_region_features
+from pgm_places.io.raster_png import raster_png
 from pgm_places.io.strict_yaml import read_yaml
 from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import check_option, from_mapping, option_hints
@@ -75,9 +75,7 @@ def save_topology(folder: Path | str, topology: TopologicalMap) -> list[Path]:
 def _png(region: NDArray[np.int32]) -> bytes:
     from PIL import Image
 
-    buffer = io.BytesIO()
-    Image.fromarray(region[::-1].astype(np.uint16)).save(buffer, "PNG")
-    return buffer.getvalue()
+    return raster_png(Image.fromarray(region[::-1].astype(np.uint16)))
 
 
 def _record(topology: TopologicalMap) -> dict[str, Any]:
