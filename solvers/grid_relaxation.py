@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
+from pgm_places.kernels.jit import ready
 from pgm_places.kernels.threads import Crew
 from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.relaxation import (
@@ -141,10 +142,13 @@ def relax_grid(
     threads = useful_threads(n_threads, n_parts)
     groups = thread_groups(n_parts, threads)
     scratch = [_scratch(n_labels, rows.longest) for _ in groups]
-
-    def update(group: int) -> None:
-        now, later = edges
-        update_parts(store, rule, scratch[group], groups[group], now, later, results)
+    calls = [
+        [
+            ready(update_parts, store, rule, room, group, *turn, results)
+            for room, group in zip(scratch, groups, strict=True)
+        ]
+        for turn in (edges, edges[::-1])
+    ]
 
     def current() -> NDArray[np.float32]:
         found = np.empty((n_nodes, n_labels), np.float32)
@@ -154,8 +158,8 @@ def relax_grid(
     with Crew(threads) as crew:
 
         def step() -> NDArray[np.float64]:
-            crew.run(update, len(scratch))
-            edges.reverse()
+            crew.run(lambda group: calls[0][group](), len(groups))
+            calls.reverse()
             return results
 
         return repeat(

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
+from pgm_places.kernels.jit import ready
 from pgm_places.kernels.threads import Crew, resolve_threads
 
 if TYPE_CHECKING:
@@ -176,10 +177,13 @@ def relax_graph(
     groups = thread_groups(len(begin) - 1, threads)
     sums = np.zeros((len(begin) - 1, SUMS))
     buffers = [padded, padded.copy()]
-
-    def update(group: int) -> None:
-        old, new = buffers
-        update_parts(old, around, across, float(damping), groups[group], begin, fours, new, sums)
+    calls = [
+        [
+            ready(update_parts, old, around, across, float(damping), group, begin, fours, new, sums)
+            for group in groups
+        ]
+        for old, new in (buffers, buffers[::-1])
+    ]
 
     def current() -> NDArray[np.float64]:
         found = buffers[0].reshape(-1, width)[:, :n_labels]
@@ -188,7 +192,8 @@ def relax_graph(
     with Crew(threads) as crew:
 
         def step() -> NDArray[np.float64]:
-            crew.run(update, len(groups))
+            crew.run(lambda group: calls[0][group](), len(groups))
+            calls.reverse()
             buffers.reverse()
             return sums
 

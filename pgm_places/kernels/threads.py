@@ -7,8 +7,8 @@ compile faster, work in forked processes, and are bounded by the caller.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
 from itertools import count
+from threading import Lock, Thread
 
 from pgm_places.errors import InputError
 
@@ -39,6 +39,49 @@ def resolve_threads(n_threads: int | None = None) -> int:
     return n_threads
 
 
+class _Helper:
+    """A thread that does its part of one round after another.
+
+    Two plain locks hand over: a pool of futures takes twice as long, and a round may be short.
+    """
+
+    def __init__(self) -> None:
+        self._work: Callable[[], None] | None = None
+        self._error: BaseException | None = None
+        self._begun, self._ended = Lock(), Lock()
+        self._begun.acquire()
+        self._ended.acquire()
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def begin(self, work: Callable[[], None] | None) -> None:
+        """Let it call ``work``; None is the end of the thread."""
+        self._work = work
+        self._begun.release()
+
+    def end(self) -> BaseException | None:
+        """Wait until it has done what it was given; the exception that this raised."""
+        self._ended.acquire()
+        error, self._error = self._error, None
+        return error
+
+    def leave(self) -> None:
+        """End the thread."""
+        self.begin(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            self._begun.acquire()
+            if self._work is None:
+                return
+            try:
+                self._work()
+            except BaseException as error:  # noqa: BLE001  the caller raises it
+                self._error = error
+            self._ended.release()
+
+
 class Crew:
     """Threads that stay for many rounds of tasks, as starting them costs more than a short round.
 
@@ -50,22 +93,18 @@ class Crew:
     """
 
     def __init__(self, n_threads: int) -> None:
-        self._helpers = n_threads - 1
-        self._pool = ThreadPoolExecutor(self._helpers) if self._helpers else None
+        self._most = n_threads - 1
+        self._helpers: list[_Helper] = []
 
     def __enter__(self) -> "Crew":
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
+        for helper in self._helpers:
+            helper.leave()
 
     def run(self, work: Callable[[int], None], n_tasks: int) -> None:
         """Call ``work(task)`` for every task in ``range(n_tasks)``, as :func:`run_tasks` does."""
-        if not self._helpers:
-            for task in range(n_tasks):
-                work(task)
-            return
         tickets = count()  # its next() is atomic
         stopped = False
 
@@ -81,15 +120,20 @@ class Crew:
                     stopped = True
                     raise
 
-        helpers = min(self._helpers, n_tasks - 1)
-        others = [self._pool.submit(worker) for _ in range(helpers)] if self._pool else []
+        wanted = min(self._most, n_tasks - 1)
+        while len(self._helpers) < wanted:
+            self._helpers.append(_Helper())
+        busy = self._helpers[: max(wanted, 0)]
+        for helper in busy:
+            helper.begin(worker)
         try:
             worker()
-            for other in others:
-                other.result()
         finally:
-            stopped = True
-            wait(others)
+            stopped = True  # tasks have run out, or one has failed
+            errors = [helper.end() for helper in busy]
+        for error in errors:
+            if error is not None:
+                raise error
 
 
 def run_tasks(work: Callable[[int], None], n_tasks: int, *, n_threads: int | None = None) -> None:

@@ -55,6 +55,25 @@ def test_a_crew_stays_for_many_rounds() -> None:
     assert threading.get_ident() in workers
 
 
+def test_an_error_in_a_helper_is_raised_and_the_crew_goes_on() -> None:
+    caller = threading.get_ident()
+    both = threading.Barrier(2, timeout=60)
+
+    def fail(_: int) -> None:
+        both.wait()
+        if threading.get_ident() != caller:
+            raise RuntimeError("a helper")
+
+    done: list[int] = []
+    with Crew(2) as crew:
+        for _ in range(3):
+            with pytest.raises(RuntimeError, match="a helper"):
+                crew.run(fail, 2)
+            crew.run(done.append, 3)
+    assert sorted(done) == sorted([0, 1, 2] * 3)
+    assert threading.active_count() == 1
+
+
 def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PGM_PLACES_NUM_THREADS", "3")
     assert resolve_threads() == 3
