@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 
-_CELLS_PER_TASK = 4096
+_CELLS_PER_TASK = 1024
 """Cells whose columns of both kinds are put side by side at a time, by one thread."""
 
 

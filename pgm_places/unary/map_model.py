@@ -27,8 +27,9 @@ __all__ = ["UNARIES", "CellScores", "UnaryModel"]
 UNARIES = ("laser", "context", "space")
 """What a method can be given, by name."""
 
-_SCANS_AT_ONCE = 32_768
-"""Scans whose features are held at a time: some ten megabytes, however many columns there are."""
+_SCANS_AT_ONCE = 8_192
+"""Scans whose features are held at a time: ten megabytes of all columns, which the next scans find
+again; for much larger arrays the system gives new pages each time, and clears them."""
 
 
 @dataclass(frozen=True, eq=False)
