@@ -11,6 +11,7 @@ from pgm_places.io.output_set import OutputSet
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.progress import Progress
 from pgm_places.report.label_files import write_labels
+from pgm_places.report.packing import Packing
 from pgm_places.report.topology_output import write_places
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
@@ -69,6 +70,7 @@ def label_file(
         files,
         model.rules,
         progress,
+        n_threads=n_threads,
     )
 
 
@@ -78,19 +80,24 @@ def write_labelled(
     files: OutputSet,
     rules: TopologyOptions,
     progress: Progress,
+    *,
+    n_threads: int | None = None,
 ) -> LabelledFile:
     """Write a labelled map and its places; what the labelling warned of is passed on."""
     for message in result.warnings:
         progress.warn(message)
-    with progress.stage("writing files"):
-        write_labels(result, source, files.stage)
-    summary, labels, area_m2 = result.summary(), result.labels, result.shares()
-    warnings = (*source.warnings, *result.warnings)
-    inputs = _inputs_of_places(result, gates=rules.doorways == "gates")
-    title = f"{source.name}: {result.method}"
-    del result  # the labels of a huge map's nodes are not needed any more
-    with progress.stage("places"):
-        topology = write_places(files, title, rules, grid=source.grid, **inputs)
+    with Packing(n_threads) as packing:
+        with progress.stage("writing files"):
+            write_labels(result, source, files.stage, packing=packing)
+        summary, labels, area_m2 = result.summary(), result.labels, result.shares()
+        warnings = (*source.warnings, *result.warnings)
+        inputs = _inputs_of_places(result, gates=rules.doorways == "gates")
+        title = f"{source.name}: {result.method}"
+        del result  # the labels of a huge map's nodes are not needed any more
+        with progress.stage("places"):
+            topology = write_places(
+                files, title, rules, packing=packing, grid=source.grid, **inputs
+            )
     return LabelledFile(summary, labels, area_m2, warnings, topology)
 
 

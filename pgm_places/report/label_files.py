@@ -11,11 +11,14 @@ from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.raster_png import raster_png
 from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.report.packing import Packing
 
 __all__ = ["write_labels"]
 
 
-def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[Path]:
+def write_labels(
+    result: LabelledPlaces, source: MapFile, folder: Path, *, packing: Packing | None = None
+) -> list[Path]:
     """Write everything that ``pgm-places label`` promises; the paths written.
 
     ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``probability_<label>.png``
@@ -31,19 +34,15 @@ def write_labels(result: LabelledPlaces, source: MapFile, folder: Path) -> list[
     save_labels(labels_path, result.labels, result.label_names)
     written = [labels_path, folder / "labels.yaml"]
     written += _write_probabilities(result, folder)
-    picture = folder / "overview.png"
-    title = f"{source.name}: {result.method}"
-    write_bytes(
-        picture,
-        overview(
-            result.grid,
-            result.labels,
-            result.label_names,
-            beliefs=result.labeling.beliefs,
-            layout=result.layout,
-            title=title,
-        ),
+    drawing = overview(
+        result.grid,
+        result.labels,
+        result.label_names,
+        beliefs=result.labeling.beliefs,
+        layout=result.layout,
+        title=f"{source.name}: {result.method}",
     )
+    picture = (packing or Packing()).write(folder / "overview.png", drawing)
     summary = folder / "summary.json"
     record = {
         "map": str(source.yaml_path),

@@ -13,7 +13,8 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import GROUND_SWATCHES, Swatch, label_swatches
 from pgm_places.report.canvas import checked_labels, label_canvas, value_canvas, view_of
-from pgm_places.report.sheet import ColourBar, Panel, sheet_png
+from pgm_places.report.drawing import Drawing
+from pgm_places.report.sheet import ColourBar, Panel, sheet, sheet_png
 
 __all__ = ["entropy", "label_map", "overview", "thumbnail"]
 
@@ -92,8 +93,8 @@ def overview(
     beliefs: ArrayLike | None = None,
     layout: GridLayout | None = None,
     title: str | None = None,
-) -> bytes:
-    """A PNG file to look at first: the labels with their areas and, with beliefs, the entropy.
+) -> Drawing:
+    """A picture to look at first: the labels with their areas and, with beliefs, the entropy.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ def overview(
         panels.append(Panel(value_canvas(grid, entropy(array), layout, "entropy", view), "entropy"))
         bars = (ColourBar("entropy", "entropy", "0 (certain)", "1 (undecided)"),)
     height, width = view.shape
-    return sheet_png(
+    return sheet(
         panels,
         columns=1 if width > 1.3 * height else 2,
         title=title,

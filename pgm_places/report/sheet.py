@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from pgm_places.report.canvas import Canvas
 from pgm_places.report.drawing import Drawing, text_width
 from pgm_places.report.figure import INK, MUTED
 
-__all__ = ["ColourBar", "Panel", "draw_scale_bar", "round_length", "sheet_png"]
+__all__ = ["ColourBar", "Panel", "draw_scale_bar", "round_length", "sheet", "sheet_png"]
 
 _LEAST_WIDTH = 420
 _LARGEST_CELL = 12
@@ -59,7 +60,7 @@ class _Sizes:
         return cls(*(3 * size // 2 if width > _WIDE else size for size in sizes))
 
 
-def sheet_png(
+def sheet(
     panels: Sequence[Panel],
     *,
     columns: int = 1,
@@ -68,8 +69,8 @@ def sheet_png(
     bars: Sequence[ColourBar] = (),
     scale_bar: bool = True,
     long_side: int = 2400,
-) -> bytes:
-    """The sheet as a PNG file.
+) -> Drawing:
+    """The sheet as a drawing.
 
     All panels are enlarged by the same whole number: as far as they stay within ``long_side``
     pixels, all columns together.
@@ -109,7 +110,12 @@ def sheet_png(
         _draw_legend_line(page, line, y, sizes)
         y += sizes.line
     _draw_bars(page, bars, y + 6, sizes)
-    return page.png()
+    return page
+
+
+def sheet_png(panels: Sequence[Panel], **options: Any) -> bytes:
+    """The sheet as a PNG file; options are those of :func:`sheet`."""
+    return sheet(panels, **options).png()
 
 
 def round_length(metres: float) -> float:

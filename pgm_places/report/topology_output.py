@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from pgm_places.io.atomic import write_bytes
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.topology_files import (
@@ -13,7 +12,8 @@ from pgm_places.io.places.topology_files import (
     save_topology,
 )
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.report.topology_pictures import count_line, marked_checks, topology_picture
+from pgm_places.report.packing import Packing
+from pgm_places.report.topology_pictures import count_line, marked_checks, topology_drawing
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
@@ -23,7 +23,12 @@ __all__ = ["doubt_summary", "places_summary", "write_places", "write_topology"]
 
 
 def write_places(
-    files: OutputSet, title: str, rules: TopologyOptions, **inputs: Any
+    files: OutputSet,
+    title: str,
+    rules: TopologyOptions,
+    *,
+    packing: Packing | None = None,
+    **inputs: Any,
 ) -> TopologicalMap:
     """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
 
@@ -38,12 +43,17 @@ def write_places(
         own_names=read_own_names(files.folder),
         **inputs,
     )
-    write_topology(files.stage, inputs["grid"], found, title=title)
+    write_topology(files.stage, inputs["grid"], found, title=title, packing=packing)
     return found
 
 
 def write_topology(
-    folder: Path, grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
+    folder: Path,
+    grid: OccupancyGrid,
+    topology: TopologicalMap,
+    *,
+    title: str | None = None,
+    packing: Packing | None = None,
 ) -> list[Path]:
     """Write the topological map's files and ``topology.png``; the paths.
 
@@ -54,7 +64,8 @@ def write_topology(
     OutputError
         Where a file cannot be written.
     """
-    picture = write_bytes(folder / "topology.png", topology_picture(grid, topology, title=title))
+    drawing = topology_drawing(grid, topology, title=title)
+    picture = (packing or Packing()).write(folder / "topology.png", drawing)
     written = [*save_topology(folder, topology), picture]
     if places_to_check(topology):
         written.append(write_checks(folder / CHECK_FILE, topology))

@@ -18,7 +18,7 @@ from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["count_line", "marked_checks", "topology_picture"]
+__all__ = ["count_line", "marked_checks", "topology_drawing", "topology_picture"]
 
 _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
@@ -32,7 +32,14 @@ _ToPixels: TypeAlias = Callable[[ArrayLike], NDArray[np.float64]]
 def topology_picture(
     grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
 ) -> bytes:
-    """A PNG file: the topological map over the map, and the diagram beside or below it.
+    """A PNG file of :func:`topology_drawing`."""
+    return topology_drawing(grid, topology, title=title).png()
+
+
+def topology_drawing(
+    grid: OccupancyGrid, topology: TopologicalMap, *, title: str | None = None
+) -> Drawing:
+    """The topological map over the map, and the diagram beside or below it.
 
     Nodes stand at the regions' anchors and edges go through the middle of the passages; at
     corridors, and other places with more than six neighbours, they end at the passage. In the
@@ -52,8 +59,8 @@ def topology_picture(
     >>> from pgm_places.topology.from_labels import topological_map
     >>> grid = OccupancyGrid([[0, 0, 0]], resolution_m=1.0)
     >>> found = topological_map(grid, [[0, 1, 2]], ["room", "doorway", "corridor"])
-    >>> topology_picture(grid, found)[1:4]
-    b'PNG'
+    >>> topology_drawing(grid, found).image.mode
+    'RGB'
     """
     view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
     canvas = label_canvas(grid, topology.labels, topology.label_names, view)
@@ -87,7 +94,7 @@ def topology_picture(
     page.paste(diagram, second[0], second[1] + _CAPTION)
     below = second[1] + _CAPTION + size[1] + 16
     draw_scale_bar(page, canvas, (_EDGE, below), scale, size=14)
-    return page.png()
+    return page
 
 
 def _paled(canvas: Canvas) -> Canvas:

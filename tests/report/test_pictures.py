@@ -64,7 +64,10 @@ def test_every_option_draws() -> None:
 def test_an_overview_with_and_without_beliefs(with_beliefs: bool) -> None:
     item = small_map()
     beliefs = labeling_of(item, beliefs=with_beliefs).beliefs
-    png = overview(item.grid, item.truth, NAMES, beliefs=beliefs, layout=item.layout, title="floor")
+    drawing = overview(
+        item.grid, item.truth, NAMES, beliefs=beliefs, layout=item.layout, title="floor"
+    )
+    png = drawing.png()
     assert pixels(png).std() > 10
 
 
