@@ -68,7 +68,7 @@ def test_after_an_exception_nothing_more_is_written(
 
 
 def test_a_failure_of_the_second_thread_is_the_callers(tmp_path: Path) -> None:
-    with pytest.raises(MemoryError), Packing(2) as packing:
+    with pytest.raises(MemoryError, match="no room"), Packing(2) as packing:
         packing.write(tmp_path / "a.png", Broken(4, 3))
         packing.write(tmp_path / "b.png", Drawing(4, 3))
     assert not list(tmp_path.iterdir())
