@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import finite_array, integer_array
 from pgm_places.errors import InputError
 from pgm_places.kernels.jit import ready
+from pgm_places.kernels.lanes import LANES
 from pgm_places.kernels.threads import Crew, resolve_threads
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 __all__ = ["OnIteration", "Relaxed", "relax_graph", "repeat", "starting_beliefs"]
 
 NODES_PER_PART = 4096
-NODES_AT_ONCE = 65_536  # while normalising: bounds the temporary arrays
 FEW_FOURS = 2  # the kernel is compiled for so many times four labels, and for any number
 MOST_ENTRIES = 2**32  # the kernel's indices have 32 bits
 GROUPS_PER_THREAD = 2  # so that a thread which is interrupted does not keep the others waiting
@@ -91,25 +91,14 @@ def starting_beliefs(
     >>> starting_beliefs(np.log([[3.0, 1.0]])).round(3).tolist()
     [[0.75, 0.25]]
     """
+    from pgm_places.solvers._starting_kernels import normalise
+
     array = finite_array("unary", unary, ("N", "K"), allow_minus_inf=True)
-    beliefs = np.empty(array.shape)
-    for first in range(0, len(array), NODES_AT_ONCE):
-        part = slice(first, first + NODES_AT_ONCE)
-        planes = array[part].T.copy()  # a row per label: few labels make short, slow rows
-        best = planes.max(axis=0, initial=-np.inf)
-        forbidden = np.flatnonzero(~np.isfinite(best))
-        if len(forbidden):
-            node = first_node + first + forbidden[0]
-            raise InputError(f"unary forbids every label at node {node}")
-        allowed = np.isfinite(planes) if floor > 0 else True
-        planes -= best
-        np.exp(planes, out=planes)
-        planes /= planes.sum(axis=0)
-        if floor > 0:
-            np.maximum(planes, floor, out=planes, where=allowed)
-            planes /= planes.sum(axis=0)
-        beliefs[part] = planes.T
-    return beliefs
+    row = np.empty((1, array.size + LANES))
+    stopped = normalise(np.ascontiguousarray(array), float(floor), row)
+    if stopped >= 0:
+        raise InputError(f"unary forbids every label at node {first_node + stopped}")
+    return row[0, : array.size].reshape(array.shape)
 
 
 def relax_graph(

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
-from pgm_places.solvers import grid_relaxation, relaxation
+from pgm_places.solvers import grid_relaxation
 from pgm_places.solvers._belief_store_kernels import BLOCK
 from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
 from pgm_places.solvers.relaxation import relax_graph, starting_beliefs
@@ -228,6 +228,22 @@ def test_forbidden_labels_stay_forbidden_and_the_floor_lifts_the_others() -> Non
         starting_beliefs([[0.0, 0.0], [-np.inf, -np.inf]])
 
 
+@pytest.mark.parametrize("k", [1, 2, 3, 5, 17])
+@pytest.mark.parametrize("floor", [0.0, 1e-3])
+def test_starting_beliefs_are_those_of_whole_array_arithmetic(k: int, floor: float) -> None:
+    rng = np.random.default_rng(k)
+    unary = rng.normal(scale=30, size=(1500, k))
+    unary[:, 1:][rng.random((1500, k - 1)) < 0.2] = -np.inf
+    expected = np.exp(unary - unary.max(axis=1, keepdims=True))
+    expected /= expected.sum(axis=1, keepdims=True)
+    if floor:
+        expected[unary > -np.inf] = np.maximum(expected, floor)[unary > -np.inf]
+        expected /= expected.sum(axis=1, keepdims=True)
+    for part in (unary, np.asfortranarray(unary), unary[:3]):
+        found = starting_beliefs(part, floor=floor)
+        np.testing.assert_allclose(found, expected[: len(part)], rtol=1e-14, atol=0)
+
+
 def test_a_cell_that_would_lose_all_mass_keeps_its_beliefs() -> None:
     r = np.zeros((1, 3, 3))
     r[0, :2, 2] = -1
@@ -350,7 +366,6 @@ def test_a_node_without_labels_is_named_by_its_own_number(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 3)
-    monkeypatch.setattr(relaxation, "NODES_AT_ONCE", 2)
     unary = np.zeros((8, 2))
     unary[7] = -np.inf
     cells = np.argwhere(np.ones((2, 4), np.bool_))
