@@ -7,6 +7,7 @@ compile faster, work in forked processes, and are bounded by the caller.
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
 from threading import Lock, Thread
 
@@ -46,7 +47,7 @@ class _Helper:
     """
 
     def __init__(self) -> None:
-        self._work: Callable[[], None] | None = None
+        self._work: Callable[[], None] | None = None  # the end of the thread
         self._error: BaseException | None = None
         self._begun, self._ended = Lock(), Lock()
         self._begun.acquire()
@@ -54,8 +55,8 @@ class _Helper:
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def begin(self, work: Callable[[], None] | None) -> None:
-        """Let it call ``work``; None is the end of the thread."""
+    def begin(self, work: Callable[[], None]) -> None:
+        """Let it call ``work``."""
         self._work = work
         self._begun.release()
 
@@ -66,17 +67,20 @@ class _Helper:
         return error
 
     def leave(self) -> None:
-        """End the thread."""
-        self.begin(None)
+        """End the thread, whatever it was given before an interrupt."""
+        self._work = None
+        with suppress(RuntimeError):  # it was let go, and has not looked yet
+            self._begun.release()
         self._thread.join()
 
     def _run(self) -> None:
         while True:
             self._begun.acquire()
-            if self._work is None:
+            work = self._work
+            if work is None:
                 return
             try:
-                self._work()
+                work()
             except BaseException as error:  # noqa: BLE001  the caller raises it
                 self._error = error
             self._ended.release()

@@ -1,12 +1,13 @@
 """Tasks over threads: each done once, errors raised, bad counts refused."""
 
 import threading
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
-from pgm_places.kernels.threads import Crew, resolve_threads, run_tasks
+from pgm_places.kernels.threads import Crew, _Helper, resolve_threads, run_tasks
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 5])
@@ -83,3 +84,19 @@ def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> N
         resolve_threads()
     with pytest.raises(InputError, match="from 1 to 1024, got 0"):
         resolve_threads(0)
+
+
+def test_an_interrupt_as_a_round_begins_leaves_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The helper may not even have seen that a round has begun."""
+    begin = _Helper.begin
+
+    def interrupted(helper: _Helper, work: Callable[[], None]) -> None:
+        begin(helper, work)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_Helper, "begin", interrupted)
+    before = threading.active_count()
+    for _ in range(200):
+        with pytest.raises(KeyboardInterrupt), Crew(2) as crew:
+            crew.run(lambda _: None, 2)
+    assert threading.active_count() == before
