@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le, Lt
-
+from pgm_places._option_marks import Ge, Gt, Le, Lt
 from pgm_places.options import check_options
 
 __all__ = ["BoostingOptions"]

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt, MinLen
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen
 from pgm_places.errors import InputError
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned

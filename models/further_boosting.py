@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from pgm_places._checks import finite_array, integer_array
+from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.boosted_trees import BoostedTrees

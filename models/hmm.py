@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
+from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned

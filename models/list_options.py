@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le, Lt
-
+from pgm_places._option_marks import Ge, Le, Lt
 from pgm_places.models.boosting_options import BoostingOptions
 
 __all__ = ["ListOptions", "PriorWeight"]

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Gt, Le
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
-from annotated_types import Ge, Lt
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, sealed
+from pgm_places._option_marks import Ge, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout

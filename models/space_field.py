@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt, Lt
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge, Gt, Lt
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.node_kind import NodeKind

@@ -5,13 +5,9 @@ import types
 import typing
 from typing import Annotated, Any, Literal, Union
 
-from annotated_types import Ge, GroupedMetadata, Gt, Le, Lt, MinLen
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, OrInfinite, own_marks
 
-__all__ = ["OrInfinite", "arms", "bare", "marks_of", "says_all", "wanted"]
-
-
-class OrInfinite:
-    """A mark of numbers that may be infinite."""
+__all__ = ["arms", "bare", "marks_of", "says_all", "wanted"]
 
 
 _KNOWN = (Ge, Gt, Le, Lt, MinLen, OrInfinite)
@@ -43,13 +39,7 @@ def bare(hint: Any) -> Any:
 
 def marks_of(hint: Any) -> tuple[Any, ...]:
     """The marks of an annotation one by one, those of a pydantic ``Field`` among them."""
-    found: list[Any] = []
-    for mark in getattr(hint, "__metadata__", ()):
-        if isinstance(mark, GroupedMetadata):
-            found += mark
-        else:
-            found += getattr(mark, "metadata", None) or [mark]
-    return tuple(found)
+    return tuple(found for mark in getattr(hint, "__metadata__", ()) for found in own_marks(mark))
 
 
 def arms(hint: Any) -> list[Any]:
@@ -100,7 +90,7 @@ def _choices(values: tuple[Any, ...]) -> str:
 def _list_words(inner: tuple[Any, ...], marks: tuple[Any, ...]) -> str:
     if len(inner) == 2 and inner[1] is not Ellipsis:
         return f"a list of two: {wanted(inner[0])}"
-    least = next((mark.min_length for mark in marks if isinstance(mark, MinLen)), 0)
+    least = next((int(mark.limit) for mark in marks if isinstance(mark, MinLen)), 0)
     start = "a list of" if not least else "a non-empty list of"
     if least > 1:
         start = f"a list of at least {least}"
@@ -112,10 +102,10 @@ def _limits(marks: tuple[Any, ...]) -> str:
     low = next((mark for mark in marks if isinstance(mark, Ge | Gt)), None)
     high = next((mark for mark in marks if isinstance(mark, Le | Lt)), None)
     if isinstance(low, Ge) and isinstance(high, Le):
-        return f"from {low.ge} to {high.le}"
+        return f"from {low.limit} to {high.limit}"
     found = []
     if low is not None:
-        found.append(f"of at least {low.ge}" if isinstance(low, Ge) else f"above {low.gt}")
+        found.append(f"of at least {low.limit}" if isinstance(low, Ge) else f"above {low.limit}")
     if high is not None:
-        found.append(f"at most {high.le}" if isinstance(high, Le) else f"below {high.lt}")
+        found.append(f"at most {high.limit}" if isinstance(high, Le) else f"below {high.limit}")
     return " and ".join(found)

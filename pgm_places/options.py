@@ -16,9 +16,8 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar, Union
 
-from annotated_types import Ge, Gt, Le, Lt
-
-from pgm_places._option_words import OrInfinite, arms, bare, marks_of, says_all, wanted
+from pgm_places._option_marks import Ge, Gt, Le, Lt, OrInfinite
+from pgm_places._option_words import arms, bare, marks_of, says_all, wanted
 from pgm_places.errors import ConfigError, InputError, nearest_name, shown
 
 __all__ = [
@@ -208,10 +207,10 @@ def check_option(name: str, hint: Any, value: Any) -> Any:
 
 
 _BOUNDS: dict[type, Callable[[Any, Any], bool]] = {
-    Ge: lambda value, mark: value >= mark.ge,
-    Gt: lambda value, mark: value > mark.gt,
-    Le: lambda value, mark: value <= mark.le,
-    Lt: lambda value, mark: value < mark.lt,
+    Ge: lambda value, mark: value >= mark.limit,
+    Gt: lambda value, mark: value > mark.limit,
+    Le: lambda value, mark: value <= mark.limit,
+    Lt: lambda value, mark: value < mark.limit,
 }
 
 

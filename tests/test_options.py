@@ -16,9 +16,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Interval
+from annotated_types import Le as TheirLe
 from pydantic import Field
 
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen
 from pgm_places.cli.app import run
 from pgm_places.cli.flags import flag_of, option_flags
 from pgm_places.datasets.map_simulation import MapSimulation
@@ -95,13 +97,13 @@ def _marks(hint: Any) -> tuple[Any, ...]:
 
 def _outside(mark: Any) -> list[Any]:
     if isinstance(mark, Ge):
-        return [mark.ge - 1]  # type: ignore[operator]
+        return [mark.limit - 1]
     if isinstance(mark, Gt):
-        return [mark.gt]
+        return [mark.limit]
     if isinstance(mark, Le):
-        return [mark.le + 1]  # type: ignore[operator]
+        return [mark.limit + 1]
     if isinstance(mark, Lt):
-        return [mark.lt]
+        return [mark.limit]
     return [[]] if isinstance(mark, MinLen) else []
 
 
@@ -473,6 +475,7 @@ HINTS: tuple[Any, ...] = (
     float | None, float | Literal["auto"], Annotated[int, Ge(2)] | None, tuple[int, int],
     tuple[float, ...], tuple[Positive, ...] | None, tuple[tuple[int, str], ...],
     Annotated[str, MinLen(2)], Annotated[float, Field(multiple_of=0.5)], list[int],
+    Annotated[int, TheirLe(2)], Annotated[float, Interval(gt=0, le=1)], Annotated[int, Field(ge=1)],
 )  # fmt: skip
 VALUES: tuple[Any, ...] = (
     0, 1, 2, 8, -1, 10**30, 0.0, 0.5, 1.0, -0.5, math.inf, math.nan, True, False, None, "a", "auto",

@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Ge, Le
-
+from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.options import Whole
 

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from annotated_types import Ge, Le
-
 from pgm_places._extras import needed
+from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.arguments import Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.progress import make_progress

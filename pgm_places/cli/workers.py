@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from annotated_types import Ge, Le
-
+from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.declarations import Option
 from pgm_places.errors import InputError
 

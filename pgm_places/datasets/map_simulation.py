@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Le
-
+from pgm_places._option_marks import Ge, Le
 from pgm_places.options import OptionError, Probability, check_options, option_values
 
 __all__ = ["MapSimulation"]

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from annotated_types import Ge, Le, MinLen
-
 from pgm_places._checks import nearest_name, plain_names
+from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from annotated_types import Ge, Le
-
+from pgm_places._option_marks import Ge, Le
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.datasets.style import StyleName
 from pgm_places.errors import ConfigError

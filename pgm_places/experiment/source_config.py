@@ -4,8 +4,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Ge
-
+from pgm_places._option_marks import Ge
 from pgm_places.errors import ConfigError
 from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig

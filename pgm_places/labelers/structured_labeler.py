@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from annotated_types import Gt, Lt
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import stacked_rows
+from pgm_places._option_marks import Gt, Lt
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts

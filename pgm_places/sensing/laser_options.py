@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from math import radians
 from typing import TYPE_CHECKING, Annotated
 
-from annotated_types import Ge, Gt, Le
-
+from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.options import AtLeastZero, Positive, Seed, check_options
 
 if TYPE_CHECKING:  # the flags that these options become do without NumPy

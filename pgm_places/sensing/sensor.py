@@ -5,9 +5,9 @@ from math import pi
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, Positive, Probability, Seed, check_options
 

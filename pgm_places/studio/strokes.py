@@ -9,9 +9,9 @@ from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge, Le
 from pgm_places.errors import InputError
 from pgm_places.io.maps.regions import rasterize_polygon
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
+from pgm_places._option_marks import Ge
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.models.further_boosting import (
     Examples,

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from annotated_types import Ge, Gt, Le
-
+from pgm_places._option_marks import Ge, Gt, Le
 from pgm_places.models.list_options import ListOptions, PriorWeight
 from pgm_places.options import Positive, check_options, option_values, taken_from
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-from annotated_types import Ge, Gt
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._extras import needed
+from pgm_places._option_marks import Ge, Gt
 from pgm_places.errors import InputError
 from pgm_places.options import Whole, check_options
 

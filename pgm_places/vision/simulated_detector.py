@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt, Le
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places._option_marks import Gt, Le
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import (
     AtLeastZero,

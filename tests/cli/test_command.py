@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import pytest
-from annotated_types import Ge, Le
 
+from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.command import Command
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.errors import InputError

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names
+from pgm_places._option_marks import Ge
 from pgm_places.errors import InputError, LabelError, OutputError, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.geojson import read_regions
