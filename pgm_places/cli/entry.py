@@ -3,6 +3,7 @@
 It imports next to nothing, so that an interrupt during the imports of a command ends in good order.
 """
 
+import atexit
 import contextlib
 import gc
 import importlib
@@ -75,6 +76,8 @@ def _run() -> None:
     # Compiling makes millions of objects that stay; searching them for garbage again and again
     # takes a tenth of a first run.
     gc.set_threshold(100_000, 50, 50)
+    # At the end of the process the system takes everything back; Python need not look at it all.
+    atexit.register(gc.freeze)
     # No plugin of pydantic is wanted; to look for some is to read what every installed package says
     # of itself.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")

@@ -200,3 +200,15 @@ def test_a_pipe_is_tracked_as_a_file(tmp_path: Path) -> None:
         [sys.executable, "-c", f"open({json.dumps(str(tmp_path / 'pipe'))}, 'w').write({lines!r})"]
     ):
         assert len(read_trajectory(tmp_path / "pipe").trajectory) == 3
+
+
+def test_the_end_of_a_process_is_not_spent_on_garbage() -> None:
+    code = (
+        "import atexit, gc, sys\n"
+        "atexit.register(lambda: print(gc.get_freeze_count() > 10_000))\n"
+        "sys.argv = ['pgm-places', '--version']\n"
+        "from pgm_places.cli.entry import main\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("True\n")
