@@ -40,7 +40,7 @@ def sum_votes(
     order of t, so one group's bits depend on nothing else.
     """
     columns, plane, cut, vote, first = stumps
-    values = np.empty((len(columns), BLOCK), np.float32)
+    values = np.empty((len(columns) + 1, BLOCK), np.float32)
     total = np.empty(BLOCK, np.float64)
     for block in range(start, stop, BLOCK):
         size = min(BLOCK, stop - block)

@@ -65,7 +65,7 @@ def sum_trees(
     columns, plane, cut, _, first = trees
     n_splits = plane.shape[1]
     n_quads = (n_splits + 1) // 4  # subtrees of three splits and four leaves
-    values = np.zeros((len(columns), BLOCK), np.float32)
+    values = np.zeros((len(columns) + 1, BLOCK), np.float32)
     said = np.empty((n_splits // 2, BLOCK), np.float32)
     total = np.empty(BLOCK, np.float64)
     for block in range(start, stop, BLOCK):
