@@ -123,7 +123,8 @@ def _all_openings(
 
     sites = kernels.Sites(borders.halves_rc, borders.basins, borders.relief, borders.is_side)
     room, n = np.empty((3, len(divisions) * len(borders.relief)), np.int64), 0
-    for segment_of, start in zip(divisions, first.tolist(), strict=False):
+    # Copied, because numba compiles a kernel anew for arrays that cannot be written.
+    for segment_of, start in zip(np.array(divisions), first.tolist(), strict=False):
         n += kernels.keep_sites(sites, segment_of, start, *room[:, n:])
     kept, pair, place = room[:, :n]
     opening = np.empty(n, np.int64)

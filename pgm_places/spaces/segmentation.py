@@ -293,5 +293,5 @@ def _borders(
         touching,
     )
     sites = room[:n_sites]
-    is_side, is_free = sites[:, 4:6].astype(np.bool_).T
+    is_side, is_free = np.ascontiguousarray(sites[:, 4:6].T, np.bool_)
     return Borders(sites[:, :2].copy(), sites[:, 2:4].copy(), sites[:, 6].copy(), is_side, is_free)
