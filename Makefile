@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-uncompiled fuzz faults lint types imports docs wheel bench clean
+.PHONY: demo test test-uncompiled fuzz faults lint types imports docs wheel wheel-compiled bench clean
 
 # setuptools prints a page about every editable installation; it is how we mean to install.
 $(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
@@ -62,7 +62,12 @@ docs: $(VENV)/.installed
 wheel: $(VENV)/.installed
 	rm -rf dist build
 	$(BIN)/python -m build --outdir dist
-	$(BIN)/python tests/check_wheel.py dist
+	$(BIN)/python tests/check_wheel.py dist/*-any.whl
+
+# For Linux on x86-64 and this Python and numba; a first run of 'label' compiles nothing.
+wheel-compiled: wheel
+	$(BIN)/python tools/compiled_wheel.py dist/*-any.whl
+	$(BIN)/python tests/check_wheel.py dist/*-manylinux*.whl
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks

@@ -7,8 +7,10 @@ never imports numba. A cold run compiles later stages in a second process unless
 one thread. Processor seconds include both processes. The second table compiles each stage
 separately, in a fresh process: imports, then all kernels of the stage, in processor seconds.
 Python's bytecode is there in all of them, as it is once a package has been installed; without it a
-warm run takes 1.3 times the processor time. Kernels compiled ahead of time, in a wheel, would
-improve only the cold rows: linking the 45 kernels of a warm run takes 0.05 s of processor time.
+warm run takes 1.3 times the processor time. Linking the kernels of a warm run takes 0.05 s of it.
+
+After ``make wheel-compiled`` there is a row more: a cold run of the package in that wheel, which
+brings its machine code.
 """
 
 import compileall
@@ -20,10 +22,12 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parent.parent
+BROUGHT = "cold, from the wheel"
 STAGES = ("casting", "features", "segments", "space", "relaxation", "topology")
 MEASURE = "--measure"
 
@@ -34,13 +38,14 @@ def spent() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def command_seconds(arguments: list[str], cache: Path) -> tuple[float, float]:
-    """Wall and processor seconds of a command with a folder for kernels."""
-    environment = {**os.environ, "PGM_PLACES_CACHE_DIR": str(cache)}
+def command_seconds(arguments: list[str], cache: Path, package: Path) -> tuple[float, float]:
+    """Wall and processor seconds of a command of a package, with a folder for kernels."""
+    changes = {"PGM_PLACES_CACHE_DIR": str(cache), "PYTHONPATH": str(package)}
+    environment = {**os.environ, **changes}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     start, before = time.perf_counter(), spent()
     subprocess.run(
-        [sys.executable, "-m", "pgm_places", *arguments, "--quiet"],
+        [sys.executable, "-P", "-m", "pgm_places", *arguments, "--quiet"],
         check=True,
         env=environment,
         stdout=subprocess.DEVNULL,
@@ -51,15 +56,19 @@ def command_seconds(arguments: list[str], cache: Path) -> tuple[float, float]:
 def command_rows(
     name: str, arguments: list[str], folder: Path, repeats: int
 ) -> list[dict[str, Any]]:
-    """Rows of one command: cold, cold on one thread, warm; taken in turn."""
-    kinds: dict[str, list[str]] = {"cold": [], "cold, one thread": ["--threads", "1"], "warm": []}
-    found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
+    """Rows of one command: cold, on one thread, from a wheel, warm; taken in turn."""
+    packages = {"cold": ROOT, "cold, one thread": ROOT, BROUGHT: unpacked(folder), "warm": ROOT}
+    found: dict[str, list[tuple[float, float]]] = {}
     for _ in range(repeats):
-        for kind, options in kinds.items():
+        for kind, package in packages.items():
+            if package is None:
+                continue
+            words = [*arguments, *(["--threads", "1"] if "one thread" in kind else [])]
             with tempfile.TemporaryDirectory(dir=folder) as cache:
                 if kind == "warm":
-                    command_seconds([*arguments, *options], Path(cache))
-                found[kind].append(command_seconds([*arguments, *options], Path(cache)))
+                    command_seconds(words, Path(cache), package)
+                seconds = command_seconds(words, Path(cache), package)
+                found.setdefault(kind, []).append(seconds)
     return [
         {
             "command": f"pgm-places {name}",
@@ -70,6 +79,18 @@ def command_rows(
         }
         for kind, values in found.items()
     ]
+
+
+def unpacked(folder: Path) -> Path | None:
+    """The package of the wheel that brings its kernels, if one has been built."""
+    python = "cp{}{}".format(*sys.version_info)
+    for wheel in (ROOT / "dist").glob(f"*-{python}-manylinux*.whl"):
+        place = folder / "wheel"
+        if not place.is_dir():
+            zipfile.ZipFile(wheel).extractall(place)
+            compileall.compile_dir(place, quiet=1)
+        return place
+    return None
 
 
 def stage_row(stage: str) -> dict[str, Any]:
@@ -139,7 +160,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     from benchmarks.labelling import map_files  # it imports numba: measured processes do not
 
     for sources in ("pgm_places", "models", "solvers"):
-        compileall.compile_dir(FOLDER.parent / sources, quiet=1)
+        compileall.compile_dir(ROOT / sources, quiet=1)
     repeats = 1 if quick else 5
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:

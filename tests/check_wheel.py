@@ -1,5 +1,6 @@
 """Checks a built wheel outside the checkout: its contents, and that it works once installed."""
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -24,6 +25,18 @@ for name in NAMES:
     assert trained_labeler(name).label_names_ == ("corridor", "room", "doorway")
 assert trained_tracker().label_names_ == ("corridor", "room", "doorway")
 print("wheel works:", here.parent)
+"""
+
+
+LABEL = """
+import sys
+from pathlib import Path
+from pgm_places.cli.app import run
+from pgm_places.datasets import generate_building
+from pgm_places.io.maps.map_server import save_map
+save_map(generate_building(1).grid, Path("map"))
+run(["label", "map.yaml", "--out", sys.argv[1], "--quiet"])
+print(*["numba"] * ("numba" in sys.modules))
 """
 
 
@@ -55,11 +68,35 @@ def try_installed(wheel: Path) -> None:
         run = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", str(wheel.resolve())]
         subprocess.run(run, check=True, cwd=home)
         dependencies = next(path for path in sys.path if path.endswith("site-packages"))
-        code = f"import sys; sys.path.append({dependencies!r})\n{TRIAL}"
-        subprocess.run([str(python), "-c", code], check=True, cwd=home)
+        start = f"import sys; sys.path.append({dependencies!r})\n"
+        subprocess.run([str(python), "-c", start + TRIAL], check=True, cwd=home)
+        if not wheel.stem.endswith("-any"):
+            try_compiled([str(python), "-c", start + LABEL], home)
+
+
+def try_compiled(label: list[str], home: Path) -> None:
+    """A first run compiles nothing, and gives what it gives where numba compiles all."""
+    brought = said(label, home, "brought")
+    if "numba" in brought or list((home / "brought-cache").rglob("*")):
+        sys.exit("a first run has compiled kernels that the wheel should have brought")
+    if "numba" not in said(label, home, "compiled", NUMBA_OPT="3"):  # as it is; but it has to ask
+        sys.exit("the kernels that the wheel brought were used where they may not be")
+    for path in (home / "brought").iterdir():
+        if path.read_bytes() != (home / "compiled" / path.name).read_bytes():
+            sys.exit(f"{path.name} differs between the kernels of the wheel and numba's")
+    sys.stdout.write("a first run compiles nothing, and its results are the same\n")
+
+
+def said(label: list[str], home: Path, out: str, **variables: str) -> str:
+    """What labelling with an empty cache prints last."""
+    environment = {**os.environ, "PGM_PLACES_CACHE_DIR": str(home / f"{out}-cache"), **variables}
+    done = subprocess.run(
+        [*label, out], check=True, cwd=home, env=environment, capture_output=True, text=True
+    )
+    return done.stdout.splitlines()[-1]
 
 
 if __name__ == "__main__":
-    [built] = Path(sys.argv[1]).glob("*.whl")
+    built = Path(sys.argv[1])
     check_contents(built)
     try_installed(built)

@@ -59,8 +59,13 @@ def _version(name: str) -> str:
 
 def _kernels() -> None:
     from pgm_places.kernels.cache import cache_folder
+    from pgm_places.kernels.shipped_code import COMPILED, shipped_folder
     from pgm_places.kernels.threads import resolve_threads
 
+    if COMPILED.is_dir():
+        folder = shipped_folder()
+        fit = "not for this Python, numba and processor" if folder is None else "in use"
+        say(f"kernels that came compiled: {fit}")
     folder = cache_folder()
     where = folder if folder is not None else "nowhere (recompiled in every process)"
     say(f"compiled kernels are cached in: {where}")

@@ -116,13 +116,17 @@ def _is_new(name: str) -> bool:
 
 
 def _mark(name: str) -> Path | None:
-    """The file that says that a stage has been compiled, by this Python and this compiler."""
+    """The file that says that a stage has been compiled, by this Python and this compiler.
+
+    None where there is nothing to compile, or no place to keep it.
+    """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return None
     from pgm_places.kernels.cache import cache_folder
     from pgm_places.kernels.numba_version import numba_version
+    from pgm_places.kernels.shipped_code import shipped_folder
 
-    folder = cache_folder()
+    folder = cache_folder() if shipped_folder() is None else None
     if folder is None:
         return None
     return folder / f"{name}-python{platform.python_version()}-numba{numba_version()}"

@@ -17,8 +17,9 @@ from numba.core.serialize import loads
 
 from pgm_places.kernels.cache import tell_once
 from pgm_places.kernels.code_constants import as_plain, pickles_in
+from pgm_places.kernels.code_linker import ObjectCode
 from pgm_places.kernels.deferred import Deferred
-from pgm_places.kernels.machine_code import ObjectCode, source_stamps
+from pgm_places.kernels.machine_code import source_stamps
 
 __all__ = ["KernelCache"]
 

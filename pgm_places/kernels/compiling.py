@@ -14,9 +14,9 @@ import numba
 from pgm_places.kernels.cache import cache_folder
 from pgm_places.kernels.call_types import remembered
 from pgm_places.kernels.code_cache import KernelCache
+from pgm_places.kernels.code_linker import ObjectCode
 from pgm_places.kernels.deferred import Deferred, Helper, Instruction, called_names
 from pgm_places.kernels.instruction_rules import intrinsic_named
-from pgm_places.kernels.machine_code import ObjectCode
 from pgm_places.kernels.part_rules import chosen
 
 __all__ = ["compile_for", "dispatcher_of"]

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from pgm_places.cli import warm_up as module
+from pgm_places.kernels import shipped_code
 
 
 class Helper:
@@ -83,6 +84,15 @@ def test_nothing_is_started_without_compiler_or_cache(
     (tmp_path / "file").write_text("")
     value = "1" if without == "NUMBA_DISABLE_JIT" else str(tmp_path / "file" / "below")
     monkeypatch.setenv(without, value)
+    with module.WarmUp(["topology"], n_threads=2):
+        pass
+    assert not asked
+
+
+def test_nothing_is_started_where_a_wheel_brought_machine_code(
+    asked: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shipped_code, "shipped_folder", lambda: tmp_path)
     with module.WarmUp(["topology"], n_threads=2):
         pass
     assert not asked
