@@ -45,7 +45,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 def building_in(folder: Path) -> Path:
     """The folder, with map.yaml, labels.png and config.toml."""
-    made = generate_building(size="small")
+    made = generate_building(size="small", resolution_m=0.1)
     save_map(made.grid, folder / "map")
     save_labels(folder / "labels.png", made.labels, made.label_names)
     (folder / "config.toml").write_text(CONFIG)

@@ -23,7 +23,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seed in (1, 2, 3):
         floor = folder / "floors" / f"f{seed}"
         floor.mkdir(parents=True)
-        save_map(generate_building(seed, size="small").grid, floor / "map")
+        save_map(generate_building(seed, size="small", resolution_m=0.1).grid, floor / "map")
     (folder / "floors" / "f3" / "map.png").unlink()
     return folder
 
@@ -84,7 +84,10 @@ def test_flags_that_are_wrong_are_refused_before_the_work(
 
 def test_a_batch_that_was_killed_goes_on_where_it_stopped(floors: Path, run: Run) -> None:
     for seed in range(4, 12):
-        save_map(generate_building(seed, size="small").grid, floors / "floors" / f"f{seed}")
+        save_map(
+            generate_building(seed, size="small", resolution_m=0.1).grid,
+            floors / "floors" / f"f{seed}",
+        )
     out = floors / "out"
     label = ["label", floors / "floors", "-m", floors / "model", "-o", out, "--jobs", 1, "-q"]
     with subprocess.Popen([sys.executable, "-m", "pgm_places", *map(str, label)]) as process:
