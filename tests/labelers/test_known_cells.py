@@ -1,6 +1,7 @@
 """Cells of known label: every method keeps them, on the map's own raster, and gates follow."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, topological_map
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
-from pgm_places.inference.backends import BACKENDS, METHODS
+from pgm_places.inference.backends import BACKENDS, METHODS, build
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.labelers.method import labels_chains_only
@@ -21,6 +22,8 @@ from pgm_places.unary.options import SpaceOptions
 
 NAMES = ("corridor", "room", "doorway")
 MAP_METHODS = [name for name in BACKENDS if not labels_chains_only(METHODS.find(name))]
+QUICK: dict[str, dict[str, Any]] = {"crf": {"learner": "piecewise"}, "amn": {"max_cuts": 5}}
+"""Options of methods that learn for long."""
 
 
 @cache
@@ -32,7 +35,7 @@ def building() -> LabelledBuilding:
 def labeler() -> PlaceLabeler:
     unfitted = PlaceLabeler(
         NAMES,
-        MAP_METHODS,
+        {name: build(name, QUICK.get(name)) for name in MAP_METHODS},
         classifier=DecisionListClassifier(n_rounds=10, order="rarest-first"),
         space=SpaceOptions(n_rounds=5),
         n_folds=2,
