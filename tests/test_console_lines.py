@@ -27,7 +27,11 @@ names = ["corridor", "room", "doorway"]
 
 [classifier]
 n_rounds = 2
+n_folds = 2
 order = "heuristic"
+
+[space]
+n_rounds = 2
 
 [context]
 half_widths_m = []
@@ -117,7 +121,7 @@ def test_a_wrong_line_does_not_parse(line: str, message: str) -> None:
 @pytest.fixture
 def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of a reader who has maps, labels and a configuration."""
-    made = generate_building(size="small")
+    made = generate_building(size="small", resolution_m=0.1)
     for name in ("map", "office", "plan"):
         save_map(made.grid, tmp_path / name, image_format="pgm")
         save_labels(tmp_path / f"{name}_labels.png", made.labels, made.label_names)

@@ -40,7 +40,11 @@ names = ["corridor", "room", "doorway"]
 
 [classifier]
 n_rounds = 2
+n_folds = 2
 order = "heuristic"
+
+[space]
+n_rounds = 2
 
 [context]
 half_widths_m = []
