@@ -25,8 +25,8 @@ demo: $(VENV)/.package
 	$(BIN)/pgm-places demo --out demo-report
 
 # A process for each core. A file stays in one of them, for what its tests share; tests/conftest.py
-# puts the longest first. Commands that tests
-# start in processes of their own would compile our sources anew each time if none could be kept.
+# puts the longest first. Commands that tests start in processes of their own would compile our
+# sources anew each time if none could be kept.
 test: $(VENV)/.installed
 	env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses logical --dist loadfile \
 		--no-loadscope-reorder
