@@ -119,7 +119,7 @@ def _probabilities(
             f"{wanted_by!r} features need the problem's unary log-probabilities; it has none. "
             "Give them, or use node_features='raw' and edge features that need no unary"
         )
-    floored = np.maximum(problem.unary, LOG_FLOOR)
+    floored = np.maximum(problem.unary.astype(np.float64, copy=False), LOG_FLOOR)
     return floored if logarithm else np.exp(floored)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import integer_array, sealed
+from pgm_places._checks import ROWS_AT_ONCE, integer_array, sealed
 from pgm_places._option_marks import Ge, Lt
 from pgm_places.errors import InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
@@ -69,6 +69,7 @@ class Relaxation:
 
     uses_node_features: ClassVar[bool] = False
     learns_from_labels: ClassVar[bool] = True
+    takes_single_precision: ClassVar[bool] = True
 
     max_iterations: Whole = 50
     tolerance: AtLeastZero = 1e-4
@@ -169,7 +170,7 @@ class Relaxation:
         begin = time.perf_counter()
         if self.compatibility is None:
             raise NotFittedError("relaxation has learned no coefficients; call fit first")
-        unary = evident_unary(problem, "relaxation")
+        unary = evident_unary(problem, "relaxation", single=True)
         if self.compatibility.shape[1] != problem.n_labels + 1:
             raise InputError(
                 f"relaxation learned {self.compatibility.shape[1] - 1} labels (and the wall), but "
@@ -189,7 +190,7 @@ class Relaxation:
             info["recording_seconds"] = recorder.seconds
             info["seconds"] -= recorder.seconds
         return Labeling(
-            sealed(relaxed.beliefs.argmax(axis=1)),
+            sealed(_best(relaxed.beliefs)),
             Status.CONVERGED if relaxed.converged else Status.STOPPED,
             beliefs=sealed(relaxed.beliefs),
             info=info,
@@ -222,10 +223,10 @@ class Relaxation:
         assert isinstance(layout, GridLayout)  # what grid_connectivity says
         return relax_grid(
             unary,
-            layout.cells_rc,
+            layout.cells,
             layout.shape,
             tables,
-            walls=layout.walls,
+            walls=lambda: layout.walls,
             diagonal_weight=self.diagonal_weight if connectivity == 8 else 0.0,
             **options,
         )
@@ -262,6 +263,15 @@ def _labels_and_walls(
         near = binary_dilation(raster >= 0, np.ones((3, 3), np.bool_))
         raster[near & layout.walls] = n_labels
     return raster
+
+
+def _best(beliefs: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
+    """(N,) the label of the largest belief; where beliefs are of 32 bits, so are they."""
+    labels = np.empty(len(beliefs), np.int32 if beliefs.dtype == np.float32 else np.int64)
+    for first in range(0, len(beliefs), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        labels[some] = beliefs[some].argmax(axis=1)
+    return labels  # type: ignore[return-value]
 
 
 class _AccuracyRecorder:

@@ -180,9 +180,18 @@ def times_rows(rows: NDArray[np.float64], factors: NDArray[np.float64]) -> NDArr
 
 
 def integer_array(
-    name: str, values: ArrayLike, shape: tuple[int | str | None, ...], *, low: int, high: int
+    name: str,
+    values: ArrayLike,
+    shape: tuple[int | str | None, ...],
+    *,
+    low: int,
+    high: int,
+    narrow: bool = False,
 ) -> NDArray[np.int64]:
-    """``values`` as an integer array of the stated shape with ``low <= value < high``."""
+    """``values`` as an integer array of the stated shape with ``low <= value < high``.
+
+    The type is int64; with ``narrow``, int32 stays as it is.
+    """
     array = number_array(name, values, None)
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{name} must hold integers, got dtype {array.dtype}")
@@ -194,6 +203,8 @@ def integer_array(
             f"{name} must hold integers from {low} to {high - 1}, "
             f"got {array[where]} at index {where}"
         )
+    if narrow and array.dtype == np.int32:
+        return array
     return array.astype(np.int64, copy=False)
 
 

@@ -1,15 +1,18 @@
 """Relaxation labelling on a raster: compact rows of single-precision beliefs, updated in place."""
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
+from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.kernels.jit import ready
-from pgm_places.kernels.threads import Crew
+from pgm_places.kernels.pages import Planes
+from pgm_places.kernels.threads import Crew, run_tasks
 from pgm_places.solvers.compatibility import DIRECTIONS
 from pgm_places.solvers.relaxation import (
     OnIteration,
@@ -30,7 +33,10 @@ __all__ = ["neighbour_weights", "relax_grid"]
 CELLS_PER_PART = 16_384
 MAX_PARTS = 64  # bounds the rows that parts keep
 FEW_LABELS = 4  # the kernel is compiled for each of these numbers of labels, and for any number
-NODES_AT_ONCE = 262_144  # while filling the store: bounds the temporary arrays
+NODES_AT_ONCE = 131_072  # while filling and reading the store: bounds the temporary arrays
+PARTS_AT_ONCE = 16  # that are read before what they were read from is given up
+
+_Cells: TypeAlias = NDArray[np.int32] | MaskCells
 
 
 @dataclass(frozen=True)
@@ -69,11 +75,11 @@ def neighbour_weights(diagonal_weight: float) -> tuple[float, float]:
 
 def relax_grid(
     unary: ArrayLike,
-    cells_rc: ArrayLike,
+    cells_rc: ArrayLike | MaskCells,
     shape: tuple[int, int],
     compatibility: ArrayLike,
     *,
-    walls: NDArray[np.bool_] | None = None,
+    walls: NDArray[np.bool_] | Callable[[], NDArray[np.bool_] | None] | None = None,
     diagonal_weight: float = 1.0,
     floor: float = 0.0,
     damping: float = 0.0,
@@ -90,15 +96,15 @@ def relax_grid(
     ----------
     unary : (N, K) float
         Log-probabilities at the start.
-    cells_rc : (N, 2) int
-        Row and column of each node, no cell twice.
+    cells_rc : (N, 2) int or MaskCells
+        Row and column of each node, no cell twice; or the cells of a mask, which need no list.
     shape : (int, int)
         Rows and columns of the raster.
     compatibility : (1, K + 1, K + 1) or (8, K + 1, K + 1) float
         ``r[d, l, m]`` in [-1, 1]: label ``l`` here, ``m`` at the neighbour in direction ``d`` of
         :data:`pgm_places.solvers.compatibility.DIRECTIONS`; one table serves all. Label K is wall.
-    walls : (H, W) bool, optional
-        Cells that surely are walls.
+    walls : (H, W) bool, or a function that returns them, optional
+        Cells that surely are walls. Those that a function returns are freed before the iterations.
     diagonal_weight : float
         Weight of neighbours that share a corner, relative to a side; see
         :func:`neighbour_weights`.
@@ -107,10 +113,10 @@ def relax_grid(
 
     Notes
     -----
-    Beside input and result about ``4 K + 1`` bytes for each cell in blocks of 16 x 1 that hold a
-    node or neighbour one, so that empty parts of a huge raster cost next to nothing.
+    Beside the input about ``4 K + 1`` bytes for each cell in blocks of 16 x 1 that hold a node or
+    neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
+    while the result is read from them.
     """
-    from pgm_places.solvers._belief_store_kernels import collect
     from pgm_places.solvers._grid_relaxation_kernels import Store, Update, update_parts
     from pgm_places.solvers._relaxation_kernels import SUMS
 
@@ -128,9 +134,9 @@ def relax_grid(
     rows = _lay_out(cells, shape)
     parts = _split(rows)
     n_parts = len(parts) - 1
-    beliefs = _fill(table, cells, rows, floor)
     codes = _codes(walls, cells, shape, rows, by_direction=not one_table)
-    store = Store(beliefs, codes, rows.row_start, rows.span_start, rows.spans, parts)
+    beliefs = _fill(table, cells, rows, floor, n_threads)
+    store = Store(beliefs.array, codes, rows.row_start, rows.span_start, rows.spans, parts)
     rule = Update(
         tables[0] if one_table else tables,
         ratio,
@@ -150,11 +156,6 @@ def relax_grid(
         for turn in (edges, edges[::-1])
     ]
 
-    def current() -> NDArray[np.float32]:
-        found = np.empty((n_nodes, n_labels), np.float32)
-        collect(beliefs, cells, rows.index, found)
-        return found
-
     with Crew(threads) as crew:
 
         def step() -> NDArray[np.float64]:
@@ -163,7 +164,13 @@ def relax_grid(
             return results
 
         return repeat(
-            step, current, (n_nodes, n_labels), iterations, tolerance, on_iteration=on_iteration
+            step,
+            lambda: _read(beliefs, cells, rows, n_threads),
+            (n_nodes, n_labels),
+            iterations,
+            tolerance,
+            on_iteration=on_iteration,
+            last=lambda: _read_last(beliefs, cells, rows, n_threads),
         )
 
 
@@ -196,7 +203,14 @@ def _scratch(n_labels: int, longest: int) -> "Scratch":
     )
 
 
-def _check_cells(cells_rc: ArrayLike, n_nodes: int, shape: tuple[int, int]) -> NDArray[np.int32]:
+def _check_cells(cells_rc: ArrayLike | MaskCells, n_nodes: int, shape: tuple[int, int]) -> _Cells:
+    if isinstance(cells_rc, MaskCells):
+        if (len(cells_rc), cells_rc.mask.shape) != (n_nodes, shape):
+            raise InputError(
+                f"cells_rc must be {n_nodes} cells of a mask of shape {shape}, got {len(cells_rc)} "
+                f"of {cells_rc.mask.shape}"
+            )
+        return cells_rc
     cells = np.asarray(cells_rc)
     for axis, size in enumerate(shape):
         values = cells[:, axis] if cells.shape == (n_nodes, 2) else cells
@@ -215,12 +229,20 @@ def _weighted(
     return tables.astype(np.float32), np.float32(diagonal_weight)
 
 
-def _lay_out(cells: NDArray[np.int32], shape: tuple[int, int]) -> _Rows:
+def _parts(cells: _Cells) -> Iterator[slice]:
+    """Ranges of nodes: of a huge raster, all cells are never listed at once."""
+    for first in range(0, len(cells), NODES_AT_ONCE):
+        yield slice(first, min(first + NODES_AT_ONCE, len(cells)))
+
+
+def _lay_out(cells: _Cells, shape: tuple[int, int]) -> _Rows:
     from pgm_places.solvers._belief_store_kernels import BLOCK
 
     height, width = shape
     used = np.zeros((height + 2, -(-width // BLOCK) + 2), np.bool_)
-    used[cells[:, 0] + 1, cells[:, 1] // BLOCK + 1] = True
+    for part in _parts(cells):
+        row, column = cells[part].T
+        used[row + 1, column // BLOCK + 1] = True
     tall = used.copy()
     tall[1:] |= used[:-1]
     tall[:-1] |= used[1:]
@@ -248,21 +270,70 @@ def _runs(
 
 
 def _fill(
-    unary: NDArray[np.float64], cells: NDArray[np.int32], rows: _Rows, floor: float
-) -> NDArray[np.float32]:
+    unary: NDArray[np.floating[Any]],
+    cells: _Cells,
+    rows: _Rows,
+    floor: float,
+    n_threads: int | None,
+) -> Planes:
+    """The store (K, M) with the beliefs of the start."""
     from pgm_places.solvers._belief_store_kernels import place
 
-    store = np.zeros((unary.shape[1], rows.n_cells), np.float32)
-    for begin in range(0, len(cells), NODES_AT_ONCE):
-        part = slice(begin, begin + NODES_AT_ONCE)
-        beliefs = starting_beliefs(unary[part], floor=floor, first_node=begin)
-        place(beliefs, cells[part], rows.index, store)
+    store, parts = Planes((unary.shape[1], rows.n_cells), np.float32), list(_parts(cells))
+
+    def fill(task: int) -> None:
+        part = parts[task]
+        beliefs = starting_beliefs(unary[part], floor=floor, first_node=part.start)
+        place(beliefs, cells[part], rows.index, store.array)
+
+    run_tasks(fill, len(parts), n_threads=n_threads)
     return store
 
 
+def _read(store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None) -> NDArray[np.float32]:
+    """(N, K) the beliefs in the store."""
+    found = np.empty((len(cells), len(store.array)), np.float32)
+    _read_parts(store, cells, rows, list(_parts(cells)), n_threads, found)
+    return found
+
+
+def _read_last(
+    store: Planes, cells: _Cells, rows: _Rows, n_threads: int | None
+) -> NDArray[np.float32]:
+    """The same, the store being given up row after row if cells are in the order of rows."""
+    if not isinstance(cells, MaskCells):
+        return _read(store, cells, rows, n_threads)
+    found, parts = np.empty((len(cells), len(store.array)), np.float32), list(_parts(cells))
+    done = 0
+    for first in range(0, len(parts), PARTS_AT_ONCE):
+        some = parts[first : first + PARTS_AT_ONCE]
+        _read_parts(store, cells, rows, some, n_threads, found)
+        row = int(np.searchsorted(cells.row_start, some[-1].stop, "right")) - 1
+        below = int(rows.row_start[row + 1])
+        store.give_up(done, below)
+        done = below
+    return found
+
+
+def _read_parts(
+    store: Planes,
+    cells: _Cells,
+    rows: _Rows,
+    parts: Sequence[slice],
+    n_threads: int | None,
+    found: NDArray[np.float32],
+) -> None:
+    from pgm_places.solvers._belief_store_kernels import collect
+
+    def read(task: int) -> None:
+        collect(store.array, cells[parts[task]], rows.index, found[parts[task]])
+
+    run_tasks(read, len(parts), n_threads=n_threads)
+
+
 def _codes(
-    walls: NDArray[np.bool_] | None,
-    cells: NDArray[np.int32],
+    given: NDArray[np.bool_] | Callable[[], NDArray[np.bool_] | None] | None,
+    cells: _Cells,
     shape: tuple[int, int],
     rows: _Rows,
     *,
@@ -270,13 +341,16 @@ def _codes(
 ) -> NDArray[np.uint8]:
     from pgm_places.solvers._belief_store_kernels import code_walls
 
+    walls = given() if callable(given) else given
     codes = np.zeros(rows.n_cells, np.uint8)
     if walls is not None:
         if walls.shape != shape or walls.dtype != np.bool_:
             raise InputError(
                 f"walls must be a boolean raster of shape {shape}, got {walls.shape} {walls.dtype}"
             )
-        code_walls(np.ascontiguousarray(walls), cells, rows.index, by_direction, codes)
+        walls = np.ascontiguousarray(walls)
+        for part in _parts(cells):
+            code_walls(walls, cells[part], rows.index, by_direction, codes)
     return codes
 
 

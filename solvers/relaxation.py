@@ -199,8 +199,12 @@ def repeat(
     tolerance: float,
     *,
     on_iteration: OnIteration | None,
+    last: Callable[[], Beliefs] | None = None,
 ) -> Relaxed:
-    """Iterate until nothing changes by more than the tolerance, keeping the history."""
+    """Iterate until nothing changes by more than the tolerance, keeping the history.
+
+    ``last`` returns the beliefs of the end, if that is to be done in another way.
+    """
     n_nodes, n_labels = shape
     max_change: list[float] = []
     mean_change: list[float] = []
@@ -214,7 +218,7 @@ def repeat(
         converged = max_change[-1] <= tolerance
         if on_iteration is not None:
             on_iteration(len(max_change), max_change[-1], current)
-    return Relaxed(current(), converged, max_change, mean_change, support)
+    return Relaxed((last or current)(), converged, max_change, mean_change, support)
 
 
 def useful_threads(n_threads: int | None, n_parts: int) -> int:

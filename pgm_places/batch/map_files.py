@@ -1,6 +1,7 @@
 """The files of one labelled map: labels, pictures and places, written as one set."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 from pgm_places.batch.ready_model import ReadyModel
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.output_set import OutputSet
+from pgm_places.io.set_aside import set_aside
+from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.progress import Progress
 from pgm_places.report.label_files import write_labels
@@ -91,9 +94,10 @@ def write_labelled(
             write_labels(result, source, files.stage, packing=packing)
         summary, labels, area_m2 = result.summary(), result.labels, result.shares()
         warnings = (*source.warnings, *result.warnings)
-        inputs = _inputs_of_places(result, gates=rules.doorways == "gates")
+        inputs = _inputs_of_places(result, files.stage, gates=rules.doorways == "gates")
         title = f"{source.name}: {result.method}"
         del result  # the labels of a huge map's nodes are not needed any more
+        return_freed()
         with progress.stage("places"):
             topology = write_places(
                 files, title, rules, packing=packing, grid=source.grid, **inputs
@@ -101,11 +105,14 @@ def write_labelled(
     return LabelledFile(summary, labels, area_m2, warnings, topology)
 
 
-def _inputs_of_places(result: LabelledPlaces, *, gates: bool) -> dict[str, object]:
+def _inputs_of_places(result: LabelledPlaces, folder: Path, *, gates: bool) -> dict[str, object]:
+    beliefs = result.labeling.beliefs
+    if beliefs is not None:  # a huge map's wait in a file until its places are known
+        beliefs = set_aside(beliefs, folder)
     return {
         "labels": result.labels,
         "label_names": result.label_names,
-        "beliefs": result.labeling.beliefs,
+        "beliefs": beliefs,
         "layout": result.layout,
         "doorways": result.doorways if gates else None,
     }

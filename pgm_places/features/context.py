@@ -38,8 +38,8 @@ def window_means(
     Columns are ordered by window, then by label. Sums come from integral images, so that the cost
     does not depend on the windows' size.
     """
-    if values.ndim != 2 or len(values) != len(layout.cells_rc):
-        raise InputError(f"values must have shape ({len(layout.cells_rc)}, K), got {values.shape}")
+    if values.ndim != 2 or len(values) != layout.n_nodes:
+        raise InputError(f"values must have shape ({layout.n_nodes}, K), got {values.shape}")
     n_labels = values.shape[1]
     means = np.empty((len(values), len(half_widths_m) * n_labels), np.float32)
     parts = iter_window_means(
@@ -75,7 +75,7 @@ def iter_window_means(
     """
     radii = [max(1, round(width / resolution_m)) for width in half_widths_m]
     height, width = layout.shape
-    first_of_row = np.searchsorted(layout.cells_rc[:, 0], np.arange(height + 1))
+    first_of_row = layout.cells.row_start
     sums = _RollingIntegral(1 + n_labels, width)
     for bottom in range(0, height, ROWS_AT_ONCE):
         top = min(bottom + ROWS_AT_ONCE, height)
@@ -85,7 +85,7 @@ def iter_window_means(
         if sums.n_rows < ahead:
             new = slice(int(first_of_row[sums.n_rows]), int(first_of_row[ahead]))
             raster = np.zeros((1 + n_labels, ahead - sums.n_rows, width))
-            rows, columns = layout.cells_rc[new].T
+            rows, columns = layout.cells[new].T
             raster[0, rows - sums.n_rows, columns] = 1.0
             raster[1:, rows - sums.n_rows, columns] = values(new).T
             sums.append(raster)
@@ -93,7 +93,7 @@ def iter_window_means(
             continue
         means = np.empty((nodes.stop - nodes.start, len(radii) * n_labels), np.float32)
         for w, radius in enumerate(radii):
-            totals = sums.windows(layout.cells_rc[nodes], radius, height)
+            totals = sums.windows(layout.cells[nodes], radius, height)
             means[:, w * n_labels : (w + 1) * n_labels] = (totals[1:] / totals[0]).T
         yield nodes, means
 

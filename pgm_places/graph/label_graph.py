@@ -91,10 +91,9 @@ class LabelGraph:
         if self.cliques is not None:
             require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
             self.cliques.check_fits(self.n_nodes)
-        if isinstance(self.layout, GridLayout) and len(self.layout.cells_rc) != self.n_nodes:
+        if isinstance(self.layout, GridLayout) and self.layout.n_nodes != self.n_nodes:
             raise InputError(
-                f"the layout has {len(self.layout.cells_rc)} cells "
-                f"but the graph {self.n_nodes} nodes"
+                f"the layout has {self.layout.n_nodes} cells but the graph {self.n_nodes} nodes"
             )
 
     def _check_links(self) -> None:
@@ -106,9 +105,9 @@ class LabelGraph:
                 f"links must be an EdgeList or RasterEdges, got {type(self.links).__name__}; "
                 "LabelGraph.from_edges takes node pairs"
             )
-        elif len(self.links.layout.cells_rc) != self.n_nodes:
+        elif self.links.layout.n_nodes != self.n_nodes:
             raise InputError(
-                f"the raster's edges join {len(self.links.layout.cells_rc)} cells "
+                f"the raster's edges join {self.links.layout.n_nodes} cells "
                 f"but the graph has {self.n_nodes} nodes"
             )
 
@@ -184,9 +183,9 @@ class LabelGraph:
         Edges and positions are worked out only when something asks for them.
         """
         if isinstance(grid, CellMap):
-            source, free, walls = grid, grid.free, grid.occupied
+            source, free = grid, grid.free
         else:
-            source, free, walls = None, np.asarray(grid), None
+            source, free = None, np.asarray(grid)
             if free.ndim != 2 or free.dtype != np.bool_:
                 raise InputError(
                     "from_grid takes an OccupancyGrid or a 2-D boolean mask, got an array of shape "
@@ -197,8 +196,8 @@ class LabelGraph:
             if chosen.shape != free.shape:
                 raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
             free = free & chosen
-        layout = GridLayout.of_mask(free, walls, source)
-        return cls(len(layout.cells_rc), RasterEdges(layout, connectivity), layout=layout)
+        layout = GridLayout.of_mask(free) if source is None else GridLayout.of_map(source, free)
+        return cls(layout.n_nodes, RasterEdges(layout, connectivity), layout=layout)
 
     @classmethod
     def from_lattice(cls, nodes: tuple[int, ...] | ArrayLike, *, diagonals: bool = False) -> Self:

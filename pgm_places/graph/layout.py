@@ -1,6 +1,5 @@
 """Layouts: how node values map back to the raster or the list of steps they came from."""
 
-from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, Self, runtime_checkable
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
+from pgm_places.graph.mask_cells import MaskCells
 
 __all__ = ["CellMap", "GridLayout", "StepLayout", "painted"]
 
@@ -35,6 +35,10 @@ class CellMap(Protocol):
 class GridLayout:
     """The cells of a raster that are nodes, in node order.
 
+    A layout made by :meth:`of_mask` holds the mask and no list of cells: it takes eight times as
+    much, and huge maps have no room for it. ``cells_rc`` is listed when it is first asked for; the
+    walls of one made by :meth:`of_map` are found each time.
+
     Parameters
     ----------
     shape : (int, int)
@@ -49,11 +53,21 @@ class GridLayout:
 
     shape: tuple[int, int]
     cells_rc: NDArray[np.int32]
-    walls: NDArray[np.bool_] | None = field(default=None, repr=False)
+    walls: NDArray[np.bool_] | None = field(default_factory=lambda: None, repr=False)
     source: CellMap | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cells_rc", frozen(np.asarray(self.cells_rc, np.int32)))
+        cells = frozen(np.asarray(self.cells_rc, np.int32))
+        object.__setattr__(self, "cells_rc", cells)
+        mask = np.zeros(self.shape, np.bool_)
+        mask[cells[:, 0], cells[:, 1]] = True
+        self._take(mask)
+        places = cells @ np.array([self.shape[1], 1], np.int64)
+        if (places[1:] <= places[:-1]).any():
+            raise InputError("cells_rc must be in row-major order, each cell once")
+
+    def _take(self, mask: NDArray[np.bool_]) -> None:
+        object.__setattr__(self, "_cells", MaskCells.of(mask))
         if self.walls is not None:
             if self.walls.shape != self.shape:
                 raise InputError(
@@ -69,18 +83,45 @@ class GridLayout:
         source: CellMap | None = None,
     ) -> Self:
         """The layout whose nodes are the cells of a mask (H, W), in row-major order."""
-        starts = np.concatenate([[0], np.cumsum(np.count_nonzero(mask, axis=1))])
-        cells = np.empty((int(starts[-1]), 2), np.int32)
+        found = object.__new__(cls)
         shape = (mask.shape[0], mask.shape[1])
-        for rows in bands_of_rows(shape):  # np.argwhere would take four times as much
-            inside = cells[starts[rows.start] : starts[rows.stop]]
-            inside[:, 0], inside[:, 1] = np.nonzero(mask[rows])
-            inside[:, 0] += rows.start
-        return cls(shape, sealed(cells), walls, source)
+        for name, value in (("shape", shape), ("walls", walls), ("source", source)):
+            object.__setattr__(found, name, value)
+        found._take(mask)
+        return found
+
+    @classmethod
+    def of_map(cls, source: CellMap, mask: NDArray[np.bool_] | None = None) -> Self:
+        """The layout of a map's free cells, or of those of them in a mask (H, W)."""
+        found = cls.of_mask(source.free if mask is None else mask, None, source)
+        object.__delattr__(found, "walls")
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        """What a layout was made without: its walls, or ``cells_rc``, kept from then on."""
+        if name == "walls" and self.__dict__.get("source") is not None:
+            return self.__dict__["source"].occupied
+        if name != "cells_rc" or "_cells" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        cells = sealed(self.cells[:])
+        object.__setattr__(self, "cells_rc", cells)
+        return cells
+
+    @property
+    def cells(self) -> MaskCells:
+        """The same cells, of which only those that are asked for are listed."""
+        found: MaskCells = self.__dict__["_cells"]
+        return found
+
+    @property
+    def n_nodes(self) -> int:
+        """N, the number of nodes."""
+        return len(self.cells)
 
     def part(self, keep: NDArray[np.bool_]) -> "GridLayout":
         """The layout of the nodes where the mask (N,) is true."""
-        return GridLayout(self.shape, self.cells_rc[keep], self.walls, self.source)
+        mask = self.to_raster(np.asarray(keep, np.bool_), fill=False)
+        return GridLayout.of_mask(mask, self.walls, self.source)
 
     @cached_property
     def positions_m(self) -> NDArray[np.float64] | None:
@@ -88,27 +129,26 @@ class GridLayout:
         return None if self.source is None else sealed(self.source.cell_centres_m(self.cells_rc))
 
     def mask(self) -> NDArray[np.bool_]:
-        """(H, W) whether each cell is a node."""
-        raster = np.zeros(self.shape, np.bool_)
-        raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = True
-        return raster
+        """(H, W) whether each cell is a node; read-only."""
+        return self.cells.mask
 
     @cached_property
     def n_pairs(self) -> tuple[int, int]:
         """How many pairs of nodes share a side, and how many a corner."""
-        cell = self.mask()
-        sides = np.count_nonzero(cell[:, 1:] & cell[:, :-1])
-        sides += np.count_nonzero(cell[1:] & cell[:-1])
-        corners = np.count_nonzero(cell[1:, 1:] & cell[:-1, :-1])
-        corners += np.count_nonzero(cell[1:, :-1] & cell[:-1, 1:])
-        return int(sides), int(corners)
+        sides = corners = 0
+        for rows in bands_of_rows(self.shape):
+            cell = self.mask()[rows.start : rows.stop + 1]  # one more: the pairs across the border
+            here = cell[: rows.stop - rows.start]
+            sides += int(np.count_nonzero(here[:, 1:] & here[:, :-1]))
+            sides += int(np.count_nonzero(cell[1:] & cell[:-1]))
+            corners += int(np.count_nonzero(cell[1:, 1:] & cell[:-1, :-1]))
+            corners += int(np.count_nonzero(cell[1:, :-1] & cell[:-1, 1:]))
+        return sides, corners
 
     @cached_property
     def node_of_cell(self) -> NDArray[np.int32]:
         """(H, W) node index of each cell, -1 where the cell is not a node."""
-        raster = np.full(self.shape, -1, np.int32)
-        raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = np.arange(len(self.cells_rc))
-        return sealed(raster)
+        return sealed(self.nodes_in(slice(0, self.shape[0])))
 
     def nodes_in(self, rows: slice) -> NDArray[np.int32]:
         """(n, W) node index of each cell in a band of rows, -1 where the cell is not a node.
@@ -119,12 +159,9 @@ class GridLayout:
         >>> layout.nodes_in(slice(1, 2)).tolist()
         [[1, 2]]
         """
-        row = self.cells_rc[:, 0]
-        # NumPy's search would copy the column.
-        first, stop = bisect_left(row, rows.start), bisect_left(row, rows.stop)
         band = np.full((rows.stop - rows.start, self.shape[1]), -1, np.int32)
-        r, c = self.cells_rc[first:stop].T
-        band[r - rows.start, c] = np.arange(first, stop)
+        nodes = self.cells.nodes_of_rows(rows)
+        band[self.mask()[rows]] = np.arange(nodes.start, nodes.stop)
         return band
 
     def nodes_at(self, cells_rc: ArrayLike) -> NDArray[np.int64]:
@@ -147,29 +184,18 @@ class GridLayout:
             )
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
         found = np.full(len(cells), -1, np.int64)
-        if len(self.cells_rc):
-            found[inside] = self._searched(cells[inside])
+        found[inside] = self.cells.nodes_at(cells[inside])
         return found
-
-    def _searched(self, cells: NDArray[Any]) -> NDArray[np.int64]:
-        """(M,) node of each cell of the raster, -1 for none: by bisection, without a raster."""
-        row = np.array([self.shape[1], 1], np.int64)
-        wanted, size = cells @ row, len(self.cells_rc)
-        last = np.full(len(cells), -1, np.int64)  # of the nodes that do not lie behind the cell
-        for step in 1 << np.arange(size.bit_length())[::-1]:
-            further = np.minimum(last + step, size - 1)
-            last = np.where(self.cells_rc[further] @ row <= wanted, further, last)
-        return np.where(self.cells_rc[last] @ row == wanted, last, -1)
 
     def to_raster(self, values: ArrayLike, *, fill: Any) -> NDArray[Any]:
         """Node values (N, ...) scattered to a raster (H, W, ...); ``fill`` elsewhere."""
         array = np.asarray(values)
-        if len(array) != len(self.cells_rc):
+        if len(array) != self.n_nodes:
             raise InputError(
-                f"values must have one row per node ({len(self.cells_rc)}), got {len(array)}"
+                f"values must have one row per node ({self.n_nodes}), got {len(array)}"
             )
         raster = np.full((*self.shape, *array.shape[1:]), fill, array.dtype)
-        raster[self.cells_rc[:, 0], self.cells_rc[:, 1]] = array
+        raster[self.mask()] = array
         return raster
 
     def from_raster(self, raster: ArrayLike) -> NDArray[Any]:
@@ -180,7 +206,7 @@ class GridLayout:
                 f"the raster must have shape {self.shape}, got {array.shape[:2]}; "
                 "was it made from another map, or is it transposed?"
             )
-        gathered: NDArray[Any] = array[self.cells_rc[:, 0], self.cells_rc[:, 1]]
+        gathered: NDArray[Any] = array[self.mask()]
         return gathered
 
 

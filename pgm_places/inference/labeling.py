@@ -41,7 +41,7 @@ class Labeling:
 
     Parameters
     ----------
-    labels : (N,) int
+    labels : (N,) int64 or int32
         Label index per node.
     status : Status
         How the method ended.
@@ -69,7 +69,7 @@ class Labeling:
     info: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        labels = integer_array("labels", self.labels, ("N",), low=0, high=2**31)
+        labels = integer_array("labels", self.labels, ("N",), low=0, high=2**31, narrow=True)
         object.__setattr__(self, "labels", frozen(labels))
         if self.beliefs is not None:
             beliefs = finite_array("beliefs", self.beliefs, (len(labels), "K"), dtype=None)

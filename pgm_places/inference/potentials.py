@@ -116,7 +116,7 @@ def keep_known(scores: NDArray[np.float64], known: NDArray[np.int64]) -> NDArray
     nodes = np.flatnonzero(known >= 0)
     if not len(nodes):
         return scores
-    kept = np.array(scores, np.float64)
+    kept = np.array(scores)
     kept[nodes] = -np.inf
     kept[nodes, known[nodes]] = scores[nodes, known[nodes]]
     return kept

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import MapError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
+from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.method import infer
 from pgm_places.labelers.place_labeler import PlaceLabeler
@@ -61,12 +63,17 @@ class LabelledPlaces:
     def on_map(self, values: ArrayLike, fill: Any) -> NDArray[Any]:
         """Values of the nodes (N, ...) on the map's raster (H, W, ...), ``fill`` elsewhere."""
         raster = self.layout.to_raster(values, fill=fill)
+        if self.layout.source is self.grid:  # nothing to paint: all nodes are free cells
+            return raster
         return Coarsening.behind(self.layout, self.grid).paint(raster, fill)
 
     def shares(self) -> dict[str, float]:
         """Square metres per label."""
         cell_m2 = self.grid.resolution_m**2
-        counts = np.bincount(self.labels[self.labels >= 0], minlength=len(self.label_names))
+        counts = np.zeros(len(self.label_names), np.int64)
+        for rows in bands_of_rows(self.grid.shape):
+            band = self.labels[rows]
+            counts += np.bincount(band[band >= 0], minlength=len(counts))
         return {
             name: float(count * cell_m2)
             for name, count in zip(self.label_names, counts, strict=True)
@@ -151,13 +158,13 @@ def on_own_raster(
     """
     grid, layout, labeling = found.grid, found.layout, found.labeling
     if used.resolution_m < grid.resolution_m:
-        cells, layout = layout, GridLayout.of_mask(grid.free, grid.occupied, grid)
+        cells, layout = layout, GridLayout.of_map(grid)
         labeling = _brought_back(labeling, used, cells, layout)
-    raster = layout.to_raster(labeling.labels.astype(np.int16), fill=-1)
-    painted = Coarsening.behind(layout, grid).paint(raster, -1)
+    found = replace(found, layout=layout, labeling=labeling)
+    painted = found.on_map(labeling.labels.astype(np.int16), -1)
     if known is not None:
         np.copyto(painted, known.on_map, where=known.on_map >= 0)
-    return replace(found, labels=painted, layout=layout, labeling=labeling)
+    return replace(found, labels=painted)
 
 
 def _labelled(
@@ -171,24 +178,27 @@ def _labelled(
 ) -> tuple[GridLayout, Labeling, Doorways | None]:
     """What a method makes of a map, and its doorways; the scores behind both are freed."""
     raster = None if known is None else known.on_cells
+    method = labeler.method(name)
     graph, scores = labeler.scores(
         grid,
         methods=[name],
+        lean=True,
         known=raster,
         own=None if features_of is None else features_of(grid),
         n_threads=n_threads,
         progress=progress,
     )
     assert isinstance(graph.layout, GridLayout)  # scores() made it from a grid
-    model, spaces, doorways = labeler.unary_model_.space, scores.spaces, None
-    if model is not None and model.gates is not None:
-        doorways = (spaces or model.spaces(grid, known=raster, n_threads=n_threads)).doorways
-    method = labeler.method(name)
+    model, doorways = labeler.unary_model_.space, scores.doorways
+    if doorways is None and model is not None and model.gates is not None:
+        spaces = scores.spaces or model.spaces(grid, known=raster, n_threads=n_threads)
+        doorways = spaces.doorways
+        del spaces
     problem = labeler.problem_of(
         graph, scores, method, known=None if known is None else known.of_nodes(graph.layout)
     )
     scores = CellScores(None, None, None, None, hall=scores.hall)
-    del spaces
+    return_freed()  # what scoring took: a huge map needs it for its labels
     with progress.stage(f"labelling with {name}"):
         labeling = labeler.with_halls(infer(method.backend, problem), scores)
     if known is not None:
@@ -241,7 +251,7 @@ def _brought_back(
     """
     assert isinstance(layout.source, OccupancyGrid)  # label_map made it from the map
     holders = Coarsening(refined, layout.source).holders(cells.cells_rc)
-    node, n_nodes = layout.nodes_at(holders), len(layout.cells_rc)
+    node, n_nodes = layout.nodes_at(holders), layout.n_nodes
 
     def total(values: NDArray[Any] | None) -> NDArray[np.float64]:
         return np.asarray(np.bincount(node, values, n_nodes), np.float64)

@@ -30,6 +30,7 @@ __all__ = [
     "labels_chains_only",
     "labels_spaces",
     "place_methods",
+    "takes_single_precision",
     "unfitted",
     "with_edge_kinds",
 ]
@@ -131,6 +132,11 @@ def labels_chains_only(backend: Any) -> bool:
 def labels_spaces(backend: Any) -> bool:
     """Whether a backend labels the gates and places of a map together with its cells."""
     return bool(getattr(backend, "labels_spaces", False))
+
+
+def takes_single_precision(backend: Any) -> bool:
+    """Whether log-probabilities in single precision are good enough for a backend's labels."""
+    return bool(getattr(backend, "takes_single_precision", False))
 
 
 def check_labels_any_graph(name: str, backend: Any, what: str) -> None:

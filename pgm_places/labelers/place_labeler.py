@@ -20,7 +20,9 @@ from pgm_places.labelers.method import (
     check_labels_maps,
     check_sees_doorways,
     infer,
+    labels_spaces,
     place_methods,
+    takes_single_precision,
 )
 from pgm_places.labelers.place_problem import map_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
@@ -286,6 +288,7 @@ class PlaceLabeler(Labeler):
         *,
         mask: ArrayLike | None = None,
         methods: Sequence[str] | None = None,
+        lean: bool = False,
         known: NDArray[np.int16] | None = None,
         own: NDArray[np.float32] | KeptTable | None = None,
         n_threads: int | None = None,
@@ -293,8 +296,10 @@ class PlaceLabeler(Labeler):
     ) -> tuple[LabelGraph, CellScores]:
         """The graph of the map's free cells (inside ``mask``) and what the lists say of each.
 
-        Only what the methods want is computed. ``known`` (H, W), labels or -1, tells which gates
-        are doorways where it covers them; ``own`` holds the nodes' laser and custom features
+        Only what the methods want is computed. ``lean`` scores take less memory: in single
+        precision where the methods take that, with the doorways of the map in place of segments,
+        gates and places where no method labels these. ``known`` (H, W), labels or -1, tells which
+        gates are doorways where it covers them; ``own`` holds the nodes' laser and custom features
         (N, F), or a table of them, if they are known from before.
         """
         self.check_fitted()
@@ -306,6 +311,8 @@ class PlaceLabeler(Labeler):
             unaries={method.unary for method in chosen},
             with_node_features=any(uses_node_features(method.backend) for method in chosen),
             with_halls=self.halls != "corridor",
+            single=lean and all(takes_single_precision(method.backend) for method in chosen),
+            with_spaces=not lean or any(labels_spaces(method.backend) for method in chosen),
             known=known,
             own=own,
             n_threads=n_threads,

@@ -89,18 +89,15 @@ def connected_components(
     """
     raster = np.asarray(labels)
     if raster.dtype == np.bool_:
-        raster = np.where(raster, np.int16(0), np.int16(-1))
+        raster = raster.view(np.int8) - np.int8(1)
     if raster.ndim != 2 or not np.issubdtype(raster.dtype, np.integer):
         raise InputError(f"labels must be a 2-D integer raster, got {raster.dtype} {raster.shape}")
     if connectivity not in (4, 8):
         raise InputError(f"connectivity must be 4 or 8, got {connectivity}")
     from pgm_places.maps._component_kernels import label_components
 
-    values: NDArray[np.int16] | NDArray[np.int32] = (
-        np.ascontiguousarray(raster, np.int32)
-        if raster.dtype == np.int32
-        else np.ascontiguousarray(raster, np.int16)
-    )
+    kept = raster.dtype if raster.dtype in (np.int8, np.int32) else np.int16
+    values: NDArray[Any] = np.ascontiguousarray(raster, kept)
     piece = np.empty(raster.shape, np.int32)
     scratch = np.empty(raster.size, np.int32)  # pages are only touched as far as it is used
     count = label_components(values, connectivity == 8, scratch, piece)

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen
+from pgm_places._checks import frozen, sealed
 from pgm_places.errors import MapError
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "OccupancyGrid", "check_resolution"]
@@ -103,17 +103,17 @@ class OccupancyGrid:
     @cached_property
     def free(self) -> NDArray[np.bool_]:
         """(H, W) mask of the free cells."""
-        return frozen(self.cells == FREE)
+        return sealed(self.cells == FREE)
 
-    @cached_property
+    @property
     def occupied(self) -> NDArray[np.bool_]:
-        """(H, W) mask of the occupied cells."""
-        return frozen(self.cells == OCCUPIED)
+        """(H, W) mask of the occupied cells, a new one each time: it is not needed for long."""
+        return sealed(self.cells == OCCUPIED)
 
     @cached_property
     def unknown(self) -> NDArray[np.bool_]:
         """(H, W) mask of the unknown cells."""
-        return frozen(self.cells == UNKNOWN)
+        return sealed(self.cells == UNKNOWN)
 
     def cell_centres_m(self, cells_rc: ArrayLike) -> NDArray[np.float64]:
         """(N, 2) map-frame positions of the centres of cells given as (row, column)."""

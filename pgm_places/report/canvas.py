@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array
+from pgm_places._checks import ROWS_AT_ONCE, finite_array
 from pgm_places.errors import InputError
 from pgm_places.experiment.graph_layout import GraphLayout
 from pgm_places.graph.bands import bands_of_rows
@@ -201,15 +201,17 @@ def difference_canvas(
 
 def value_canvas(
     grid: OccupancyGrid,
-    values: ArrayLike,
+    values: ArrayLike | Callable[[slice], NDArray[np.float64]],
     layout: GridLayout | PathLayout | GraphLayout,
     gradient: str,
     view: View,
 ) -> Canvas:
-    """Values from 0 to 1 per node (N,), in steps of a gradient, over walls and unknown space."""
-    array = finite_array("values", values, (len(layout.cells_rc),))
-    steps = np.clip(array * N_LEVELS, 0, N_LEVELS - 1).astype(np.int16)
-    raster = layout.to_raster(steps, fill=np.int16(-1))
+    """Values from 0 to 1 per node (N,), in steps of a gradient, over walls and unknown space.
+
+    The values of a huge map can be a function of a range of nodes.
+    """
+    n_nodes = layout.n_nodes if isinstance(layout, GridLayout) else len(layout.cells_rc)
+    raster = layout.to_raster(_steps(values, n_nodes), fill=np.int8(-1))
     if isinstance(layout, GridLayout):
         coarsening = Coarsening.behind(layout, grid)
     else:
@@ -223,6 +225,20 @@ def value_canvas(
         return picture
 
     return _canvas(paint, colours, view, grid, averaged=True)
+
+
+def _steps(
+    values: ArrayLike | Callable[[slice], NDArray[np.float64]], n_nodes: int
+) -> NDArray[np.int8]:
+    """(N,) the step of the gradient for each value."""
+    part_of = values
+    if not callable(part_of):
+        part_of = finite_array("values", part_of, (n_nodes,)).__getitem__
+    steps = np.empty(n_nodes, np.int8)
+    for first in range(0, n_nodes, ROWS_AT_ONCE):
+        some = slice(first, min(first + ROWS_AT_ONCE, n_nodes))
+        steps[some] = np.clip(part_of(some) * N_LEVELS, 0, N_LEVELS - 1)
+    return steps
 
 
 def _ground(grid: OccupancyGrid, cells: tuple[slice, slice]) -> NDArray[np.uint8]:

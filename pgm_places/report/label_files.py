@@ -2,9 +2,12 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pgm_places._checks import ROWS_AT_ONCE
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.label_image import save_labels
@@ -65,8 +68,19 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
         return []
     written = []
     for k, name in enumerate(result.label_names):
-        raster = result.on_map(np.round(255 * beliefs[:, k]).astype(np.uint8), 0)
-        picture = Image.fromarray(raster[::-1])  # row 0 of an image is its top
+        raster = result.on_map(_in_bytes(beliefs[:, k]), 0)
+        size = (raster.shape[1], raster.shape[0])
+        # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
+        picture = Image.frombuffer("L", size, raster, "raw", "L", 0, -1)
         path = folder / f"probability_{name}.png"
         written.append(write_bytes(path, raster_png(picture)))
     return written
+
+
+def _in_bytes(shares: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
+    """(N,) shares from 0 to 1 as 0 to 255, piece by piece: temporary copies take four times it."""
+    found = np.empty(len(shares), np.uint8)
+    for first in range(0, len(shares), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        found[some] = np.round(255 * shares[some])
+    return found

@@ -119,9 +119,10 @@ def overview(
     if beliefs is not None:
         if layout is None:
             raise InputError("beliefs need the layout of their nodes; pass layout as well")
-        shape = (len(layout.cells_rc), len(label_names))
+        shape = (layout.n_nodes, len(label_names))
         array = finite_array("beliefs", beliefs, shape, dtype=None)
-        panels.append(Panel(value_canvas(grid, entropy(array), layout, "entropy", view), "entropy"))
+        canvas = value_canvas(grid, lambda some: entropy(array[some]), layout, "entropy", view)
+        panels.append(Panel(canvas, "entropy"))
         bars = (ColourBar("entropy", "entropy", "0 (certain)", "1 (undecided)"),)
     height, width = view.shape
     return sheet(

@@ -6,6 +6,7 @@ from math import ceil, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.kernels.threads import resolve_threads, run_tasks
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.sensing._beams import Beams
@@ -54,9 +55,13 @@ def blocked_window(grid: OccupancyGrid, window: Box, stop_at_unknown: bool) -> N
 
 def _bytes_of_lists(grid: OccupancyGrid, stop_at_unknown: bool) -> float:
     """What lists of faces may take for each cell: enough for parts thrice as full as the map."""
-    blocked = ~grid.free if stop_at_unknown else grid.occupied
-    faces = np.count_nonzero(blocked[1:] != blocked[:-1])
-    faces += np.count_nonzero(blocked[:, 1:] != blocked[:, :-1])
+    blocked = grid.free if stop_at_unknown else grid.occupied  # or its complement: faces are alike
+    faces = 0
+    for rows in bands_of_rows(grid.shape):
+        band = blocked[rows.start : rows.stop + 1]
+        faces += int(np.count_nonzero(band[1:] != band[:-1]))
+        band = blocked[rows]
+        faces += int(np.count_nonzero(band[:, 1:] != band[:, :-1]))
     return max(1.0, 3 * _FACE_BYTES * faces / blocked.size)
 
 

@@ -274,7 +274,7 @@ class PoseCaster:
 
 
 def _wanted(grid: OccupancyGrid, mask: ArrayLike | None) -> NDArray[np.bool_]:
-    if mask is None:
+    if mask is None or mask is grid.free:
         return grid.free
     chosen = np.asarray(mask)
     if chosen.dtype != np.bool_:

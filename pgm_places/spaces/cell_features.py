@@ -12,7 +12,7 @@ from pgm_places._checks import integer_array
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.spaces.places import Places, place_features
 from pgm_places.spaces.segment_features import segment_features
-from pgm_places.spaces.segment_lookup import SegmentLookup
+from pgm_places.spaces.segment_lookup import Lookups, SegmentLookup
 from pgm_places.spaces.segmentation import Segmentation, Segments
 from pgm_places.spaces.space_spec import CELL_FEATURES, PLACE_FEATURES, SEGMENT_FEATURES
 
@@ -126,32 +126,17 @@ class CellFeatures:
         cells, size = np.asarray(cells_rc), len(self.names)
         chosen = integer_array("columns", columns, ("F",), low=0, high=size)
         cells = self.divisions[0].watershed.checked(cells_rc)
-        at_clearance = first + np.flatnonzero(chosen == 0)
-        groups = [(lookup, *_within(chosen, part)) for lookup, part in self._lookups]
 
         def take(task: int) -> None:
             some = slice(task * _CELLS_PER_TASK, (task + 1) * _CELLS_PER_TASK)
             places = cells[some].copy()  # never read-only, so that one kernel is compiled
             basin, clearance = self.divisions[0].watershed.read(places)
-            found[some, at_clearance] = clearance[:, None]
-            for lookup, source, target in groups:
-                if len(source):
-                    lookup.write(places, basin, clearance, source, first + target, found[some])
+            self.lookups.write(places, basin, clearance, chosen, found[some], first)
 
         run_tasks(take, -(-len(cells) // _CELLS_PER_TASK), n_threads=n_threads)
 
     @cached_property
-    def _lookups(self) -> list[tuple[SegmentLookup, slice]]:
-        """Each division's lookup and the position of its columns among all columns."""
-        found, first = [], 1
-        for division, table in zip(self.divisions, self.tables, strict=True):
-            lookup = SegmentLookup.of(division, table)
-            found.append((lookup, slice(first, first + lookup.n_columns)))
-            first += lookup.n_columns
-        return found
-
-
-def _within(columns: NDArray[np.int64], part: slice) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The columns that belong to a part: their indices within it, and their positions."""
-    places = np.flatnonzero((columns >= part.start) & (columns < part.stop))
-    return columns[places] - part.start, places
+    def lookups(self) -> Lookups:
+        """The same features for cells whose basin and clearance are known."""
+        both = zip(self.divisions, self.tables, strict=True)
+        return Lookups(tuple(SegmentLookup.of(*item) for item in both))

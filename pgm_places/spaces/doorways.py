@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pgm_places.errors import InputError
 from pgm_places.maps._blocks import holders, simplest_factor
 from pgm_places.maps.number_type import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.maps.raster_runs import RasterRuns
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.places import Places
 
@@ -32,6 +33,7 @@ class Doorways:
         Probability that each is a doorway.
     place : (H, W) int16 or int32
         Number of the place that each cell is in, -1 for none; the smaller type if it holds them.
+        It is kept as runs of equal numbers: the raster is a new one each time it is asked for.
     """
 
     grid: OccupancyGrid
@@ -49,6 +51,15 @@ class Doorways:
             raise InputError(
                 f"place must have the map's shape {self.grid.shape}, got {self.place.shape}"
             )
+        object.__setattr__(self, "_runs", RasterRuns.of(self.place))
+        object.__delattr__(self, "place")
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        """``place``, which is written out from its runs."""
+        if name != "place" or "_runs" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        raster: NDArray[Any] = self.__dict__["_runs"].raster()
+        return raster
 
     def __len__(self) -> int:
         return len(self.gates)
@@ -82,7 +93,7 @@ class Doorways:
             places.gates.segmentation.watershed.grid,
             tuple(places.gates[int(g)] for g in taken),
             sealed(np.asarray(probability, np.float64)[taken]),
-            sealed(place),
+            place,
         )
 
     def with_known(self, gates: Sequence[Gate]) -> Self:
@@ -99,7 +110,7 @@ class Doorways:
             The map is in another frame.
         """
         if grid.shape == self.grid.shape and grid.resolution_m == self.grid.resolution_m:
-            return self.place.copy()
+            return self.place
         if grid.origin_xy_m != self.grid.origin_xy_m or grid.yaw_rad != self.grid.yaw_rad:
             raise InputError(
                 f"doorways were found in a map with its origin at {self.grid.origin_xy_m} and yaw "

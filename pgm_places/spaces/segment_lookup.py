@@ -1,4 +1,4 @@
-"""One division's features, laid out for looking up many cells."""
+"""The features of divisions, laid out for looking up many cells."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.spaces.segmentation import Segments
 
-__all__ = ["SegmentLookup"]
+__all__ = ["Lookups", "SegmentLookup"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,3 +95,41 @@ class SegmentLookup:
             target,
             found,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Lookups:
+    """The lookups of several divisions: all columns of cells, the clearance first.
+
+    Nothing here holds the rasters of the map.
+
+    Parameters
+    ----------
+    parts : tuple of SegmentLookup
+    """
+
+    parts: tuple[SegmentLookup, ...]
+
+    @property
+    def n_columns(self) -> int:
+        """The columns of all divisions, and the clearance."""
+        return 1 + sum(part.n_columns for part in self.parts)
+
+    def write(
+        self,
+        cells_rc: NDArray[np.int32],
+        basin: NDArray[np.int32],
+        clearance_m: NDArray[np.float64],
+        columns: NDArray[np.int64],
+        found: NDArray[np.float32],
+        first: int = 0,
+    ) -> None:
+        """Write columns of cells (n, 2) to ``found[:, first:first + F]``."""
+        found[:, first + np.flatnonzero(columns == 0)] = clearance_m[:, None]
+        start = 1
+        for part in self.parts:
+            places = np.flatnonzero((columns >= start) & (columns < start + part.n_columns))
+            if len(places):
+                source = columns[places] - start
+                part.write(cells_rc, basin, clearance_m, source, first + places, found)
+            start += part.n_columns

@@ -47,7 +47,7 @@ class CellTable:
     @cached_property
     def layout(self) -> GridLayout:
         """The free cells in the order of the nodes."""
-        return GridLayout.of_mask(self.grid.free, self.grid.occupied, self.grid)
+        return GridLayout.of_map(self.grid)
 
     @cached_property
     def gates(self) -> Gates:
@@ -57,7 +57,7 @@ class CellTable:
     @property
     def fits(self) -> bool:
         """Whether the features of all cells are kept."""
-        return 4 * len(self.layout.cells_rc) * n_columns(self.features) <= MAX_BYTES
+        return 4 * self.layout.n_nodes * n_columns(self.features) <= MAX_BYTES
 
     def all(self, progress: Progress) -> NDArray[np.float32] | None:
         """(N, F) the features of all cells; None where they are too many to keep."""
@@ -71,14 +71,14 @@ class CellTable:
         if table is not None:
             return table[nodes]
         mask = np.zeros(self.grid.shape, np.bool_)
-        mask[tuple(self.layout.cells_rc[nodes].T)] = True
+        mask[tuple(self.layout.cells[nodes].T)] = True
         return self._computed(mask, progress)
 
     def beside_spaces(
         self, nodes: NDArray[np.int64], spaces: MapSpaces, progress: Progress
     ) -> NDArray[np.float32]:
         """(n, F + S) the same, followed by what cells see of the spaces around them."""
-        cells = self.layout.cells_rc[nodes]
+        cells = self.layout.cells[nodes]
         around = spaces.features.lookup(cells, n_threads=self.n_threads)
         return np.concatenate([self.rows(nodes, progress), around], axis=1)
 

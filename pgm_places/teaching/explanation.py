@@ -194,13 +194,13 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
     spaces = None
     if sees_space and model.space is not None:
         fitted, spaces = model.space.classifier, view.spaces(model)
-        around = spaces.features.lookup(view.layout.cells_rc[node : node + 1])[0]
+        around = spaces.features.lookup(view.layout.cells[node : node + 1])[0]
         row = np.concatenate([row, around])
     probability, added = _gate_effect(model, spaces, view.layout, node)
     found, alone = taught.found, taught.unary
     final, before = (int(part.labels[view.cell_of(x_m, y_m)]) for part in (found, alone))
     names = taught.label_names
-    [(x, y)] = view.grid.cell_centres_m(view.layout.cells_rc[node : node + 1]).tolist()
+    [(x, y)] = view.grid.cell_centres_m(view.layout.cells[node : node + 1]).tolist()
     return CellExplanation(
         x,
         y,
@@ -258,7 +258,7 @@ class _View:
     @classmethod
     def of(cls, taught: Taught) -> "_View":
         grid, _ = at_model_resolution(taught.labeler, taught.grid)
-        return cls(taught, grid, GridLayout.of_mask(grid.free, grid.occupied, grid))
+        return cls(taught, grid, GridLayout.of_map(grid))
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Row and column on the map's own raster."""
@@ -324,7 +324,7 @@ def _scan(
     model: UnaryModel, view: _View, node: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The scan of a cell, and its laser and custom features."""
-    cell = view.layout.cells_rc[node : node + 1]
+    cell = view.layout.cells[node : node + 1]
     mask = np.zeros(view.grid.shape, np.bool_)
     mask[tuple(cell.T)] = True
     [ranges] = [block.ranges.copy() for block in iter_cast(view.grid, model.sensor, mask=mask)]

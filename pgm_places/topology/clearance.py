@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.maps._distance_kernels import squared_distance
 
-__all__ = ["squared_clearance", "squared_depth"]
+__all__ = ["deepest_cells", "squared_clearance", "squared_depth"]
 
 
 def squared_clearance(blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -29,6 +29,21 @@ def squared_clearance(blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
 def squared_depth(piece: NDArray[np.int32]) -> NDArray[np.int32]:
     """(H, W) squared distance, in cells, to the nearest cell at the edge of the same piece."""
     return squared_clearance(_edges(piece))
+
+
+def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
+    """(H, W) which cells are as far from the edge of their piece as any cell of it.
+
+    Examples
+    --------
+    >>> deepest_cells(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], np.int32), 2)[1].tolist()
+    [False, True, False, True]
+    """
+    from pgm_places.topology._region_kernels import mark_deepest
+
+    found = np.empty(piece.shape, np.bool_)
+    mark_deepest(piece, squared_depth(piece), np.full(count, -1, np.int32), found)
+    return found
 
 
 def _edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
+from pgm_places.kernels.pages import leave_in_file
 from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -44,7 +45,7 @@ def mean_probabilities(
     """
     if layout is None:
         raise InputError("beliefs need the layout of their nodes; pass layout as well")
-    array = finite_array("beliefs", beliefs, (len(layout.cells_rc), n_labels), dtype=np.float32)
+    array = finite_array("beliefs", beliefs, (layout.n_nodes, n_labels), dtype=np.float32)
     coarsening = Coarsening.behind(layout, grid)
     counts, sums = np.zeros(pieces.count, np.int64), np.zeros((pieces.count, n_labels))
     for rows in bands_of_rows(grid.shape):
@@ -58,4 +59,5 @@ def mean_probabilities(
         counts += np.bincount(numbers, minlength=pieces.count)
         for k in range(n_labels):
             sums[:, k] += np.bincount(numbers, array[nodes, k], pieces.count)
+        leave_in_file(array)
     return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], np.nan)

@@ -11,7 +11,7 @@ from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.clearance import squared_clearance
+from pgm_places.topology.clearance import deepest_cells, squared_clearance
 from pgm_places.topology.confidence import mean_probabilities
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import (
@@ -110,7 +110,9 @@ def topological_map(
         ids, next_id = known.identify(pieces, grid, names)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
-    clearance = squared_clearance(~grid.free)  # not before: huge maps have room for few rasters
+    # In this order: a huge map has room for few rasters at a time.
+    deepest = deepest_cells(pieces.piece, pieces.count)
+    clearance = squared_clearance(~grid.free)
     regions = describe_regions(
         pieces,
         grid,
@@ -121,6 +123,7 @@ def topological_map(
         probabilities=probabilities,
         gates=_gates_of(found, doorways),
         anchors_m=known.anchors_m if known else None,
+        deepest=deepest,
         tolerance=tolerance,
     )
     connections = connections_of(pieces, grid, ids, clearance, min_width_m)

@@ -77,7 +77,7 @@ def pieces_between(
         Whether to apply these corrections.
     """
     doorway = label_names.index(rules.doorway_label)
-    labels = np.where(grid.free, labels, np.int16(-1))
+    labels = _on_free_cells(labels, grid)
     gate = _painted_gates(labels, grid, doorways)
     painted = (labels == doorway) & (gate < 0)
     log = _without_gate(labels, gate, painted, doorway, label_names, grid)
@@ -92,6 +92,14 @@ def pieces_between(
             key, found = step(key, names, grid.resolution_m, bare, fixed_doorways=True)
             log += found
     return _pieces(key, n_places * len(label_names), len(label_names), doorway, tuple(log))
+
+
+def _on_free_cells(labels: NDArray[np.int16], grid: OccupancyGrid) -> NDArray[np.int16]:
+    """(H, W) the labels, -1 on cells that are not free; copied only if that changes any."""
+    for rows in bands_of_rows(labels.shape):
+        if (labels[rows][~grid.free[rows]] >= 0).any():
+            return np.where(grid.free, labels, np.int16(-1))
+    return labels
 
 
 def _painted_gates(labels: NDArray[np.int16], grid: OccupancyGrid, doorways: Doorways) -> Numbers:
@@ -178,7 +186,9 @@ def _without_gate(
         return []
     pieces = connected_components(labels == doorway)
     with_gate = np.zeros(pieces.count, np.bool_)
-    with_gate[pieces.piece[(pieces.piece >= 0) & (gate >= 0)]] = True
+    for band in bands_of_rows(labels.shape):
+        piece = pieces.piece[band]
+        with_gate[piece[(piece >= 0) & (gate[band] >= 0)]] = True
     rows, columns = np.nonzero(painted)
     numbers, first = np.unique(pieces.piece[rows, columns], return_index=True)
     cell_m2, name = grid.resolution_m**2, label_names[doorway]
@@ -200,14 +210,15 @@ def _relabelled(
 ) -> NDArray[np.int16]:
     """The labels, those of painted doorways outside gates replaced by others of their place."""
     found = labels.copy()
-    found[painted | (gate >= 0)] = -1
     counts = np.zeros(n_labels, np.int64)
     for rows in bands_of_rows(found.shape):
+        found[rows][painted[rows] | (gate[rows] >= 0)] = -1
         counts += np.bincount(found[rows][found[rows] >= 0], minlength=n_labels)
     _grow(found, painted, place)
-    left = painted & (found < 0)  # places that are all doorway
     others = [k for k in range(n_labels) if k != doorway]
-    found[left] = max(others, key=lambda k: counts[k], default=doorway)
+    most = max(others, key=lambda k: counts[k], default=doorway)
+    for rows in bands_of_rows(found.shape):
+        found[rows][painted[rows] & (found[rows] < 0)] = most  # places that are all doorway
     return found
 
 
@@ -220,21 +231,38 @@ def _grow(
 
     Values below 0 are empty; cells that no value reaches are unchanged.
     """
-    todo = np.argwhere(open_cells)
-    height, width = values.shape
+    todo = np.argwhere(open_cells & (values < 0))
+    none = np.iinfo(values.dtype).max
     while len(todo):
-        best = np.full(len(todo), np.iinfo(values.dtype).max, values.dtype)
+        best = np.full(len(todo), none, values.dtype)
+        here = group[todo[:, 0], todo[:, 1]]
         for step in _NEIGHBOURS:
-            r, c = (todo + step).T
-            near = (r >= 0) & (c >= 0) & (r < height) & (c < width)
-            r, c = np.where(near, r, 0), np.where(near, c, 0)
-            near &= (values[r, c] >= 0) & (group[r, c] == group[todo[:, 0], todo[:, 1]])
+            r, c, near = _inside(todo + step, values.shape)
+            near &= (values[r, c] >= 0) & (group[r, c] == here)
             best = np.where(near, np.minimum(best, values[r, c]), best)
-        reached = best < np.iinfo(values.dtype).max
-        if not reached.any():
-            return
-        values[todo[reached, 0], todo[reached, 1]] = best[reached]
-        todo = todo[~reached]
+        reached = todo[best < none]
+        values[reached[:, 0], reached[:, 1]] = best[best < none]
+        todo = _empty_around(reached, open_cells, values)
+
+
+def _inside(
+    cells: NDArray[np.int64], shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Rows and columns of cells (n, 2), 0 for those outside the raster, and which are inside."""
+    r, c = cells.T
+    inside = (r >= 0) & (c >= 0) & (r < shape[0]) & (c < shape[1])
+    return np.where(inside, r, 0), np.where(inside, c, 0), inside
+
+
+def _empty_around(
+    reached: NDArray[np.int64], open_cells: NDArray[np.bool_], values: Numbers
+) -> NDArray[np.int64]:
+    """(n, 2) the open cells without a value beside some cells: no other can get one next."""
+    beside = [reached + step for step in _NEIGHBOURS]
+    r, c, inside = _inside(np.concatenate(beside), values.shape)
+    inside &= open_cells[r, c] & (values[r, c] < 0)
+    flat = np.unique(r[inside] * values.shape[1] + c[inside])
+    return np.stack(np.divmod(flat, values.shape[1]), axis=1)
 
 
 def _keys(

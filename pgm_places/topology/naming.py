@@ -1,7 +1,7 @@
 """Persistent ids and names: places are recognised by their position, new ones get new numbers."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -114,16 +114,18 @@ def _overlaps(
     pieces: Components, grid: OccupancyGrid, label_names: Sequence[str], known: KnownPlaces
 ) -> list[tuple[float, int, int]]:
     """Pieces and places that may be the same, best match first: (-share, piece, place)."""
-    cells = np.argwhere(known.region > 0)
-    place = known.region[cells[:, 0], cells[:, 1]].astype(np.int64)
-    there = grid.cells_at_m(known.grid.cell_centres_m(cells))
-    inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
-    piece = np.full(len(cells), -1, np.int64)
-    piece[inside] = pieces.piece[there[inside, 0], there[inside, 1]]
-    hit = piece >= 0
-    n_places = int(place.max(initial=0)) + 1
-    keys, counts = np.unique(piece[hit] * n_places + place[hit], return_counts=True)
-    old_m2 = np.bincount(place, minlength=n_places) * known.grid.resolution_m**2
+    n_places = int(known.region.max(initial=0)) + 1
+    old_cells, found_keys, found_counts = np.zeros(n_places, np.int64), [], []
+    for rows in _thin_bands(known.grid.shape):
+        place, piece = _shared_cells(pieces, grid, known, rows)
+        old_cells += np.bincount(place, minlength=n_places)
+        hit = piece >= 0
+        keys, counts = np.unique(piece[hit] * n_places + place[hit], return_counts=True)
+        found_keys.append(keys)
+        found_counts.append(counts)
+    keys, of = np.unique(np.concatenate(found_keys), return_inverse=True)
+    counts = np.bincount(of.reshape(-1), np.concatenate(found_counts), len(keys)).astype(np.int64)
+    old_m2 = old_cells * known.grid.resolution_m**2
     new_m2 = pieces.size * grid.resolution_m**2
     found = []
     for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
@@ -135,6 +137,28 @@ def _overlaps(
         if share >= SAME_PLACE:
             found.append((-float(share), new, old))
     return found
+
+
+def _thin_bands(shape: tuple[int, int]) -> Iterator[slice]:
+    """Bands of rows of a quarter of the height, as positions take much more than cells."""
+    for band in bands_of_rows(shape):
+        high = -(-(band.stop - band.start) // 4)
+        for first in range(band.start, band.stop, high):
+            yield slice(first, min(first + high, band.stop))
+
+
+def _shared_cells(
+    pieces: Components, grid: OccupancyGrid, known: KnownPlaces, rows: slice
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(n,) the place of each cell of a band of the earlier map, and (n,) its piece now or -1."""
+    cells = np.argwhere(known.region[rows] > 0)
+    cells[:, 0] += rows.start
+    place = known.region[cells[:, 0], cells[:, 1]].astype(np.int64)
+    there = grid.cells_at_m(known.grid.cell_centres_m(cells))
+    inside = ((there >= 0) & (there < grid.shape)).all(axis=1)
+    piece = np.full(len(cells), -1, np.int64)
+    piece[inside] = pieces.piece[there[inside, 0], there[inside, 1]]
+    return place, piece
 
 
 def middles(pieces: Components) -> NDArray[np.float64]:

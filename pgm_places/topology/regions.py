@@ -11,7 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.clearance import squared_depth
+from pgm_places.topology.clearance import deepest_cells
 from pgm_places.topology.outlines import outlines
 
 __all__ = ["Polygon", "Region", "describe_regions"]
@@ -77,6 +77,7 @@ def describe_regions(
     probabilities: NDArray[np.float64] | None = None,
     gates: Sequence[tuple[Gate, float] | None] | None = None,
     anchors_m: Mapping[int, tuple[float, float]] | None = None,
+    deepest: NDArray[np.bool_] | None = None,
     tolerance: float = 1.5,
 ) -> list[Region]:
     """A region per piece, in the order of the pieces.
@@ -97,12 +98,17 @@ def describe_regions(
         The gate that each piece is, with its probability; None for other pieces.
     anchors_m : mapping of int to (float, float), optional
         Earlier anchors by id, which stay where they are if that is still inside.
+    deepest : (H, W) bool, optional
+        What :func:`~pgm_places.topology.clearance.deepest_cells` says of the pieces: a huge map has
+        no room to find it beside the clearance.
     tolerance : float
         Largest distance of an outline from the cells' corners, in cells.
     """
     if pieces.piece.shape != grid.shape:
         raise InputError(f"pieces must have the map's shape {grid.shape}, got {pieces.piece.shape}")
-    anchors = _anchors(pieces, clearance)
+    if deepest is None:
+        deepest = deepest_cells(pieces.piece, pieces.count)
+    anchors = _anchors(pieces, deepest, clearance)
     _keep_anchors(anchors, pieces, grid, ids, anchors_m or {})
     centres = grid.cell_centres_m(anchors)
     found = []
@@ -136,11 +142,13 @@ def describe_regions(
     return found
 
 
-def _anchors(pieces: Components, clearance: NDArray[np.int32]) -> NDArray[np.int32]:
+def _anchors(
+    pieces: Components, deepest: NDArray[np.bool_], clearance: NDArray[np.int32]
+) -> NDArray[np.int32]:
     from pgm_places.topology._region_kernels import anchor_cells
 
     anchor = np.full((pieces.count, 2), -1, np.int32)
-    anchor_cells(pieces.piece, squared_depth(pieces.piece), clearance, anchor)
+    anchor_cells(pieces.piece, deepest, clearance, anchor)
     return anchor
 
 

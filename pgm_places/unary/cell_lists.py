@@ -3,11 +3,12 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.threads import run_tasks
 from pgm_places.models.boosted_list import BoostedList
+from pgm_places.spaces.node_features import NodeFeatures
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel, with_gates
 
@@ -35,7 +36,7 @@ class CellList(Protocol):
         What its scores are called.
     columns : (n,) int64
         The laser and custom columns that it looks at, ascending.
-    found : (N, K) float64
+    found : (N, K) float64 or float32
         The scores of the nodes.
     """
 
@@ -60,10 +61,12 @@ class LaserList:
 
     unary = "laser"
 
-    def __init__(self, fitted: BoostedList, n_nodes: int, n_labels: int) -> None:
+    def __init__(
+        self, fitted: BoostedList, n_nodes: int, n_labels: int, dtype: DTypeLike = np.float64
+    ) -> None:
         self.fitted, self.n_labels = fitted, n_labels
         self.columns = fitted.used_features
-        self.found = np.empty((n_nodes, n_labels))
+        self.found = np.empty((n_nodes, n_labels), dtype)
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
@@ -137,18 +140,20 @@ class SpaceList:
         layout: GridLayout,
         n_own: int,
         n_labels: int,
+        dtype: DTypeLike = np.float64,
         *,
         with_halls: bool = False,
     ) -> None:
         used = model.classifier.used_features
-        self.features, self.layout, self.n_labels = spaces.features, layout, n_labels
+        # In this order: what finding the gates takes for a while is free before features are held.
         self.at_gates, self.doorway = model.nodes_at_gates(spaces, layout), model.doorway
+        self.features, self.n_labels = NodeFeatures.of(spaces.features, layout.cells), n_labels
         self.columns = np.asarray(used[used < n_own], np.int64)
         self.of_spaces = np.asarray(used[used >= n_own], np.int64) - n_own
         self.part = model.classifier.restricted(used)
-        self.found = np.empty((len(layout.cells_rc), n_labels))
+        self.found = np.empty((layout.n_nodes, n_labels), dtype)
         self.corridor = model.corridor
-        self.hall = np.empty(len(layout.cells_rc), np.float32) if with_halls else None
+        self.hall = np.empty(layout.n_nodes, np.float32) if with_halls else None
 
     def expect(self, columns: NDArray[np.int64]) -> None:
         """Say which columns the blocks will have."""
@@ -180,13 +185,13 @@ class SpaceList:
         n_own = len(self.places)
         both = np.empty((len(nodes), n_own + len(self.of_spaces)), np.float32)
         both[:, :n_own] = values if n_own == values.shape[1] else values[:, self.places]
-        self.features.write(self.layout.cells_rc[nodes], self.of_spaces, both, n_own, n_threads=1)
+        self.features.write(nodes, self.of_spaces, both, n_own)
         return self._weighed(nodes, aligned_log_proba(self.part, both, self._n_classes, 1))
 
     def _kept(self, table: KeptTable, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n, K) what the list said, or says, of a few nodes, halls and gates aside."""
         spaces = np.empty((len(nodes), len(self.of_spaces)), np.float32)
-        self.features.write(self.layout.cells_rc[nodes], self.of_spaces, spaces, n_threads=1)
+        self.features.write(nodes, self.of_spaces, spaces)
 
         def score(some: NDArray[np.int64]) -> NDArray[np.float64]:
             both = np.hstack([table.take(nodes[some], self.columns), spaces[some]])

@@ -13,11 +13,13 @@ from pgm_places.features.context import iter_window_means
 from pgm_places.features.own import feature_values, n_columns, values_on_map
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
+from pgm_places.kernels.pages import return_freed
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.boosted_list import BoostedList
 from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.spaces.doorways import Doorways
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.space_model import MapSpaces, SpaceModel
@@ -38,18 +40,20 @@ class CellScores:
 
     Parameters
     ----------
-    laser : (N, K) float or None
+    laser : (N, K) float64 or float32, or None
         Logarithm of the histogram z of the list on a cell's own features (paper eq. 8).
-    context : (N, K) float or None
+    context : (N, K) float64 or None
         The same from the list that also sees the neighbourhood's z, where there is one.
-    space : (N, K) float or None
+    space : (N, K) float64 or float32, or None
         The same from the list that also sees segments, gates and places, where there is one.
     node_features : (N, D) float32 or None
         The features that boosting chose first, for models that learn their own unary.
     spaces : MapSpaces or None
-        The segments, gates and places that ``space`` was made from.
+        The segments, gates and places that ``space`` was made from, where they were kept.
     hall : (N,) float32 or None
         The probability that each node lies in a hall if it is circulation, where it was asked for.
+    doorways : Doorways or None
+        The accepted gates, where ``spaces`` were not kept.
     """
 
     laser: NDArray[np.float64] | None
@@ -58,6 +62,7 @@ class CellScores:
     node_features: NDArray[np.float32] | None
     spaces: MapSpaces | None = None
     hall: NDArray[np.float32] | None = None
+    doorways: Doorways | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +124,8 @@ class UnaryModel:
         unaries: Collection[str] = ("laser", "context", "space"),
         with_node_features: bool = True,
         with_halls: bool = False,
+        single: bool = False,
+        with_spaces: bool = True,
         known: NDArray[np.int16] | None = None,
         own: NDArray[np.float32] | KeptTable | None = None,
         n_threads: int | None = None,
@@ -140,6 +147,11 @@ class UnaryModel:
             Whether structured models want features of their own.
         with_halls : bool
             Whether halls are told apart, if the model can do so.
+        single : bool
+            Whether single precision will do. Scores in context stay in double.
+        with_spaces : bool
+            Whether the result holds segments, gates and places. Without them it holds the doorways
+            alone, and the rasters of a huge map are freed before its cells are scored.
         known : (H, W) int16, optional
             Labels of cells that are known, -1 elsewhere: gates there are doorways, or are none.
         own : (N, F) float32 or KeptTable, optional
@@ -152,20 +164,26 @@ class UnaryModel:
         features = np.empty((n, len(handed)), np.float32) if with_node_features else None
         second = self.context_classifier if "context" in unaries else None
         n_own = n_columns(self.features)
+        dtype = np.float32 if single and second is None else np.float64
         lists: list[CellList] = []
         if "laser" in unaries or second is not None:
-            lists.append(LaserList(self.classifier, n, self.n_labels))
+            lists.append(LaserList(self.classifier, n, self.n_labels, dtype))
         if second is not None:
             lists.append(ContextPart(second, n_own, n, self.n_labels))
-        spaces, around = None, None
+        spaces, doorways, around = None, None, None
         with_halls = with_halls and self.knows_halls
         if self.space is not None and ("space" in unaries or with_halls):
             with progress.stage("segments, gates and places"):
                 spaces = self.space.spaces(grid, known=known, n_threads=n_threads)
+            if not with_spaces and self.space.gates is not None:
+                doorways = spaces.doorways
             around = SpaceList(
-                self.space, spaces, layout, n_own, self.n_labels, with_halls=with_halls
+                self.space, spaces, layout, n_own, self.n_labels, dtype, with_halls=with_halls
             )
             lists.append(around)
+            if not with_spaces:
+                spaces = None
+        return_freed()  # what the spaces took: a huge map needs it for its scores
         needed = np.unique(np.concatenate([handed, *(item.columns for item in lists)]))
         for item in lists:
             item.expect(needed)
@@ -193,7 +211,7 @@ class UnaryModel:
         laser, context, space = (sealed(found[name]) if name in found else None for name in UNARIES)
         handed_on = None if features is None else sealed(features)
         hall = None if around is None or around.hall is None else sealed(around.hall)
-        return CellScores(laser, context, space, handed_on, spaces, hall)
+        return CellScores(laser, context, space, handed_on, spaces, hall, doorways)
 
     def _stream(
         self,
@@ -205,8 +223,10 @@ class UnaryModel:
         stage: Stage,
     ) -> None:
         """Hand the nodes and features (n, F) of block after block of scans to ``take``."""
-        done, total = 0, len(layout.cells_rc)
-        of_cells = values_on_map(self.features, grid, layout.cells_rc, columns)
+        done, total = 0, layout.n_nodes
+        of_cells = {}
+        if self.features:  # the cells of a huge map are not listed without need
+            of_cells = values_on_map(self.features, grid, layout.cells_rc, columns)
         for block in iter_cast(grid, self.sensor, mask=layout.mask(), n_threads=n_threads):
             for first in range(0, len(block.nodes), _SCANS_AT_ONCE):
                 nodes = block.nodes[first : first + _SCANS_AT_ONCE]

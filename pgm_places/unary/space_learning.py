@@ -51,7 +51,7 @@ class LearnedSpaces:
         number = np.searchsorted(starts, some, side="right") - 1
         for m in np.unique(number).tolist():
             mine = number == m
-            cells = self.cells.layout(m).cells_rc[some[mine] - starts[m]]
+            cells = self.cells.layout(m).cells[some[mine] - starts[m]]
             found[mine] = self.spaces[m].features.lookup(cells)
         return found
 

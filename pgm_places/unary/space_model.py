@@ -37,6 +37,9 @@ _REACH_M = 0.6
 
 _BESIDE_M = 0.1
 
+_GATES_AT_ONCE = 256
+"""Gates whose cells are listed together."""
+
 _GAIN, _FLOOR = 1.2, 0.02
 """A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
 probability of its gate; chosen on buildings held out (docs/results.md)."""
@@ -85,7 +88,7 @@ class MapSpaces:
 
     def at_gates(self, layout: GridLayout) -> NDArray[np.float32]:
         """(N,) the largest probability of the gates that each node lies at, 0 for none."""
-        return self.nodes_at_gates(layout).of(np.arange(len(layout.cells_rc)))
+        return self.nodes_at_gates(layout).of(np.arange(layout.n_nodes))
 
     def nodes_at_gates(self, layout: GridLayout) -> "AtGates":
         """The nodes of a layout that lie at gates.
@@ -101,14 +104,20 @@ class MapSpaces:
 
     def nodes_and_gates(self, layout: GridLayout) -> NDArray[np.int64]:
         """(M, 2) each node of a layout that lies at a gate, and that gate; gate after gate."""
+        found = [np.empty((0, 2), np.int64)]
+        for first in range(0, len(self.gates), _GATES_AT_ONCE):
+            some = range(first, min(first + _GATES_AT_ONCE, len(self.gates)))
+            cells = [self._cells_at(self.gates[g]) for g in some]
+            node = layout.nodes_at(np.concatenate(cells))
+            number = np.repeat(some, [len(item) for item in cells])
+            found.append(np.stack([node, number], axis=1)[node >= 0])
+        return np.concatenate(found)
+
+    def _cells_at(self, gate: Gate) -> NDArray[np.int64]:
+        """(n, 2) the cells that lie at a gate, free or not."""
         grid = self.gates.segmentation.watershed.grid
-        cells = [np.empty((0, 2), np.int64)]
-        for gate in self.gates:
-            deeper_m = max(_REACH_M - gate.depth_m / 2, 0.0)
-            cells.append(gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m))
-        number = np.repeat(np.arange(len(cells) - 1), [len(item) for item in cells[1:]])
-        found = np.stack([layout.nodes_at(np.concatenate(cells)), number], axis=1)
-        return np.asarray(found[found[:, 0] >= 0])
+        deeper_m = max(_REACH_M - gate.depth_m / 2, 0.0)
+        return gate.cells(grid, wider_m=_BESIDE_M, deeper_m=deeper_m)
 
 
 @dataclass(frozen=True, eq=False)

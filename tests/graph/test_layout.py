@@ -1,11 +1,14 @@
 """Layouts: nodes are found by their cells."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
+from pgm_places.graph import bands
 from pgm_places.graph.layout import GridLayout
 from tests.strategies import varied_arrays
 
@@ -23,3 +26,33 @@ def test_nodes_are_found_by_their_cells(mask: np.ndarray) -> None:
 def test_cells_must_be_pairs_of_integers() -> None:
     with pytest.raises(InputError, match=r"integers of shape \(M, 2\)"):
         GridLayout.of_mask(np.ones((2, 2), np.bool_)).nodes_at([[0.5, 1.0]])
+
+
+@given(mask=varied_arrays(np.bool_, st.tuples(st.integers(1, 8), st.integers(1, 8))))
+def test_layouts_of_masks_and_of_lists_are_alike(mask: np.ndarray) -> None:
+    shape = (mask.shape[0], mask.shape[1])
+    one, other = GridLayout.of_mask(mask), GridLayout(shape, np.argwhere(mask).astype(np.int32))
+    values = np.arange(one.n_nodes)
+    assert np.array_equal(one.cells_rc, other.cells_rc)
+    assert np.array_equal(one.mask(), other.mask())
+    assert np.array_equal(one.to_raster(values, fill=-1), other.node_of_cell)
+    keep = values % 2 == 0
+    assert np.array_equal(one.part(keep).cells_rc, other.cells_rc[keep])
+
+
+def test_cells_out_of_order_are_refused() -> None:
+    with pytest.raises(InputError, match="row-major order, each cell once"):
+        GridLayout((2, 2), np.array([[1, 0], [0, 1]], np.int32))
+
+
+def test_a_huge_layout_lists_no_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bands, "BAND_CELLS", 50_000)
+    mask = np.ones((1500, 1500), np.bool_)
+    mask.setflags(write=False)
+    tracemalloc.start()
+    layout = GridLayout.of_mask(mask)
+    assert layout.n_pairs == (2 * 1500 * 1499, 2 * 1499**2)
+    assert layout.cells[1_000_000:1_000_002].tolist() == [[666, 1000], [666, 1001]]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < mask.size / 2  # listed, the cells alone would take 8 bytes each

@@ -182,6 +182,17 @@ def test_doorways_are_handed_on_where_the_model_knows_spaces(
     assert 2 * sum(any(held(gate, door) for gate in gates) for door in doors) > len(doors)
 
 
+def test_lean_scores_have_the_same_doorways_in_place_of_spaces() -> None:
+    grid = generate_building(3, size="small", resolution_m=0.1).grid
+    _, kept = space_labeler().scores(grid, methods=["space"])
+    _, found = space_labeler().scores(grid, methods=["space"], lean=True)
+    assert found.spaces is None and kept.spaces is not None and found.doorways is not None
+    assert np.array_equal(found.doorways.place, kept.spaces.doorways.place)
+    assert found.doorways.gates == kept.spaces.doorways.gates
+    assert found.space is not None and kept.space is not None
+    assert np.array_equal(found.space, kept.space)
+
+
 def held(gate: Region, door: Region) -> bool:
     """Whether a gate stands where a labelled door is."""
     assert gate.gate is not None

@@ -231,3 +231,6 @@ def test_only_what_the_methods_want_is_computed(labeler: PlaceLabeler, known: La
     _, every = labeler.scores(known.grid)
     assert every.node_features is not None
     np.testing.assert_array_equal(plain.laser, every.laser)
+    _, lean = labeler.scores(known.grid, methods=["relaxation"], lean=True)
+    assert lean.laser is not None and lean.laser.dtype == np.float32
+    np.testing.assert_array_equal(lean.laser, np.asarray(every.laser, np.float32))

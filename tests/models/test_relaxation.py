@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places._checks import sealed
 from pgm_places.errors import ConfigError, InputError, NotFittedError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Backend, Learnable, build
@@ -85,6 +86,33 @@ def test_noise_is_smoothed_away_and_the_history_tells_how() -> None:
     assert history["support"][-1] > history["support"][0]
     assert result.status is Status.STOPPED
     assert result.score is None
+
+
+def test_unaries_in_single_precision_are_not_copied_and_give_the_same_labels() -> None:
+    problem, truth = a_problem(0.3)
+    assert problem.unary is not None
+    single = LabelingProblem(problem.graph, NAMES, sealed(problem.unary.astype(np.float32)))
+    assert single.unary is not None and single.unary.dtype == np.float32
+    method = Relaxation(max_iterations=50).fit([problem], [truth])
+    found, wanted = method.infer(single), method.infer(problem)
+    assert np.array_equal(found.labels, wanted.labels)
+    np.testing.assert_allclose(beliefs(found), beliefs(wanted), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["independent", "potts"])
+def test_other_methods_compute_in_double_precision(name: str) -> None:
+    problem, _ = a_problem(0.3)
+    rounded: Any = np.asarray(problem.unary, np.float32)
+    known = np.full(len(rounded), -1)
+    known[3] = 1
+    single = LabelingProblem(problem.graph, NAMES, unary=rounded, known=known)
+    double = LabelingProblem(problem.graph, NAMES, rounded.astype(np.float64), known=known)
+    found, wanted = build(name).infer(single), build(name).infer(double)
+    assert np.array_equal(found.labels, wanted.labels) and found.labels[3] == 1
+    assert found.score == wanted.score
+    if wanted.beliefs is not None:
+        assert beliefs(found).dtype == np.float64
+        assert np.array_equal(beliefs(found), beliefs(wanted))
 
 
 def test_beliefs_are_the_references_with_walls_from_the_map() -> None:

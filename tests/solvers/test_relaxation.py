@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
+from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.solvers import grid_relaxation
 from pgm_places.solvers._belief_store_kernels import BLOCK
 from pgm_places.solvers.grid_relaxation import neighbour_weights, relax_grid
@@ -92,6 +95,34 @@ def test_any_number_of_threads_gives_the_same_bits(
         np.testing.assert_array_equal(other.beliefs, first.beliefs)
         assert other.max_change == first.max_change
         assert other.support == first.support
+
+
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_the_cells_of_a_mask_need_no_list(n_threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 700)
+    monkeypatch.setattr(grid_relaxation, "PARTS_AT_ONCE", 2)
+    shape = (300, 40)
+    unary, cells, walls, r, _ = a_raster(6, shape, 3)
+    mask = np.zeros(shape, np.bool_)
+    mask[cells[:, 0], cells[:, 1]] = True
+    listed = relax_grid(unary, cells, shape, r, walls=walls, n_threads=1)
+    found = relax_grid(unary, MaskCells.of(mask), shape, r, walls=walls, n_threads=n_threads)
+    assert np.array_equal(found.beliefs, listed.beliefs)
+    assert found.mean_change == listed.mean_change
+    with pytest.raises(InputError, match=r"cells of a mask of shape \(40, 300\), got"):
+        relax_grid(unary, MaskCells.of(mask), shape[::-1], r)
+
+
+def test_memory_beside_beliefs_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(grid_relaxation, "NODES_AT_ONCE", 20_000)
+    cells, r = MaskCells.of(np.ones((1200, 1200), np.bool_)), np.zeros((1, 4, 4))
+    unary = np.zeros((len(cells), 3), np.float32)
+    relax_grid(unary[:4], MaskCells.of(np.ones((2, 2), np.bool_)), (2, 2), r)  # compiles
+    tracemalloc.start()
+    found = relax_grid(unary, cells, (1200, 1200), r, iterations=1, n_threads=2)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < found.beliefs.nbytes + 6 * len(cells)  # the store, which is not traced, aside
 
 
 def adjacency(

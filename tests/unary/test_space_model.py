@@ -97,3 +97,17 @@ def test_cells_are_scored_alike_in_blocks_of_any_size(
         for nodes in np.array_split(np.arange(len(own)), 3):
             item.take(nodes, own[nodes][:, columns], 2)
         assert np.array_equal(item.found, wanted)
+
+
+def test_scores_in_single_precision_are_those_in_double_rounded() -> None:
+    spaces, layout = small_floor()
+    model = SpaceModel(random_list(N_OWN + N_SPACE_COLUMNS, 3), random_list(75, 2), 2)
+    own = np.random.default_rng(5).random((layout.n_nodes, N_OWN)).astype(np.float32)
+    found = []
+    for dtype in (np.float64, np.float32):
+        item = SpaceList(model, spaces, layout, N_OWN, 3, dtype)
+        item.expect(np.arange(N_OWN))
+        item.take(np.arange(layout.n_nodes), own, 2)
+        found.append(item.found)
+    assert found[1].dtype == np.float32
+    assert np.array_equal(found[1], found[0].astype(np.float32))

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster, nearest_name
 from pgm_places.errors import LabelError
+from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
 from pgm_places.io.maps.label_palette import (
@@ -121,7 +122,11 @@ def save_labels(
     labels = label_raster("raster", raster, ("H", "W"), n_labels=len(names))
     table = np.zeros(len(names) + 1, np.uint8)  # the last entry is that of label -1
     table[: len(names)] = list(values.values())
-    write_bytes(target, _indexed_png(table[labels][::-1], values))
+    stored = np.empty(labels.shape, np.uint8)
+    # NumPy looks up by 64-bit copies of the numbers.
+    for rows in bands_of_rows((labels.shape[0], labels.shape[1])):
+        stored[rows] = table[labels[rows]]
+    write_bytes(target, _indexed_png(stored, values))
     names_path = target.with_suffix(".yaml")
     listed = "".join(f"  {_quoted(name)}: {value}\n" for name, value in values.items())
     write_text(names_path, f"ignore: 0\nvalues:\n{listed}")
@@ -201,7 +206,9 @@ def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:
     from PIL import Image
 
     palette = palette_of(list(values.values()))
-    picture = Image.frombytes("P", stored.shape[::-1], np.ascontiguousarray(stored).tobytes())
+    size = (stored.shape[1], stored.shape[0])
+    # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
+    picture = Image.frombuffer("P", size, stored, "raw", "P", 0, -1)
     picture.putpalette(palette.ravel().tolist())
     return raster_png(picture)
 

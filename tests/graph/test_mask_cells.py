@@ -1,0 +1,45 @@
+"""The cells of a mask, listed as far as someone asks."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgm_places.graph import bands
+from pgm_places.graph.mask_cells import MaskCells
+from tests.strategies import varied_arrays
+
+MASKS = varied_arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12)))
+
+
+@given(mask=MASKS, cells_in_band=st.sampled_from([1, 20, 1000]), data=st.data())
+def test_parts_are_those_of_the_whole_list(
+    mask: np.ndarray, cells_in_band: int, data: st.DataObject
+) -> None:
+    wanted, cells = np.argwhere(mask), MaskCells.of(mask)
+    number = st.integers(0, len(wanted))
+    first, stop = data.draw(number), data.draw(number)
+    some = np.array(data.draw(st.lists(st.integers(0, max(len(wanted) - 1, 0)))), np.int64)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bands, "BAND_CELLS", cells_in_band)
+        assert np.array_equal(cells[:], wanted)
+        assert np.array_equal(cells[first:stop], wanted[first:stop])
+    if len(wanted):
+        assert np.array_equal(cells[some], wanted[some])
+        assert np.array_equal(cells[np.sort(some)], wanted[np.sort(some)])
+
+
+@given(mask=MASKS)
+def test_rows_have_the_numbers_of_their_cells(mask: np.ndarray) -> None:
+    cells, rows = MaskCells.of(mask), np.argwhere(mask)[:, 0]
+    assert len(cells) == len(rows)
+    for first in range(len(mask)):
+        nodes = cells.nodes_of_rows(slice(first, len(mask)))
+        assert (rows[nodes] >= first).all() and (rows[: nodes.start] < first).all()
+
+
+def test_a_mask_that_is_written_to_later_is_copied() -> None:
+    mask = np.ones((2, 3), np.bool_)
+    cells = MaskCells.of(mask)
+    mask[:] = False
+    assert cells.mask.all()
