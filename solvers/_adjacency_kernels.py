@@ -36,10 +36,23 @@ class Arcs(NamedTuple):
 def fill_slots(
     edges: NDArray[np.uint32],
     next_slot: NDArray[np.uint32],
+    start: NDArray[np.uint32],
     head: NDArray[np.uint32],
     arc: NDArray[np.uint32],
 ) -> None:
-    """Write both arcs of every edge into the rows that begin at ``next_slot`` (used up)."""
+    """Write both arcs of every edge into the rows of their owners, and where each row begins.
+
+    ``next_slot`` (N,) must be 0; it is used up.
+    """
+    for e in range(edges.shape[0]):
+        next_slot[edges[e, 0]] += 1
+        next_slot[edges[e, 1]] += 1
+    n_slots = 0
+    for i in range(next_slot.shape[0]):
+        start[i] = n_slots
+        n_slots += next_slot[i]
+        next_slot[i] = start[i]
+    start[next_slot.shape[0]] = n_slots
     for e in range(edges.shape[0]):
         i = edges[e, 0]
         j = edges[e, 1]

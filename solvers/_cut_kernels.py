@@ -15,8 +15,17 @@ from numpy.typing import NDArray
 
 from pgm_places.kernels.jit import njit
 from pgm_places.solvers._adjacency_kernels import FORTH, REVERSE, Arcs
+from pgm_places.solvers._excess_kernels import push_between_neighbours, spread_excess
 
-__all__ = ["FREE", "PATH_COLUMNS", "SINK", "SOURCE", "CutSpace", "minimum_cut_kernel"]
+__all__ = [
+    "FREE",
+    "PATH_COLUMNS",
+    "SINK",
+    "SOURCE",
+    "CutSpace",
+    "minimum_cut_kernel",
+    "parted_capacity",
+]
 
 FREE = 0
 SOURCE = 1
@@ -29,6 +38,10 @@ _NONE = np.uint32(2**32 - 1)
 _ROOT = np.uint32(2**32 - 2)
 _ORPHAN = np.uint32(2**32 - 3)
 _ONE = np.uint32(1)
+_SUMMED_AT_ONCE = 4096
+"""Sums of sums round less than one long sum."""
+_NEAR = np.uint32(2)
+"""An orphan that finds a parent so near to the root looks no further."""
 
 
 class CutSpace(NamedTuple):
@@ -66,28 +79,30 @@ def minimum_cut_kernel(
     side, path = space.side, space.path
     active, waiting = space.active, space.waiting
     n_ring = active.shape[0]
-    _push_between_neighbours(n_nodes, arcs, excess, capacity)
-    n_active = _plant(n_nodes, excess, space)
+    spread_excess(n_nodes, arcs, excess, capacity)
+    push_between_neighbours(n_nodes, arcs, excess, capacity)
+    n_active = _plant(n_nodes, arcs, excess, capacity, space)
     first = 0
     clock = np.uint32(0)
     going_on = False
     i = np.uint32(0)
+    slot = np.uint32(0)
     while True:
-        if not going_on or side[i] == FREE:
+        if not going_on:
             if n_active == 0:
                 return
             i = active[first]
             first = first + 1 if first + 1 < n_ring else 0
             n_active -= 1
             waiting[i] = False
-            going_on = False
             if side[i] == FREE:
                 continue
+            slot = start[i]
         grown = side[i]
         against = REVERSE if grown == SINK else FORTH
         bridge = _NONE
         beyond = np.uint32(0)
-        for slot in range(start[i], start[i + _ONE]):
+        while slot < start[i + _ONE]:
             j = head[slot]
             if side[j] != grown and capacity[arc[slot] ^ against] > 0.0:
                 if side[j] != FREE:
@@ -101,61 +116,44 @@ def minimum_cut_kernel(
                 path[j, _DEPTH] = path[i, _DEPTH] + _ONE
                 if not waiting[j]:
                     n_active = _wake(j, first, n_active, active, waiting)
+            slot += _ONE
         going_on = bridge != _NONE
         if going_on:
             clock += _ONE
             tail, tip = (i, beyond) if grown == SOURCE else (beyond, i)
             n_orphans = _augment(bridge, tail, tip, excess, capacity, path, space.orphans)
             n_active = _adopt(n_orphans, clock, first, n_active, arcs, capacity, space)
+            # What it has passed is in its tree or cut off, and wakes it if it is set free.
+            going_on = side[i] == grown
 
 
 @njit
-def _push_between_neighbours(
-    n_nodes: int, arcs: Arcs, excess: NDArray[np.float64], capacity: NDArray[np.float64]
-) -> None:
-    """Push what fits from nodes at the source to neighbours at the sink, in one pass.
-
-    These are the shortest augmentations and by far the most; in the order of the nodes they cost a
-    small part of what they cost the trees.
-    """
+def _plant(
+    n_nodes: int,
+    arcs: Arcs,
+    excess: NDArray[np.float64],
+    capacity: NDArray[np.float64],
+    space: CutSpace,
+) -> int:
+    """Make a root of every node that is joined to a terminal; how many of them can grow."""
     start, head, arc = arcs.start, arcs.head, arcs.arc
-    for i in range(n_nodes):
-        if excess[i] <= 0.0:
-            continue
-        for slot in range(start[i], start[i + 1]):
-            j = head[slot]
-            if excess[j] < 0.0:
-                forth = arc[slot]
-                push = min(min(excess[i], -excess[j]), capacity[forth])
-                capacity[forth] -= push
-                capacity[forth ^ REVERSE] += push
-                excess[i] -= push
-                excess[j] += push
-                if excess[i] <= 0.0:
-                    break
-
-
-@njit
-def _plant(n_nodes: int, excess: NDArray[np.float64], space: CutSpace) -> int:
-    """Make a root of every node that is joined to a terminal; how many there are."""
     side, path = space.side, space.path
-    n_active = 0
     for i in range(n_nodes):
+        side[i] = SOURCE if excess[i] > 0.0 else (SINK if excess[i] < 0.0 else FREE)
+        path[i, _ARC] = _ROOT if side[i] != FREE else _NONE
         path[i, _STAMP] = 0
         path[i, _DEPTH] = 1
-        path[i, _ARC] = _ROOT
-        if excess[i] > 0.0:
-            side[i] = SOURCE
-        elif excess[i] < 0.0:
-            side[i] = SINK
-        else:
-            side[i] = FREE
-            path[i, _ARC] = _NONE
-            space.waiting[i] = False
-            continue
-        space.waiting[i] = True
+    n_active = 0
+    for i in range(n_nodes):
+        against = REVERSE if side[i] == SINK else FORTH
+        can_grow = False
+        for slot in range(start[i], start[i + 1]):  # no branches: they could not be foreseen
+            open_arc = capacity[arc[slot] ^ against] > 0.0
+            can_grow |= open_arc & (side[head[slot]] != side[i])
+        can_grow &= side[i] != FREE
+        space.waiting[i] = can_grow
         space.active[n_active] = i
-        n_active += 1
+        n_active += can_grow
     return n_active
 
 
@@ -261,12 +259,17 @@ def _adopt(
         best_depth = _NONE
         for slot in range(start[i], start[i + _ONE]):
             j = head[slot]
-            if side[j] == tree and capacity[arc[slot] ^ against] > 0.0:
-                distance = _depth_if_rooted(j, clock, path)
-                if 0 < distance < best_depth:
-                    best_depth = distance
-                    best = arc[slot]
-                    parent = j
+            if side[j] != tree or not capacity[arc[slot] ^ against] > 0.0:
+                continue
+            if path[j, _DEPTH] >= best_depth:
+                continue  # it may have come nearer since, but that is too rare to be looked up
+            distance = _depth_if_rooted(j, clock, path)
+            if 0 < distance < best_depth:
+                best_depth = distance
+                best = arc[slot]
+                parent = j
+                if distance <= _NEAR:
+                    break
         if best != _NONE:
             path[i, _ARC] = best
             path[i, _PARENT] = parent
@@ -313,3 +316,22 @@ def _depth_if_rooted(i: np.uint32, clock: np.uint32, path: NDArray[np.uint32]) -
         distance -= _ONE
         j = path[j, _PARENT]
     return found
+
+
+@njit
+def parted_capacity(
+    edges: NDArray[np.int32],
+    inside: NDArray[np.bool_],
+    forward: NDArray[np.float64],
+    backward: NDArray[np.float64],
+) -> float:
+    """The sum of the capacities (E,) that lead from nodes inside to nodes that are not."""
+    total = 0.0
+    for block in range(0, edges.shape[0], _SUMMED_AT_ONCE):
+        part = 0.0
+        for e in range(block, min(block + _SUMMED_AT_ONCE, edges.shape[0])):
+            first, second = inside[edges[e, 0]], inside[edges[e, 1]]
+            if first != second:
+                part += forward[e] if first else backward[e]
+        total += part
+    return total

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import frozen, integer_array
+from pgm_places._checks import integer_array, sealed
 from pgm_places.errors import InputError
 from pgm_places.solvers._adjacency_kernels import Arcs, fill_slots
 
@@ -68,14 +68,13 @@ def adjacency(n_nodes: int, edges: ArrayLike) -> Adjacency:
     loops = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
     if len(loops):
         raise InputError(f"edge {loops[0]} joins node {pairs[loops[0], 0]} to itself")
-    ends = frozen(pairs.astype(np.int32))
-    start = np.zeros(n_nodes + 1, np.uint32)
-    start[1:] = np.cumsum(np.bincount(ends.ravel(), minlength=n_nodes))
+    ends = sealed(pairs.astype(np.int32))
+    start = np.empty(n_nodes + 1, np.uint32)
     head = np.empty(2 * len(ends), np.uint32)
     arc = np.empty(2 * len(ends), np.uint32)
-    fill_slots(ends.view(np.uint32), start[:-1].copy(), head, arc)
+    fill_slots(ends.view(np.uint32), np.zeros(n_nodes, np.uint32), start, head, arc)
     owner = ends.view(np.uint32).reshape(-1)
-    return Adjacency(n_nodes, ends, Arcs(frozen(start), frozen(head), frozen(arc), owner))
+    return Adjacency(n_nodes, ends, Arcs(sealed(start), sealed(head), sealed(arc), owner))
 
 
 def part_means(n_nodes: int, edges: NDArray[np.int32], values: ArrayLike) -> NDArray[np.float64]:

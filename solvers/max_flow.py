@@ -7,7 +7,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array, frozen
 from pgm_places.errors import InputError
-from pgm_places.solvers._cut_kernels import PATH_COLUMNS, SOURCE, CutSpace, minimum_cut_kernel
+from pgm_places.solvers._cut_kernels import (
+    PATH_COLUMNS,
+    SOURCE,
+    CutSpace,
+    minimum_cut_kernel,
+    parted_capacity,
+)
 from pgm_places.solvers.adjacency import adjacency
 
 __all__ = ["MinimumCut", "cut_space", "minimum_cut"]
@@ -83,13 +89,8 @@ def minimum_cut(
         space,
     )
     inside = space.side == SOURCE
-    first, second = inside[around.edges[:, 0]], inside[around.edges[:, 1]]
-    value = (
-        source[~inside].sum()
-        + sink[inside].sum()
-        + ahead[first & ~second].sum()
-        + back[second & ~first].sum()
-    )
+    value = source[~inside].sum() + sink[inside].sum()
+    value += parted_capacity(around.edges, inside, ahead, back)
     return MinimumCut(float(value), frozen(inside))
 
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import maximum_flow
 
 from pgm_places.errors import InputError
+from pgm_places.solvers._excess_kernels import spread_excess
+from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.max_flow import minimum_cut
 from tests.reference.energy import cut_value
 from tests.strategies import edge_lists, quarters
@@ -92,6 +94,30 @@ def test_flow_between_neighbours_is_undone_where_that_pays() -> None:
     cut = minimum_cut([1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0], edges, [1.0] * 3, [0.0] * 3)
     assert cut.value == 2.0
     assert not cut.source_side.any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_spread_excess_is_a_flow_of_whole_parts_that_cancels_most_of_it(seed: int) -> None:
+    """What leaves a node arrives at the heads of its arcs, and no sum has to be rounded."""
+    source, sink, edges, forward, backward = random_network(seed, 400, 1500)
+    before = np.stack([forward, backward], axis=1).ravel()
+    excess, capacity = source - sink, before.copy()
+    spread_excess(400, adjacency(400, edges).arcs, excess, capacity)
+    sent = (before - capacity)[::2]
+    np.testing.assert_array_equal(sent, -(before - capacity)[1::2])
+    assert (capacity >= 0.0).all()
+    left = (source - sink).astype(np.longdouble)
+    np.subtract.at(left, edges[:, 0], sent)
+    np.add.at(left, edges[:, 1], sent)
+    np.testing.assert_array_equal(excess, left)
+    assert np.abs(excess).sum() < 0.75 * np.abs(source - sink).sum()
+
+
+def test_huge_capacities_are_cut_without_spreading() -> None:
+    huge = 1e308
+    cut = minimum_cut([huge, 0.0], [0.0, huge], [(0, 1)], [1.0], [0.0])
+    assert cut.value == 1.0
+    assert cut.source_side.tolist() == [True, False]
 
 
 @pytest.mark.parametrize("seed", range(3))
