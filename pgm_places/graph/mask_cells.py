@@ -44,7 +44,10 @@ class MaskCells:
 
     def __getitem__(self, some: slice | NDArray[np.integer[Any]]) -> NDArray[np.int32]:
         """(n, 2) row and column of a range of cells, or of the cells of some numbers."""
-        return self._range(some) if isinstance(some, slice) else self._listed(some)
+        if not isinstance(some, slice):
+            return self._listed(some)
+        first, stop, step = some.indices(len(self))
+        return self._range(first, stop) if step == 1 else self._listed(np.arange(first, stop, step))
 
     def nodes_of_rows(self, rows: slice) -> slice:
         """The numbers of the cells in a band of rows."""
@@ -61,8 +64,7 @@ class MaskCells:
             found[here] = np.where(self.mask[r, column_here], number, -1)
         return found
 
-    def _range(self, some: slice) -> NDArray[np.int32]:
-        first, stop, step = some.indices(len(self))
+    def _range(self, first: int, stop: int) -> NDArray[np.int32]:
         low = int(np.searchsorted(self.row_start, first, "right")) - 1
         high = int(np.searchsorted(self.row_start, stop, "left"))
         cells = np.empty((max(stop - first, 0), 2), np.int32)
@@ -74,7 +76,7 @@ class MaskCells:
             into = cells[max(nodes.start - first, 0) : min(nodes.stop, stop) - first]
             into[:, 0], into[:, 1] = r[kept], c[kept]
             into[:, 0] += rows.start
-        return cells[::step]
+        return cells
 
     def _listed(self, some: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
         if some.dtype == np.bool_:
