@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from llvmlite import binding
+
 from pgm_places.experiment.runs import versions
 
 TOPICS = (
@@ -69,10 +71,18 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
+def vectors() -> str:
+    """The kind of processor that kernels are compiled for, and its widest vectors."""
+    features = binding.get_host_cpu_features()
+    known = {"avx512f": "AVX-512", "avx2": "AVX2", "neon": "NEON"}
+    widest = (words for name, words in known.items() if features.get(name))
+    return ", ".join([binding.get_host_cpu_name(), *list(widest)[:1]])
+
+
 def machine() -> str:
     """What the figures of a section were measured with."""
     known = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return f"Machine: {processor()}, {os.cpu_count()} cores. Versions: {known}."
+    return f"Machine: {processor()} ({vectors()}), {os.cpu_count()} cores. Versions: {known}."
 
 
 def markdown_table(rows: Sequence[dict[str, Any]]) -> str:
