@@ -318,12 +318,12 @@ def test_on_a_phone_the_lower_labelling_is_named_above_the_readout(
     page.keyboard.press("Shift+S")
     until(page, "document.getElementById('stage').dataset.panes === 'stacked'")
     shows_metres = "document.getElementById('readout').textContent.includes(' m')"
-    for _ in range(100):  # the panes may still be moving under the mouse
+    deadline = time.monotonic() + PATIENCE_S
+    while not page.evaluate(shows_metres):  # the panes may still be moving under the mouse
+        assert time.monotonic() < deadline
         page.mouse.move(*at(page, 10, 10))
         page.mouse.move(*at(page, 11, 10))
-        if page.evaluate(shows_metres):
-            break
-    until(page, shows_metres)
+        page.wait_for_timeout(30)
     title, readout = (
         page.locator(f"#{name}").bounding_box() for name in ("right-title", "readout")
     )
