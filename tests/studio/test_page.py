@@ -310,6 +310,20 @@ def test_two_files_are_compared_side_by_side_and_painted_in_either_pane(
     assert (labels[9:13, 31:39] == 0).all() and (labels[:, :26] == -1).all()
 
 
+def test_the_middle_of_two_panes_stays_as_the_window_changes(
+    opened: Open, running: StudioProcess
+) -> None:
+    page = opened(running)
+    page.keyboard.press("Shift+S")
+    until(page, "studio.view.panes === 2")
+    middle = "Object.values(studio.view.toMap(studio.view.width / 2, studio.view.height / 2))"
+    before = page.evaluate(middle)
+    page.set_viewport_size({"width": 1000, "height": 640})
+    canvas = "document.getElementById('stage').querySelector('canvas')"
+    until(page, f"innerWidth === 1000 && {canvas}.width === {canvas}.clientWidth")
+    assert page.evaluate(middle) == pytest.approx(before, abs=0.01)
+
+
 def test_on_a_phone_the_lower_labelling_is_named_above_the_readout(
     opened: Open, running: StudioProcess
 ) -> None:

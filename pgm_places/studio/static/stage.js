@@ -34,12 +34,10 @@ export class Stage {
 
   #resize() {
     const { canvas, view } = this;
-    const before = { width: this.width, height: this.height };
-    [this.width, this.height] = [view.width, view.height];
     view.ratio = window.devicePixelRatio || 1;
     canvas.width = Math.round(canvas.clientWidth * view.ratio);
     canvas.height = Math.round(canvas.clientHeight * view.ratio);
-    if (before.width) view.move((this.width - before.width) / 2, (this.height - before.height) / 2);
+    view.follow();
     this.studio.changed();
   }
 

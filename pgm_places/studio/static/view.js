@@ -13,6 +13,7 @@ export class View {
     this.ratio = 1;
     this.panes = 1;
     this.shrunk = 1;
+    this.seen = null;
     this.changed = () => {};
   }
 
@@ -40,15 +41,24 @@ export class View {
     return this.stacked ? { x, y: y < this.height ? y : y - this.height } : { x: x < this.width ? x : x - this.width, y };
   }
 
+  /** Keep the middle in the middle if the panes have another size than when this was last asked. */
+  follow() {
+    const { width, height, seen } = this;
+    this.seen = { width, height };
+    if (seen) this.move((width - seen.width) / 2, (height - seen.height) / 2);
+  }
+
   /** Show one pane or two: what was seen of the map stays in view, and comes back as it was. */
   setPanes(panes) {
     if (panes === this.panes) return;
+    this.follow();
     const middle = this.toMap((this.width + TOOLS_PX) / 2, this.height / 2);
     let factor = 1 / this.shrunk;
     const { columns, rows } = this.size;
     const from = this.toMap(0, 0);
     const to = this.toMap(this.width, this.height);
     this.panes = panes;
+    this.seen = { width: this.width, height: this.height };
     if (panes > 1) {
       const [left, right] = [Math.max(0, from.x), Math.min(columns, to.x)];
       const [top, bottom] = [Math.max(0, from.y), Math.min(rows, to.y)];
@@ -94,6 +104,7 @@ export class View {
 
   /** Show a part of the map, given by its corners in cells, beside the tools. */
   show(left, top, right, bottom, margin = 0.04) {
+    this.follow();
     const wide = Math.max(1, right - left);
     const high = Math.max(1, bottom - top);
     const room = this.width - TOOLS_PX;
