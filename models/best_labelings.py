@@ -16,7 +16,8 @@ from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.decoding import Decoder, decode
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest import forest_maximum, is_forest
+from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.max_marginals import max_marginals
 
 __all__ = ["BestLabelings", "best_labelings"]

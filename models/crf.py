@@ -48,7 +48,7 @@ from pgm_places.models.linear_features import (
 from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest import is_forest
+from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.max_margin import OnStep
 from pgm_places.solvers.table_field import TableField, beside
 

@@ -80,7 +80,7 @@ def decode(
         ``info["certificate"]``.
     max_iterations : int, optional
         Limit on sweeps, passes or iterations instead of the method's own; ``lp`` and ``exact``
-        have none.
+        have none, nor have ``max-product`` and ``sum-product`` without cycles: they take two.
     on_iteration : callable, optional
         Called after each of them with its number and the method's figure: score (``graph-cut``),
         bound (``trw-s``), changed nodes (``icm``), largest change (the others).
@@ -270,20 +270,20 @@ def _mean_field_on_raster(problem: _Problem) -> "GridMeanField | None":
     )
 
 
-def _propagation(problem: _Problem, kind: Literal["sum-product", "max-product"]) -> _Answer:
+def _max_product(problem: _Problem) -> _Answer:
     from pgm_places.solvers.belief_propagation import belief_propagation
 
-    found = belief_propagation(*problem.arrays, kind=kind, **problem.limited())
-    beliefs = found.beliefs if kind == "sum-product" else None
-    return _Answer(found.labels, _converged(found.converged), beliefs=beliefs)
-
-
-def _max_product(problem: _Problem) -> _Answer:
-    return _propagation(problem, "max-product")
+    found = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
+    if found.exact:
+        return _Answer(found.labels, Status.EXACT, found.score)
+    return _Answer(found.labels, _converged(found.converged))
 
 
 def _sum_product(problem: _Problem) -> _Answer:
-    return _propagation(problem, "sum-product")
+    from pgm_places.solvers.belief_propagation import belief_propagation
+
+    found = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
+    return _Answer(found.labels, _converged(found.converged), beliefs=found.beliefs)
 
 
 def _exact(problem: _Problem) -> _Answer:

@@ -11,7 +11,8 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
 from pgm_places.models.decoding import Decoder, decode
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest import forest_samples, is_forest
+from pgm_places.solvers.forest import forest_samples
+from pgm_places.solvers.forest_order import is_forest
 
 __all__ = ["Samples", "sample"]
 

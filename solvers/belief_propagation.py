@@ -14,8 +14,11 @@ from pgm_places.solvers._belief_kernels import (
     agreement_sweep,
     decode_beliefs,
     message_sweep,
+    pass_back,
+    pass_forest,
     spanning_order,
 )
+from pgm_places.solvers.forest_order import is_forest, rooted_forest
 from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -54,6 +57,9 @@ class BeliefPropagation:
         not converge.
     history : (n_iterations,) float
         Largest change of a log-message in each sweep.
+    exact : bool
+        Whether the graph has no cycle: beliefs are then the model's own, and the labels of
+        ``"max-product"`` the best of all.
     """
 
     labels: NDArray[np.int64]
@@ -62,6 +68,7 @@ class BeliefPropagation:
     n_iterations: int
     converged: bool
     history: NDArray[np.float64]
+    exact: bool
 
 
 def belief_propagation(
@@ -78,8 +85,8 @@ def belief_propagation(
 ) -> BeliefPropagation:
     """Approximate marginals or a labelling from messages between neighbours.
 
-    On a forest two sweeps from the leaves make it exact (:mod:`pgm_places.solvers.forest` does just
-    that). Elsewhere messages may oscillate forever: check ``converged``, and use damping.
+    On a forest two sweeps, from the leaves and back, make it exact; damping, tolerance and limit do
+    not matter. Elsewhere messages may oscillate forever: check ``converged``, and use damping.
 
     Parameters
     ----------
@@ -124,10 +131,13 @@ def belief_propagation(
     model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     rule = Rule(kind == "max-product", float(damping))
+    exact = is_forest(model.around)
     sweep = _sweeper(model, rule, message)
-    history: list[float] = []
     still = tolerance * (model.unit if kind == "max-product" else min(model.unit, 1.0))
     still = max(still, ROUNDING * model.unit)
+    if exact:
+        sweep, still, max_iterations = _forest_sweeper(model, rule.maximise, message), -1.0, 2
+    history: list[float] = []
     while len(history) < max_iterations:
         change = sweep(len(history) % 2 == 0)
         history.append(change)
@@ -142,8 +152,9 @@ def belief_propagation(
         score=total_score(model, labels),
         beliefs=frozen(beliefs),
         n_iterations=len(history),
-        converged=history[-1] <= still,
+        converged=exact or history[-1] <= still,
         history=frozen(np.array(history)),
+        exact=exact,
     )
 
 
@@ -167,6 +178,24 @@ def _sweeper(
         return lambda upwards: message_sweep(upwards, rule, terms, arcs, message)
     gain = np.zeros((0, model.n_labels)) if rule.maximise else np.expm1(agreement)
     return lambda upwards: agreement_sweep(upwards, rule, terms, gain, arcs, message)
+
+
+def _forest_sweeper(
+    model: PairwiseModel, maximise: bool, message: NDArray[np.float64]
+) -> Callable[[bool], float]:
+    """What fills all messages of a forest, towards the roots and back, and returns the largest."""
+    terms, arcs = model.max_terms if maximise else model.terms, model.around.arcs
+    order, parent = rooted_forest(model.around)
+
+    def sweep(upwards: bool) -> float:
+        if upwards:
+            shares = np.empty(model.n_nodes)
+            pass_forest(maximise, terms, arcs, order, parent, message, shares)
+        else:
+            pass_back(maximise, terms, arcs, order, parent, message)
+        return float(-message.min(initial=0.0, where=message > -np.inf))
+
+    return sweep
 
 
 def _is_safe(agreement: NDArray[np.float64]) -> bool:

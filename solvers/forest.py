@@ -9,11 +9,11 @@ from pgm_places._checks import frozen, sealed
 from pgm_places.errors import InputError
 from pgm_places.solvers._belief_kernels import (
     decode_forest,
-    forest_order,
     pass_forest,
     sample_forest,
 )
 from pgm_places.solvers.adjacency import Adjacency
+from pgm_places.solvers.forest_order import rooted_forest
 from pgm_places.solvers.forest_sums import forest_sums, sums_to_roots
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -23,9 +23,7 @@ __all__ = [
     "forest_marginals",
     "forest_maximum",
     "forest_samples",
-    "is_forest",
     "ordered_forest",
-    "rooted_forest",
 ]
 
 
@@ -162,11 +160,6 @@ def forest_samples(
     return labels.astype(np.int64)
 
 
-def is_forest(around: Adjacency) -> bool:
-    """Whether a graph has no cycle."""
-    return _closing_edge(around)[0] < 0
-
-
 def ordered_forest(
     unary: ArrayLike,
     edges: ArrayLike | Adjacency,
@@ -176,23 +169,3 @@ def ordered_forest(
     """The model, every node after its parent, and the arc to that parent."""
     model = pairwise_model(unary, edges, agreement, pairwise)
     return model, *rooted_forest(model.around)
-
-
-def rooted_forest(around: Adjacency) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Every node after its parent, and the arc to that parent."""
-    edge, order, parent = _closing_edge(around)
-    if edge >= 0:
-        i, j = around.edges[edge]
-        raise InputError(
-            f"exact inference needs a graph without cycles, but edge {edge} ({i}, {j}) closes one; "
-            "use another decoder"
-        )
-    return order, parent
-
-
-def _closing_edge(around: Adjacency) -> tuple[int, NDArray[np.uint32], NDArray[np.uint32]]:
-    """The first edge that closes a cycle, -1 for none; the order and parents, whole without one."""
-    order = np.empty(around.n_nodes, np.uint32)
-    parent = np.empty(around.n_nodes, np.uint32)
-    edge = forest_order(around.arcs, order, parent, np.zeros(around.n_nodes, np.bool_))
-    return int(edge), order, parent

@@ -76,20 +76,21 @@ class PairwiseModel:
     def unit(self) -> float:
         """How much the label of one node or the labels of one edge typically matter.
 
-        The median range of the finite values of a node or edge, of those where it is not 0; hence
-        a large negative number here and there in place of -inf does not change it. Tolerances are
-        multiples of it, so that a problem and its multiples are solved alike.
+        The median range of the finite values of a node or that of an edge, whichever is smaller, of
+        those where it is not 0; hence large negative numbers in place of -inf do not change it, be
+        they in a table that all edges share. Tolerances are multiples of it, so that a problem and
+        its multiples are solved alike.
         """
-        return float(np.median(self._ranges)) if len(self._ranges) else 0.0
+        return min((float(np.median(some)) for some in self._ranges if len(some)), default=0.0)
 
     @cached_property
     def size(self) -> float:
         """How far scores typically lie apart: the unit times how many nodes and edges matter."""
-        return self.unit * len(self._ranges)
+        return self.unit * sum(map(len, self._ranges))
 
     @cached_property
-    def _ranges(self) -> NDArray[np.float64]:
-        """(M,) the ranges of the nodes and edges whose finite values are not all the same."""
+    def _ranges(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The ranges of the nodes, and edges, whose finite values are not the same but rounding."""
         n_edges = self.around.n_edges
         if self.agreement is not None:
             high, low = self.agreement.max(axis=1), self.agreement.min(axis=1)
@@ -99,8 +100,8 @@ class PairwiseModel:
         else:
             flat = self.tables.reshape(len(self.tables), -1)
             at_edges = np.broadcast_to(_finite_range(flat), n_edges)
-        ranges = np.concatenate([_finite_range(self.unary), at_edges])
-        return ranges[ranges > 0]
+        at_nodes = _finite_range(self.unary)
+        return at_nodes[at_nodes > 0], at_edges[at_edges > 0]
 
 
 def pairwise_model(
@@ -204,10 +205,12 @@ def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[n
 
 
 def _finite_range(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M,) the largest less the smallest finite value of each row (M, K); 0 where there is none."""
+    """(M,) the largest less the smallest finite value of each row (M, K); 0 where they are equal."""
     high = values.max(axis=1, initial=-np.inf)
     low = np.where(np.isfinite(values), values, np.inf).min(axis=1, initial=np.inf)
-    return np.subtract(high, low, out=np.zeros(len(values)), where=np.isfinite(high))
+    differ = np.isfinite(high)
+    differ[differ] = (high - low)[differ] > SAME * np.abs(high[differ])
+    return np.subtract(high, low, out=np.zeros(len(values)), where=differ)
 
 
 def _with_agreement(

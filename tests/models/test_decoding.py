@@ -233,6 +233,31 @@ def test_no_forbidden_labelling_is_given_where_another_exists(
         assert found.bound >= best - 1e-9
 
 
+RULE = -1e5
+"""What stands for -inf where tables may not hold it."""
+
+
+@given(model=ruled_models(forest=True))
+def test_max_product_is_exact_on_forests_with_large_numbers_for_rules(model: Model) -> None:
+    assert model.pairwise is not None
+    tables = np.where(model.pairwise == -np.inf, RULE, model.pairwise)
+    graph = LabelGraph.from_edges(len(model.unary), model.edges)
+    found = decode(graph, Potentials(model.unary, pairwise=tables), "max-product")
+    best = best_score(Model(model.unary, model.edges, pairwise=tables))
+    assert found.status is Status.EXACT
+    assert found.score == found.bound == pytest.approx(best, rel=0, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 8, 10, 11])
+def test_on_a_ring_large_numbers_do_not_end_the_messages_early(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ring = LabelGraph.from_edges(7, [(i, (i + 1) % 7) for i in range(7)])
+    unary, rule = rng.normal(size=(7, 3)), np.eye(3, k=1) + np.eye(3, k=-2)
+    barred = Potentials(unary, pairwise=np.where(rule > 0, -np.inf, 0.0))
+    found = decode(ring, Potentials(unary, pairwise=RULE * rule), "max-product")
+    assert found.labels.tolist() == decode(ring, barred, "max-product").labels.tolist()
+
+
 def test_a_search_that_gives_up_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     unlike = np.where(np.eye(3, dtype=np.bool_), -np.inf, 0.0)
     graph = LabelGraph.from_edges(5, [(i, j) for i in range(4) for j in range(i + 1, 4)])

@@ -11,6 +11,7 @@ from pgm_places.errors import InputError
 from pgm_places.solvers._belief_kernels import Rule, agreement_sweep, message_sweep
 from pgm_places.solvers._pairwise_kernels import pass_max, pass_sum
 from pgm_places.solvers.belief_propagation import belief_propagation
+from pgm_places.solvers.forest import forest_marginals, forest_maximum
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, distribution, score
 from tests.strategies import edge_lists, models, quarters
@@ -33,6 +34,35 @@ def test_maxima_are_exact_on_forests_with_ties(model: Model, damping: float) -> 
     )
     assert found.converged
     assert found.score == pytest.approx(best_score(model), rel=0, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_passes_do_on_forests_however_they_are_numbered(
+    kind: Literal["sum-product", "max-product"],
+) -> None:
+    rng = np.random.default_rng(5)
+    n = 400
+    place = rng.permutation(n)
+    unary, edges = rng.normal(size=(n, 3)), np.stack([place[:-1], place[1:]], axis=1)
+    pairwise = 3.0 * rng.normal(size=(3, 3))
+    found = belief_propagation(
+        unary, edges, pairwise=pairwise, kind=kind, damping=0.5, max_iterations=1
+    )
+    assert (found.n_iterations, found.converged, found.exact) == (2, True, True)
+    if kind == "sum-product":
+        wanted = forest_marginals(unary, edges, pairwise=pairwise).beliefs
+        np.testing.assert_allclose(found.beliefs, wanted, rtol=0, atol=1e-12)
+    else:
+        wanted = forest_maximum(unary, edges, pairwise=pairwise).labels
+        np.testing.assert_array_equal(found.labels, wanted)
+
+
+def test_large_numbers_in_a_table_do_not_change_the_unit() -> None:
+    unary, edges = [[0.0, 2.0], [0.0, 3.0], [7.0, 7.0 + 1e-15]], [(0, 1), (1, 2)]
+    ruled = pairwise_model(unary, edges, pairwise=[[0.0, 0.0], [-1e5, 0.0]])
+    assert (ruled.unit, ruled.size) == (2.5, 10.0)
+    mild = pairwise_model(unary, edges, pairwise=[[0.0, 0.0], [-0.5, 0.0]])
+    assert (mild.unit, mild.size) == (0.5, 2.0)
 
 
 @given(edge_lists(6, forest=True), st.sampled_from([-1.0, 1.0]))

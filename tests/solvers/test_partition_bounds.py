@@ -6,7 +6,7 @@ import pytest
 from scipy.special import logsumexp
 
 from pgm_places.solvers.adjacency import adjacency
-from pgm_places.solvers.forest import is_forest
+from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.partition_bounds import bound_log_partition, edge_forests
 from tests.reference.energy import Model, labelings, score
 
