@@ -205,7 +205,7 @@ def checked_labels(model: PairwiseModel, initial: ArrayLike | None) -> NDArray[n
 
 
 def _finite_range(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M,) the largest less the smallest finite value of each row (M, K); 0 where they are equal."""
+    """(M,) the largest less the smallest finite value of each row (M, K); 0 if they agree."""
     high = values.max(axis=1, initial=-np.inf)
     low = np.where(np.isfinite(values), values, np.inf).min(axis=1, initial=np.inf)
     differ = np.isfinite(high)
