@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pgm_places.kernels.jit import njit
 
 SMALLEST_TOTAL = 1e-280  # below, scaled products have lost digits: that step is done in logarithms
+SMALLEST_MASS = 1e-300  # of a label that an observation can bring back: less counts as ruled out
 LARGEST_EXPONENT = 700.0  # of an exponential that is still a float
 LARGEST_WORTH = 1e290  # of a state that observations before it had all but excluded
 
@@ -131,7 +132,7 @@ def weigh(
     if total < SMALLEST_TOTAL:
         scale, total = -np.inf, 0.0
         for k in range(n_labels):
-            if held[k] > 0.0:
+            if held[k] > SMALLEST_MASS:
                 scale = max(scale, np.log(held[k]) + log_likelihood[k])
         if scale > -np.inf:
             for k in range(n_labels):

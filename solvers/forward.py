@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import finite_array, integer_array, number_array
+from pgm_places._checks import finite_array, number_array
 from pgm_places.errors import InputError
+from pgm_places.solvers.chain_logs import beliefs_in_logs, exceeds_floats
+from pgm_places.solvers.chain_tables import SUM_TOLERANCE, Chain, check_chain, check_tables
 
 __all__ = [
     "ChainBeliefs",
@@ -29,7 +31,6 @@ STEPS_AT_ONCE = 8192  # log-likelihoods of so many steps stay in cache between c
 LANES_WIDE = 8  # labels of a chain that one vector holds
 FEWER_ALONE = 4  # so few labels are faster one by one, but in the filter
 FEW_LABELS = 8  # kernels are compiled for each of these numbers of labels, and for any larger one
-SUM_TOLERANCE = 1e-6  # of probabilities that must sum to one
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,8 @@ def filtered_beliefs(
 
     ``Bel(l_t) = alpha P(z_t | l_t) sum_m P(l_t | m, u_{t-1}) Bel(m_{t-1})``
 
+    Likelihoods may differ by any factor, and add up to any over many steps.
+
     Parameters
     ----------
     initial : (K,) float
@@ -101,8 +104,7 @@ def filtered_beliefs(
     >>> found.beliefs.round(3).tolist()
     [[0.8, 0.2], [0.74, 0.26]]
     """
-    chain = _check_chain(initial, transition, log_likelihood, actions)
-    return _filter(*chain)
+    return _explained(check_chain(initial, transition, log_likelihood, actions), smooth=False)
 
 
 def smoothed_beliefs(
@@ -121,12 +123,7 @@ def smoothed_beliefs(
     >>> found.beliefs.round(3).tolist()
     [[0.74, 0.26], [0.8, 0.2]]
     """
-    start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
-    found = _filter(start, arrival, observed, led)
-    in_lanes = FEWER_ALONE < observed.shape[1] <= LANES_WIDE
-    smooth = _smooth_in_lanes if in_lanes else _smooth_one_by_one
-    smooth(arrival, led, found.beliefs)
-    return found
+    return _explained(check_chain(initial, transition, log_likelihood, actions), smooth=True)
 
 
 def viterbi(
@@ -148,7 +145,7 @@ def viterbi(
     """
     from pgm_places.solvers._forward_kernels import trace_back
 
-    start, arrival, observed, led = _check_chain(initial, transition, log_likelihood, actions)
+    start, arrival, observed, led = check_chain(initial, transition, log_likelihood, actions)
     n_steps, n_labels = observed.shape
     if n_labels > np.iinfo(np.int16).max:
         raise InputError(f"viterbi takes at most {np.iinfo(np.int16).max} labels, got {n_labels}")
@@ -201,7 +198,7 @@ class ForwardFilter:
 
     def __init__(self, initial: ArrayLike, transition: ArrayLike) -> None:
         n_labels = len(np.asarray(initial))
-        self._start, arrival = _check_tables(initial, transition, n_labels)
+        self._start, arrival = check_tables(initial, transition, n_labels)
         self._run = _filter_for(arrival)
 
     def step(
@@ -214,7 +211,8 @@ class ForwardFilter:
         log_likelihood : (K,) float
             ``log P(z | l)`` of the new observation.
         belief : (K,) float, optional
-            Belief at the step before; None at the first.
+            Belief at the step before; None at the first. A label of belief 0 stays at 0, also where
+            it was more but too little for a float, until a transition leads back to it.
         action : int
             Which of the transition's tables led here.
 
@@ -235,52 +233,6 @@ class ForwardFilter:
         row, impossible = np.empty(rows.size + LANES_WIDE), np.empty(1, np.bool_)
         self._run(before, belief is not None, rows, np.array([action]), row, impossible)
         return row[: rows.size], not impossible[0]
-
-
-Chain = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]
-
-
-def _check_chain(initial: ArrayLike, transition: ArrayLike, observed: Any, actions: Any) -> Chain:
-    """Start (K,), arrival (A, K, K) by label and label before, log-likelihood, action led by."""
-    rows = np.asarray(observed, np.float64)
-    if rows.ndim != 2:
-        finite_array("log_likelihood", rows, ("T", "K"), allow_minus_inf=True)
-    n_steps, n_labels = rows.shape
-    start, arrival = _check_tables(initial, transition, n_labels)
-    led = np.zeros(n_steps, np.int64)
-    if actions is not None:
-        high = len(arrival)
-        led[1:] = integer_array("actions", actions, (max(n_steps - 1, 0),), low=0, high=high)
-    elif len(arrival) != 1:
-        raise InputError(f"transition has {len(arrival)} tables, so actions are needed")
-    return start, arrival, np.ascontiguousarray(rows), led
-
-
-def _check_tables(
-    initial: ArrayLike, transition: ArrayLike, n_labels: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Start (K,) and arrival (A, K, K), by label and label before."""
-    start = check_start(initial, n_labels)
-    tables = np.asarray(transition, np.float64)
-    tables = tables[None] if tables.ndim == 2 else tables
-    tables = finite_array("transition", tables, ("A", n_labels, n_labels))
-    require_distributions("transition", tables)
-    return start, np.ascontiguousarray(tables.transpose(0, 2, 1))
-
-
-def check_start(initial: ArrayLike, n_labels: int) -> NDArray[np.float64]:
-    """A copy of the probabilities (K,) at the first step."""
-    start = finite_array("initial", initial, (n_labels,))
-    require_distributions("initial", start)
-    return np.array(start)
-
-
-def require_distributions(name: str, values: NDArray[np.float64]) -> None:
-    """Refuse rows that hold no probabilities or do not sum to one."""
-    if values.min(initial=0.0) < 0 or abs(values.sum(axis=-1) - 1.0).max(initial=0.0) > (
-        SUM_TOLERANCE
-    ):
-        raise InputError(f"{name} must hold probabilities that sum to one in every row")
 
 
 def _each(n_labels: int) -> Any:
@@ -330,16 +282,18 @@ It is given the belief (K,) before, whether anything has begun, the log-likeliho
 actions that led to each step."""
 
 
-def _filter(
-    start: NDArray[np.float64],
-    arrival: NDArray[np.float64],
-    observed: NDArray[np.float64],
-    led: NDArray[np.int64],
-) -> ChainBeliefs:
+def _explained(chain: Chain, *, smooth: bool) -> ChainBeliefs:
+    """Filtered or smoothed beliefs: as floats, or by logarithms where floats lose a label."""
+    start, arrival, observed, led = chain
     row = np.empty(observed.size + LANES_WIDE)  # a vector ends behind the last belief
     impossible = np.empty(len(observed), np.bool_)
     evidence = _filter_for(arrival)(start, False, observed, led, row, impossible)
     beliefs = row[: observed.size].reshape(observed.shape)
+    if exceeds_floats(chain, beliefs, impossible):
+        evidence = beliefs_in_logs(chain, beliefs, impossible, smooth=smooth)
+    elif smooth:
+        in_lanes = FEWER_ALONE < observed.shape[1] <= LANES_WIDE
+        (_smooth_in_lanes if in_lanes else _smooth_one_by_one)(arrival, led, beliefs)
     return ChainBeliefs(beliefs, evidence, np.flatnonzero(impossible))
 
 

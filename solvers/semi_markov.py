@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places.errors import InputError
-from pgm_places.solvers.forward import ChainBeliefs, ChainPath, check_start, require_distributions
+from pgm_places.solvers.chain_tables import check_start, require_distributions
+from pgm_places.solvers.forward import ChainBeliefs, ChainPath
 
 __all__ = ["SemiMarkovChain", "SemiMarkovState"]
 

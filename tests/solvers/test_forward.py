@@ -15,7 +15,7 @@ from pgm_places.solvers.forward import (
     smoothed_beliefs,
     viterbi,
 )
-from tests.reference.chains import joint, marginals
+from tests.reference.chains import joint, log_joint, marginals
 
 Array = NDArray[np.float64]
 STAY = np.array([[0.9, 0.1], [0.1, 0.9]])
@@ -80,6 +80,56 @@ def test_everything_is_the_full_enumeration(
         np.testing.assert_allclose(filtered.beliefs[t], marginals(until)[-1], rtol=0, atol=1e-12)
     np.testing.assert_allclose(table[tuple(path.labels)], table.max(), rtol=1e-10)
     np.testing.assert_allclose(path.log_probability, np.log(table.max()), rtol=0, atol=1e-10)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 4),
+    st.sampled_from([2, 3, 6]),
+    st.sampled_from([0.0, 0.5, 0.8]),
+    st.sampled_from([300.0, 700.0, 5e4]),
+)
+def test_likelihoods_may_differ_by_any_factor(
+    seed: int, n_steps: int, k: int, zeros: float, scale: float
+) -> None:
+    """Also where a label that fell behind turns out to be right, and no other leads to it."""
+    initial, transition, likelihood, actions = a_chain(seed, n_steps, k, 2, zeros=zeros)
+    observed = np.random.default_rng(seed).choice([-2.5, -1.0, -0.1, 0.0, 2.0], (n_steps, k))
+    observed = scale * observed + logs(likelihood)
+    table = log_joint(initial, transition, observed, actions)
+    if table.max() == -np.inf:
+        return
+    filtered = filtered_beliefs(initial, transition, observed, actions=actions)
+    smoothed = smoothed_beliefs(initial, transition, observed, actions=actions)
+    assert not len(filtered.impossible)
+    evidence = table.max() + np.log(np.exp(table - table.max()).sum())
+    np.testing.assert_allclose(filtered.log_evidence, evidence, rtol=1e-12, atol=1e-9)
+    assert smoothed.log_evidence == filtered.log_evidence
+    wanted = marginals(np.exp(table - table.max()))
+    np.testing.assert_allclose(smoothed.beliefs, wanted, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(filtered.beliefs[-1], wanted[-1], rtol=0, atol=1e-9)
+
+
+def test_a_label_that_fell_far_behind_while_standing_still_may_be_the_right_one() -> None:
+    """A robot that stands keeps its label: 300 scans for one, and then 301 for the other."""
+    tables, actions = np.stack([STAY, np.eye(2)]), np.ones(600, np.int64)
+    observed = np.concatenate([np.tile([0.0, -5.0], (300, 1)), np.tile([-5.0, 0.0], (301, 1))])
+    found = smoothed_beliefs([0.5, 0.5], tables, observed, actions=actions)
+    wanted = 1.0 / (1.0 + np.exp(-5.0))
+    np.testing.assert_allclose(found.beliefs[:, 1], wanted, rtol=1e-12)
+    found = smoothed_beliefs([0.5, 0.5, 0.0], np.eye(3), np.pad(observed, ((0, 0), (0, 1))))
+    np.testing.assert_allclose(found.beliefs[:, 1], wanted, rtol=1e-12)
+
+
+def test_an_impossible_observation_is_left_out_where_logarithms_are_needed() -> None:
+    observed = np.array([[0.0, -800.0], [-np.inf, -np.inf], [-900.0, 0.0]])
+    for function, first in ((filtered_beliefs, [1.0, 0.0]), (smoothed_beliefs, [0.0, 1.0])):
+        found = function([0.5, 0.5], np.eye(2), observed)
+        assert found.impossible.tolist() == [1]
+        assert found.log_evidence == -np.inf
+        np.testing.assert_allclose(found.beliefs[[0, 1]], [first, first], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.beliefs[2], [0.0, 1.0], rtol=0, atol=1e-12)
 
 
 def test_the_last_filtered_belief_is_the_last_smoothed_one() -> None:

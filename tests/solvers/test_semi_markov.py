@@ -69,6 +69,15 @@ def test_everything_is_the_full_enumeration(seed: int, n_steps: int, k: int, zer
     np.testing.assert_allclose(path.log_probability, np.log(table.max()), rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("behind", [680.0, 740.0, 900.0])
+def test_a_label_that_fell_far_behind_leaves_beliefs_finite(behind: float) -> None:
+    chain = SemiMarkovChain([0.5, 0.5], OTHER, [0.0], [[0.0], [0.0]])
+    found = chain.filtered([0.5], [[0.0, -behind], [-behind - 60.0, 0.0]])
+    is_lost = behind > 700.0
+    assert not len(found.impossible)
+    np.testing.assert_allclose(found.beliefs[1], [is_lost, 1 - is_lost], rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("n_edges", [1, 3])
 def test_constant_rates_are_a_hidden_markov_chain(n_edges: int) -> None:
     rng = np.random.default_rng(4)
