@@ -4,21 +4,23 @@ import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen, require_type
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.decoding import Decoder, decode, require_decoder
 from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_maximum
 from pgm_places.solvers.forest_order import is_forest
 from pgm_places.solvers.max_marginals import max_marginals
+from pgm_places.solvers.pairwise import pairwise_model
 
 __all__ = ["BestLabelings", "best_labelings"]
 
@@ -30,28 +32,17 @@ class BestLabelings:
     Parameters
     ----------
     labels : (M, N) int
-        One labelling a row, the best first; fewer than asked for where there are no more.
+        One labelling a row, the best first; fewer than asked for where no more are found.
     scores : (M,) float
         Their log-potentials.
     exact : bool
-        Whether no other labelling scores more than the last of them.
+        Whether it is proved that no other labelling scores more than the last of them and, where
+        they are fewer than asked for, that there are no more.
     """
 
     labels: NDArray[np.int64]
     scores: NDArray[np.float64]
     exact: bool
-
-
-class _Other(NamedTuple):
-    """The best labelling of a space but its very best: where it differs from that one."""
-
-    score: float
-    node: int
-    label: int
-    exact: bool
-
-
-Second = Callable[[NDArray[np.float64], NDArray[np.int64]], _Other]
 
 
 def best_labelings(
@@ -64,8 +55,10 @@ def best_labelings(
 ) -> BestLabelings:
     """The labellings of largest score, all different.
 
-    Exact without cycles. Elsewhere every step decodes the graph once for each of its nodes, the
-    node's label forbidden; the result is exact as far as the decoder proves its labellings best.
+    Exact without cycles and where few nodes separate the graph, as in rings, ladders and narrow
+    grids (:class:`~pgm_places.solvers.bucket_tree.BucketTree`). Elsewhere every step decodes the
+    graph once for each of its nodes, the node's label forbidden; ``exact`` then says whether the
+    decoder proved every labelling best.
 
     Parameters
     ----------
@@ -76,12 +69,15 @@ def best_labelings(
     known : (N,) int, optional
         Label of the nodes whose label is known, -1 elsewhere.
     decoder : str
-        Of graphs with cycles; for two labels and rewards of agreement ``graph-cut`` is exact.
+        Of graphs that cannot be searched exactly; for two labels and rewards of agreement
+        ``graph-cut`` is exact.
 
     Raises
     ------
     InputError
-        Potentials that do not fit the graph or forbid every labelling, or fewer than one labelling.
+        Potentials that do not fit the graph, or fewer than one labelling.
+    InfeasibleError
+        It is proved that no labelling is allowed.
 
     Notes
     -----
@@ -100,104 +96,137 @@ def best_labelings(
     """
     require_type("graph", graph, LabelGraph)
     require_type("potentials", potentials, Potentials)
+    require_decoder(decoder)
     potentials.check_fits(graph)
     if n_best < 1:
         raise InputError(f"n_best must be at least 1, got {n_best}")
     if known is not None:
         potentials = potentials.with_known(known)
-    around = adjacency(graph.n_nodes, graph.edges)
-    maximum, second = _by_decoding(graph, potentials, decoder)
-    if is_forest(around):
-        maximum, second = _on_forest(graph, potentials)
-    found, exact = _enumerated(potentials.unary, maximum, second, n_best)
-    labels = np.stack(found)
+    search = _search(graph, potentials, decoder)
+    found, exact = _enumerated(potentials.unary, search, n_best)
+    labels = np.array(found, np.int64).reshape(len(found), graph.n_nodes)
     scores = np.array([score(graph, potentials, row) for row in labels])
     order = np.argsort(-scores, kind="stable")
     return BestLabelings(frozen(labels[order]), frozen(scores[order]), exact)
 
 
-Maximum = Callable[[NDArray[np.float64]], tuple[NDArray[np.int64], bool]]
+class _Second(NamedTuple):
+    """The best labelling of a space but its very best: where it differs from that one."""
+
+    score: float
+    """-inf where none is found."""
+    node: int
+    label: int
+    labels: NDArray[np.int64] | None
+    """All of it, if it is known already."""
+    proved: bool
+    """Whether no other one scores more."""
+
+
+class _Search(Protocol):
+    """Looks for labellings in a space: among those that unaries (N, K) allow."""
+
+    def best(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, bool]:
+        """The best labelling that is found, and whether it is proved to be that."""
+        ...
+
+    def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
+        """The best one but that."""
+        ...
 
 
 def _enumerated(
-    unary: NDArray[np.float64], maximum: Maximum, second: Second, n_best: int
+    unary: NDArray[np.float64], search: _Search, n_best: int
 ) -> tuple[list[NDArray[np.int64]], bool]:
     """Labellings of falling score, and whether each is proved to be the next."""
-    best, exact = maximum(unary)
-    found = [best]
+    best, exact = search.best(unary)
+    if best is None:
+        return [], exact
+    found, unopened = [best], [(unary, best)]
     number = count()  # orders spaces whose seconds are equal
-    spaces = [_space(unary, best, second, number)]
+    spaces: list[tuple[float, int, NDArray[np.float64], NDArray[np.int64], _Second]] = []
     while len(found) < n_best:
-        negative, _, allowed, top, other = heapq.heappop(spaces)
-        if negative == np.inf:
+        for allowed, top in unopened:
+            other = search.second(allowed, top)
+            exact = exact and other.proved
+            heapq.heappush(spaces, (-other.score, next(number), allowed, top, other))
+        _, _, allowed, top, other = heapq.heappop(spaces)
+        if other.score == -np.inf:
             break
-        exact = exact and other.exact
         with_it, without = allowed.copy(), allowed.copy()
         with_it[other.node] = -np.inf
         with_it[other.node, other.label] = allowed[other.node, other.label]
         without[other.node, other.label] = -np.inf
-        fresh, proved = maximum(with_it)
-        exact = exact and proved
+        fresh = search.best(with_it)[0] if other.labels is None else other.labels
+        assert fresh is not None  # its score is finite
         found.append(fresh)
-        heapq.heappush(spaces, _space(with_it, fresh, second, number))
-        heapq.heappush(spaces, _space(without, top, second, number))
+        unopened = [(with_it, fresh), (without, top)]
     return found, exact
 
 
-Space = tuple[float, int, NDArray[np.float64], NDArray[np.int64], _Other]
+def _search(graph: LabelGraph, potentials: Potentials, decoder: Decoder) -> _Search:
+    """Exact where the graph allows it, else by decoding."""
+    pairs = adjacency(graph.n_nodes, graph.edges), potentials.agreement, potentials.pairwise
+    if is_forest(pairs[0]):
+        return _ByMarginals(
+            lambda unary: forest_maximum(unary, *pairs).labels,
+            lambda unary: max_marginals(unary, *pairs),
+        )
+    tree = BucketTree.of(pairwise_model(potentials.unary, *pairs))
+    if tree is None:
+        return _ByDecoding(graph, potentials, decoder)
+    return _ByMarginals(lambda unary: tree.solved(unary)[0], lambda unary: tree.solved(unary)[1])
 
 
-def _space(
-    allowed: NDArray[np.float64], top: NDArray[np.int64], second: Second, number: "count[int]"
-) -> Space:
-    other = second(allowed, top)
-    return -other.score, next(number), allowed, top, other
+@dataclass(frozen=True)
+class _ByMarginals:
+    """Exact search, by what finds the best labelling (N,) and the max-marginals (N, K)."""
+
+    labels: Callable[[NDArray[np.float64]], NDArray[np.int64]]
+    marginals: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+    def best(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, bool]:
+        return self.labels(unary), True
+
+    def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
+        others = np.array(self.marginals(unary))
+        others[np.arange(len(best)), best] = -np.inf
+        if not others.size:
+            return _Second(-np.inf, 0, 0, None, proved=True)
+        node, label = np.unravel_index(int(others.argmax()), others.shape)
+        return _Second(float(others[node, label]), int(node), int(label), None, proved=True)
 
 
-def _on_forest(graph: LabelGraph, potentials: Potentials) -> tuple[Maximum, Second]:
-    arrays = graph.edges, potentials.agreement, potentials.pairwise
+@dataclass(frozen=True)
+class _ByDecoding:
+    """Search by a decoder, which proves what it finds or does not."""
 
-    def maximum(unary: NDArray[np.float64]) -> tuple[NDArray[np.int64], bool]:
-        return forest_maximum(unary, *arrays).labels, True
+    graph: LabelGraph
+    potentials: Potentials
+    decoder: Decoder
 
-    def second(unary: NDArray[np.float64], top: NDArray[np.int64]) -> _Other:
-        others = np.array(max_marginals(unary, *arrays))
-        others[np.arange(len(top)), top] = -np.inf
-        return _largest(others, exact=True)
+    def best(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, bool]:
+        labels, _, proved = self._decoded(unary)
+        return labels, proved
 
-    return maximum, second
-
-
-def _by_decoding(
-    graph: LabelGraph, potentials: Potentials, decoder: Decoder
-) -> tuple[Maximum, Second]:
-    def decoded(unary: NDArray[np.float64]) -> tuple[NDArray[np.int64], float, bool]:
-        now = Potentials(unary, potentials.pairwise, potentials.agreement)
-        found = decode(graph, now, decoder)
-        assert found.score is not None
-        return found.labels, found.score, found.status is Status.EXACT
-
-    def maximum(unary: NDArray[np.float64]) -> tuple[NDArray[np.int64], bool]:
-        labels, _, exact = decoded(unary)
-        return labels, exact
-
-    def second(unary: NDArray[np.float64], top: NDArray[np.int64]) -> _Other:
-        found = _Other(-np.inf, 0, 0, exact=True)
-        exact = True
+    def second(self, unary: NDArray[np.float64], best: NDArray[np.int64]) -> _Second:
+        found, proved = _Second(-np.inf, 0, 0, None, proved=True), True
         for node in np.flatnonzero((unary > -np.inf).sum(axis=1) > 1):
             without = unary.copy()
-            without[node, top[node]] = -np.inf
-            labels, value, proved = decoded(without)
-            exact = exact and proved
-            if value > found.score:
-                found = _Other(value, int(node), int(labels[node]), exact=True)
-        return found._replace(exact=exact)
+            without[node, best[node]] = -np.inf
+            try:
+                labels, value, is_best = self._decoded(without)
+            except InfeasibleError:
+                continue  # it is proved that the node has the same label in all that are left
+            proved = proved and is_best
+            if labels is not None and value > found.score:
+                found = _Second(value, int(node), int(labels[node]), labels, proved=True)
+        return found._replace(proved=proved)
 
-    return maximum, second
-
-
-def _largest(values: NDArray[np.float64], *, exact: bool) -> _Other:
-    if not values.size:
-        return _Other(-np.inf, 0, 0, exact)
-    node, label = np.unravel_index(int(values.argmax()), values.shape)
-    return _Other(float(values[node, label]), int(node), int(label), exact)
+    def _decoded(self, unary: NDArray[np.float64]) -> tuple[NDArray[np.int64] | None, float, bool]:
+        """A labelling, None if none is found, its score, and whether it is proved to be best."""
+        now = Potentials(unary, self.potentials.pairwise, self.potentials.agreement)
+        found = decode(self.graph, now, self.decoder)
+        if found.score is None or found.score == -np.inf:
+            return None, -np.inf, False
+        return found.labels, found.score, found.status is Status.EXACT

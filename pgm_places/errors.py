@@ -5,6 +5,7 @@
     PgmPlacesError
     ├── InputError (ValueError)        what the caller gave does not fit
     │   ├── ConfigError                a configuration file or a method's options
+    │   ├── InfeasibleError            potentials that forbid every labelling
     │   ├── MapError                   an occupancy grid, its image or its metadata
     │   ├── LabelError                 ground-truth labels or label names
     │   ├── LogError                   a robot's log, bag or table of poses
@@ -22,6 +23,7 @@ from collections.abc import Sequence
 
 __all__ = [
     "ConfigError",
+    "InfeasibleError",
     "InputError",
     "LabelError",
     "LogError",
@@ -48,6 +50,13 @@ class InputError(PgmPlacesError, ValueError):
 
 class ConfigError(InputError):
     """A configuration file, or an option of a method, is not understood."""
+
+
+class InfeasibleError(InputError):
+    """Potentials that forbid every labelling, which has been proved."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(text or "pairwise forbids every labelling; allow at least one (no -inf)")
 
 
 class MapError(InputError):

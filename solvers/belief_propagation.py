@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers._belief_kernels import (
     Rule,
     agreement_sweep,
@@ -217,7 +217,7 @@ def beliefs_from_messages(
     log_beliefs = heard_from_all(model, message)
     impossible = np.flatnonzero(log_beliefs.max(axis=1, initial=-np.inf) == -np.inf)
     if len(impossible):
-        raise InputError(
+        raise InfeasibleError(
             f"pairwise and unary together forbid every label at node {impossible[0]}; allow at "
             "least one labelling (no -inf)"
         )

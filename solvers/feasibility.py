@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError
 from pgm_places.solvers._feasibility_kernels import (
     FOUND,
     NONE_EXISTS,
@@ -68,7 +68,7 @@ def allowed_labels(
     wanted = np.ascontiguousarray(labels, np.int32)
     outcome = find_allowed(model.terms, model.around.arcs, wanted, max_failures, space)
     if outcome == NONE_EXISTS:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+        raise InfeasibleError
     if outcome != FOUND:
         return None
     found = space.alive.argmax(axis=1).astype(np.int32)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen, sealed
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError
 from pgm_places.solvers._belief_kernels import (
     decode_forest,
     pass_forest,
@@ -101,7 +101,7 @@ def forest_maximum(
     decode_forest(model.terms, model.around.arcs, order, parent, message, labels)
     score = total_score(model, labels)
     if score == -np.inf:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+        raise InfeasibleError
     return ForestDecoding(frozen(labels.astype(np.int64)), score)
 
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError
 from pgm_places.solvers._belief_kernels import NO_ARC, pass_back, pass_forest
 from pgm_places.solvers._scaled_belief_kernels import collect, distribute, subtract_peaks
 from pgm_places.solvers.belief_propagation import beliefs_from_messages, heard_from_all
@@ -103,7 +103,7 @@ def sums_to_roots(
     shares = np.empty(model.n_nodes)
     pass_forest(False, model.terms, model.around.arcs, order, parent, message, shares)
     if shares.min(initial=0.0) == -np.inf:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+        raise InfeasibleError
     return message, shares
 
 
@@ -163,7 +163,7 @@ class _Logarithmic:
         impossible = both == -np.inf  # -inf - -inf is no number
         said = self.message.reshape(-1, 2, model.n_labels)[:, ::-1]
         both -= np.where(impossible, 0.0, said)
-        joint = both[:, 0, :, None] + both[:, 1, None, :] + _tables(model)
+        joint = both[:, 0, :, None] + both[:, 1, None, :] + model.edge_tables
         flat = joint.reshape(model.around.n_edges, model.n_labels**2)
         return normalised(flat).reshape(joint.shape)
 
@@ -179,13 +179,6 @@ def _weighed(
     if node_weight is None:
         return pairs
     return pairs * node_weight[model.around.edges[:, 0], None, None]
-
-
-def _tables(model: PairwiseModel) -> NDArray[np.float64]:
-    """(E or 1, K, K) the potentials of the edges."""
-    if model.agreement is None:
-        return model.tables
-    return model.agreement[:, :, None] * np.eye(model.n_labels)
 
 
 def _gain(model: PairwiseModel, unary_range: float) -> NDArray[np.float64] | None:

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.errors import InputError, SolverError
+from pgm_places.errors import InfeasibleError, InputError, SolverError
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
@@ -148,7 +148,7 @@ def _call_highs(*args: Any, **options: Any) -> Any:
     solve: Any = linprog
     result = solve(*args, **options)
     if result.status == 2:
-        raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+        raise InfeasibleError
     if result.status != 0:
         raise SolverError(
             f"the linear relaxation was not solved: HiGHS ended with status {result.status} "
@@ -177,19 +177,8 @@ def polytope_bound(model: PairwiseModel, duals: NDArray[np.float64]) -> float:
     raised = model.unary.copy()
     np.add.at(raised, model.around.edges[:, 0], to_first)
     np.add.at(raised, model.around.edges[:, 1], to_second)
-    left = _written_out(model) - to_first[:, :, None] - to_second[:, None, :]
+    left = model.edge_tables - to_first[:, :, None] - to_second[:, None, :]
     return float(raised.max(axis=1).sum() + left.max(axis=(1, 2), initial=-np.inf).sum())
-
-
-def _written_out(model: PairwiseModel) -> NDArray[np.float64]:
-    """(E, K, K) tables of every edge."""
-    shape = (model.around.n_edges, model.n_labels, model.n_labels)
-    if model.agreement is None:
-        return np.broadcast_to(model.tables, shape)
-    tables = np.zeros(shape)
-    diagonal = np.arange(model.n_labels)
-    tables[:, diagonal, diagonal] = model.agreement
-    return tables
 
 
 _Form = tuple[NDArray[np.float64], sp.csr_array | None, sp.csr_array, NDArray[np.float64]]
@@ -218,7 +207,7 @@ def _local_polytope(model: PairwiseModel) -> _Form:
     """``sum_l y_ij^kl = y_i^k`` and ``sum_k y_ij^kl = y_j^l``."""
     n_nodes, n_labels = model.unary.shape
     n_edges = model.around.n_edges
-    tables = _written_out(model)
+    tables = model.edge_tables
     pair = np.arange(tables.size).reshape(tables.shape)
     first = pair.reshape(-1)
     second = pair.transpose(0, 2, 1).reshape(-1)

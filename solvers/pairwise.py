@@ -60,6 +60,14 @@ class PairwiseModel:
         """The potentials as kernels take them."""
         return Terms(self.unary, self.tables if self.agreement is None else self.agreement)
 
+    @property
+    def edge_tables(self) -> NDArray[np.float64]:
+        """(E, K, K) the potentials of all edges written out, or a view of what they share."""
+        n_labels = self.n_labels
+        if self.agreement is not None:
+            return self.agreement[:, :, None] * np.eye(n_labels)
+        return np.broadcast_to(self.tables, (self.around.n_edges, n_labels, n_labels))
+
     @cached_property
     def max_terms(self) -> Terms:
         """The same for messages that maximise, which pass some tables faster than in O(K^2).

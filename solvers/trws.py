@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
-from pgm_places.errors import InputError
+from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.solvers._trws_kernels import decode_nodes, pass_over_nodes, share_of_nodes
 from pgm_places.solvers.adjacency import Adjacency
 from pgm_places.solvers.elimination import reduce_model
@@ -160,7 +160,7 @@ class _Passing:
             self._pass(upwards=True)
             self.bound = min(self.bound, self._pass(upwards=False) + self.model.offset)
             if self.bound == -np.inf:
-                raise InputError("pairwise forbids every labelling; allow at least one (no -inf)")
+                raise InfeasibleError
             rests = self._rests(closed)
             if rests or iteration == max_iterations or iteration % _DECODE_EVERY == 1:
                 self._decode()
