@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import frozen
 from pgm_places.errors import InfeasibleError, InputError, SolverError
+from pgm_places.solvers._belief_kernels import decode_beliefs
 from pgm_places.solvers.elimination import reduce_model
+from pgm_places.solvers.local_search import improved_modes
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 
 __all__ = ["LPDecoding", "solve_marginal_lp"]
@@ -25,7 +27,8 @@ class LPDecoding:
     Parameters
     ----------
     labels : (N,) int
-        The label with the largest marginal at each node.
+        The label with the largest marginal at each node; where these are fractional, what local
+        search makes of that.
     score : float
         Their log-potential.
     bound : float
@@ -52,7 +55,7 @@ def solve_marginal_lp(
     solver: Literal["highs", "highs-ds", "highs-ipm"] = "highs",
     eliminate: bool = True,
 ) -> LPDecoding:
-    """The linear relaxation solved by HiGHS, and its rounding.
+    """The linear relaxation solved by HiGHS, and its rounding, improved by local search.
 
     For ``agreement >= 0`` one variable per edge and label, ``y_ij^k <= y_i^k`` and
     ``y_ij^k <= y_j^k``; else the local polytope, whose edge marginals sum to their nodes'. Two
@@ -101,16 +104,50 @@ def solve_marginal_lp(
         left, nodes = reduced.model, reduced.nodes
         marginals[np.arange(model.n_nodes), reduced.labels] = 1.0
     marginals[nodes], value = _solve(left, solver)
-    labels = marginals.argmax(axis=1)
-    score = total_score(model, labels)
+    labels, score = _rounded(model, marginals)
     integral = bool((np.minimum(marginals, 1.0 - marginals) <= _INTEGRAL).all())
     return LPDecoding(
-        labels=frozen(labels),
+        labels=frozen(labels.astype(np.int64)),
         score=score,
         bound=max(value, score),
         integral=integral,
         node_marginals=frozen(marginals),
     )
+
+
+def _rounded(
+    model: PairwiseModel, marginals: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], float]:
+    """The best labelling (N,) that local search reaches from two roundings, and its score.
+
+    One takes the largest marginal everywhere. The other decides the nodes in turn, the surest
+    first, by the labels of the neighbours before them and what is expected of the others.
+    """
+    in_turn = np.empty(model.n_nodes, np.int32)
+    surest_first = np.argsort(-marginals.max(axis=1), kind="stable").astype(np.uint32)
+    expected = _expected(model, marginals)
+    decode_beliefs(model.terms, model.around.arcs, surest_first, expected, np.inf, in_turn)
+    best, best_score = in_turn, -np.inf
+    for labels in (marginals.argmax(axis=1).astype(np.int32), in_turn):
+        improved_modes(model, labels)
+        score = total_score(model, labels)
+        if score > best_score:
+            best, best_score = labels, score
+    return best, best_score
+
+
+def _expected(model: PairwiseModel, marginals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2 E, K) by arc, what an edge is expected to add to each label of the node it leads to."""
+    ends = marginals[model.around.edges]
+    if model.agreement is not None:
+        return (ends * model.agreement[:, None]).reshape(-1, model.n_labels)
+    allowed = model.edge_tables > -np.inf
+    gains = np.where(allowed, model.edge_tables, 0.0)
+    found = np.empty(ends.shape)
+    for side, sums in enumerate(("ea,eab->eb", "eb,eab->ea")):
+        barred = np.einsum(sums, ends[:, side], ~allowed) > _INTEGRAL
+        found[:, side] = np.where(barred, -np.inf, np.einsum(sums, ends[:, side], gains))
+    return found.reshape(-1, model.n_labels)
 
 
 def _solve(model: PairwiseModel, solver: str) -> tuple[NDArray[np.float64], float]:

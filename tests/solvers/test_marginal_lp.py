@@ -4,15 +4,18 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.optimize
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pgm_places import LabelGraph
 from pgm_places.errors import InputError, SolverError
+from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_maximum
+from pgm_places.solvers.local_search import iterated_conditional_modes
 from pgm_places.solvers.marginal_lp import associative_bound, polytope_bound, solve_marginal_lp
 from pgm_places.solvers.pairwise import pairwise_model
 from tests.reference.energy import Model, best_score, score
-from tests.strategies import models
+from tests.strategies import models, ruled_models
 
 FRUSTRATED = Model(
     np.zeros((3, 2)), np.array([(0, 1), (0, 2), (1, 2)]), pairwise=np.array([[-1.0, 0], [0, -1]])
@@ -87,7 +90,39 @@ def test_a_fractional_solution_is_reported() -> None:
     found = solve_marginal_lp(*FRUSTRATED.arrays)
     assert not found.integral
     assert found.bound == pytest.approx(0.0, abs=1e-9)
-    assert found.score == -3.0
+    assert found.score == -1.0  # two of three nodes agree, whatever one does
+
+
+@pytest.mark.parametrize("kind", ["agreement", "pairwise"])
+def test_fractional_solutions_are_rounded_to_labellings_that_no_single_node_improves(
+    kind: str,
+) -> None:
+    rng = np.random.default_rng(13)
+    graph = LabelGraph.from_lattice((6, 6))
+    shape = (graph.n_edges, 3) if kind == "agreement" else (graph.n_edges, 3, 3)
+    unary, terms = rng.normal(size=(36, 3)), {kind: 2.0 * rng.normal(size=shape)}
+    found = solve_marginal_lp(unary, graph.edges, **terms)
+    assert not found.integral
+    plain = found.node_marginals.argmax(axis=1)
+    model = Model(unary, graph.edges.astype(np.int64), **terms)
+    again = iterated_conditional_modes(unary, graph.edges, initial=plain, **terms)
+    assert score(model, tuple(plain.tolist())) < again.score <= found.score + 1e-9
+    more = iterated_conditional_modes(unary, graph.edges, initial=found.labels, **terms)
+    assert more.score == pytest.approx(found.score)
+    tree = BucketTree.of(pairwise_model(unary, graph.edges, **terms))
+    assert tree is not None
+    best = float(tree.solved(unary)[1].max())
+    assert found.score <= best + 1e-9
+    assert best <= found.bound + 1e-9
+
+
+@settings(max_examples=40)
+@given(model=ruled_models())
+def test_rounding_is_never_worse_than_the_largest_marginals(model: Model) -> None:
+    if best_score(model) == -np.inf:
+        return
+    found = solve_marginal_lp(*model.arrays)
+    assert found.score >= score(model, tuple(found.node_marginals.argmax(axis=1).tolist())) - 1e-9
 
 
 def test_scale_of_the_potentials_does_not_matter() -> None:
