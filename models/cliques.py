@@ -74,14 +74,14 @@ def with_set_nodes(
     sets = SetNodes(cliques, graph.n_nodes, k, dissent)
     rewards = _rewards(sets, weight)
     edges = np.concatenate([graph.edges, sets.links])
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
     whole = LabelGraph.from_edges(sets.n_whole, edges)
+    order = whole.edge_order(edges)
     unary = sets.unary(potentials.unary, rewards)
     earned = _agreement(graph, potentials)
     if earned is not None:
-        return whole, Potentials(unary, agreement=sets.agreement(earned, rewards)[order])
+        return whole, Potentials(unary, agreement=order.values(sets.agreement(earned, rewards)))
     tables = sets.tables(potentials.edge_tables(graph), rewards)
-    return whole, Potentials(unary, pairwise=tables[order])
+    return whole, Potentials(unary, pairwise=order.tables(tables))
 
 
 def decode_with_cliques(

@@ -14,6 +14,7 @@ __all__ = [
     "lattice_edges",
     "nearest_pairs",
     "require_canonical",
+    "require_same",
     "require_sparse",
     "sparse_pairs",
 ]
@@ -51,6 +52,18 @@ def require_canonical(edges: NDArray[np.int64]) -> None:
         raise InputError(f"edge ({i}, {j}) appears twice; each pair of nodes may be joined once")
     if (step < 0).any():
         raise InputError("edges must be sorted by (i, j); use LabelGraph.from_edges")
+
+
+def require_same(pairs: NDArray[np.integer[Any]], edges: NDArray[np.int32]) -> None:
+    """Raise InputError unless sorted pairs (E, 2) are the edges of a graph."""
+    if pairs.shape == edges.shape and (pairs == edges).all():
+        return
+    given, there = set(map(tuple, pairs.tolist())), set(map(tuple, edges.tolist()))
+    odd, missing = sorted(given - there), sorted(there - given)
+    told = f"the pair {odd[0]} is no edge of it" if odd else f"its edge {missing[0]} is missing"
+    raise InputError(
+        f"pairs must be the {len(edges)} edges of the graph, each once, got {len(pairs)}; {told}"
+    )
 
 
 def lattice_edges(

@@ -18,12 +18,21 @@ from pgm_places._checks import (
     require_type,
 )
 from pgm_places.errors import InputError
-from pgm_places.graph._edges import empty_pairs, lattice_edges, nearest_pairs, sparse_pairs
+from pgm_places.graph._edges import (
+    empty_pairs,
+    lattice_edges,
+    nearest_pairs,
+    require_same,
+    sparse_pairs,
+)
+from pgm_places.graph._links import check_links, checked_pairs, joined_edges
+from pgm_places.graph._masks import grid_layout, lattice_mask
 from pgm_places.graph._networkx import networkx_parts, to_networkx
 from pgm_places.graph._values import mapped_edges, mapped_nodes, matrix_edges
 from pgm_places.graph.cliques import Cliques
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.edge_list import EdgeList
+from pgm_places.graph.edge_order import EdgeOrder
 from pgm_places.graph.layout import CellMap, GridLayout, StepLayout
 from pgm_places.graph.neighbours import Neighbours, neighbours_of
 from pgm_places.graph.raster_edges import RasterEdges
@@ -79,7 +88,7 @@ class LabelGraph:
             raise InputError(f"n_nodes must be at least 0, got {self.n_nodes}")
         if self.node_names is not None and len(set(self.node_names)) != self.n_nodes:
             raise InputError(f"node_names must be {self.n_nodes} names, each once")
-        self._check_links()
+        check_links(self.n_nodes, self.links)
         if self.points_m is not None:
             points = finite_array("positions_m", self.points_m, (self.n_nodes, "2 or 3"))
             if points.shape[1] not in (2, 3):
@@ -94,21 +103,6 @@ class LabelGraph:
         if isinstance(self.layout, GridLayout) and self.layout.n_nodes != self.n_nodes:
             raise InputError(
                 f"the layout has {self.layout.n_nodes} cells but the graph {self.n_nodes} nodes"
-            )
-
-    def _check_links(self) -> None:
-        if isinstance(self.links, EdgeList):
-            if self.links.pairs.max(initial=-1) >= self.n_nodes:
-                integer_array("edges", self.links.pairs, ("E", 2), low=0, high=max(self.n_nodes, 1))
-        elif not isinstance(self.links, RasterEdges):
-            raise InputError(
-                f"links must be an EdgeList or RasterEdges, got {type(self.links).__name__}; "
-                "LabelGraph.from_edges takes node pairs"
-            )
-        elif self.links.layout.n_nodes != self.n_nodes:
-            raise InputError(
-                f"the raster's edges join {self.links.layout.n_nodes} cells "
-                f"but the graph has {self.n_nodes} nodes"
             )
 
     def __repr__(self) -> str:
@@ -133,7 +127,8 @@ class LabelGraph:
     ) -> Self:
         """A graph from node pairs (E, 2) in any order and either direction.
 
-        Pairs are turned to ``i < j`` and sorted; ``edge_kind`` follows them.
+        Pairs are turned to ``i < j`` and sorted; ``edge_kind`` follows them. Whatever else belongs
+        to each pair must follow, too: :meth:`edge_order` brings it into the order of ``edges``.
 
         Raises
         ------
@@ -142,11 +137,8 @@ class LabelGraph:
         """
         if not isinstance(n_nodes, Integral):
             raise InputError(f"n_nodes must be a whole number, got {n_nodes!r}")
-        pairs = integer_array(
-            "edges", empty_pairs(edges), ("E", 2), low=0, high=max(int(n_nodes), 1)
-        )
-        pairs = np.sort(pairs, axis=1)
-        order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+        pairs = checked_pairs(edges, int(n_nodes))
+        rows = EdgeOrder.of(pairs).rows
         kind = None if edge_kind is None else np.asarray(edge_kind)
         if kind is not None and len(kind) != len(pairs):
             raise InputError(
@@ -154,7 +146,7 @@ class LabelGraph:
             )
         return cls(
             int(n_nodes),
-            EdgeList(pairs[order].astype(np.int32), None if kind is None else kind[order]),
+            EdgeList(np.sort(pairs[rows], axis=1), None if kind is None else kind[rows]),
             None if positions_m is None else number_array("positions_m", positions_m),
             layout,
             node_kind=None if node_kind is None else np.asarray(node_kind),
@@ -182,21 +174,7 @@ class LabelGraph:
         Nodes are in row-major order from the bottom row; edges have kinds AXIS and DIAGONAL.
         Edges and positions are worked out only when something asks for them.
         """
-        if isinstance(grid, CellMap):
-            source, free = grid, grid.free
-        else:
-            source, free = None, np.asarray(grid)
-            if free.ndim != 2 or free.dtype != np.bool_:
-                raise InputError(
-                    "from_grid takes an OccupancyGrid or a 2-D boolean mask, got an array of shape "
-                    f"{free.shape} and dtype {free.dtype}"
-                )
-        if mask is not None:
-            chosen = np.asarray(mask, np.bool_)
-            if chosen.shape != free.shape:
-                raise InputError(f"mask must have the map's shape {free.shape}, got {chosen.shape}")
-            free = free & chosen
-        layout = GridLayout.of_mask(free) if source is None else GridLayout.of_map(source, free)
+        layout = grid_layout(grid, mask)
         return cls(layout.n_nodes, RasterEdges(layout, connectivity), layout=layout)
 
     @classmethod
@@ -219,16 +197,7 @@ class LabelGraph:
         >>> LabelGraph.from_lattice((4, 3, 2))
         LabelGraph(24 nodes, 46 edges)
         """
-        if isinstance(nodes, tuple):
-            nodes = np.ones(
-                integer_array("the lattice's sizes", nodes, ("D",), low=0, high=2**31), np.bool_
-            )
-        mask = np.asarray(nodes)
-        if mask.dtype != np.bool_ or mask.ndim == 0:
-            raise InputError(
-                "from_lattice takes a tuple of sizes or a boolean mask, got an array of shape "
-                f"{mask.shape} and dtype {mask.dtype}"
-            )
+        mask = lattice_mask(nodes)
         if mask.ndim == 2:
             return cls.from_grid(mask, connectivity=8 if diagonals else 4)
         edges, n_axes = lattice_edges(mask, diagonals=diagonals)
@@ -338,30 +307,16 @@ class LabelGraph:
 
         ``links`` is (L, 2): a node of the first and a node of the second (its own number) each.
         """
-        pairs = integer_array("links", empty_pairs(links, "links"), ("L", 2), low=0, high=2**31)
-        integer_array("links[:, 0]", pairs[:, 0], ("L",), low=0, high=max(first.n_nodes, 1))
-        integer_array("links[:, 1]", pairs[:, 1], ("L",), low=0, high=max(second.n_nodes, 1))
-        shift = first.n_nodes
-        edges = np.concatenate(
-            [first.edges, second.edges + shift, np.stack([pairs[:, 0], pairs[:, 1] + shift], 1)]
-        )
-        kinds = np.concatenate(
-            [
-                _kind_or(first, EdgeKind.AXIS),
-                _kind_or(second, EdgeKind.TIME),
-                np.full(len(pairs), EdgeKind.LINK, np.int8),
-            ]
+        edges, kinds = joined_edges(
+            (first.n_nodes, first.links), (second.n_nodes, second.links), links
         )
         positions = None
         if first.positions_m is not None and second.positions_m is not None:
             positions = np.concatenate([first.positions_m, second.positions_m])
-        both = cls.from_edges(
-            first.n_nodes + second.n_nodes, edges, edge_kind=kinds, positions_m=positions
-        )
-        sets = [(g.cliques, at) for g, at in ((first, 0), (second, shift)) if g.cliques is not None]
-        if not sets:
-            return both
-        return both.with_cliques(Cliques.beside(*zip(*sets, strict=True)))
+        n_nodes = first.n_nodes + second.n_nodes
+        both = cls.from_edges(n_nodes, edges, edge_kind=kinds, positions_m=positions)
+        sets = [(g.cliques, at) for g, at in ((first, 0), (second, first.n_nodes)) if g.cliques]
+        return both.with_cliques(Cliques.beside(*zip(*sets, strict=True))) if sets else both
 
     def with_cliques(self, cliques: Cliques) -> Self:
         """The graph with sets of nodes that want to have one label.
@@ -403,6 +358,28 @@ class LabelGraph:
         if isinstance(values, Mapping):
             return mapped_edges(self._names, self.edges, values, default)
         return matrix_edges(self.n_nodes, self.edges, values)
+
+    def edge_order(self, pairs: ArrayLike) -> EdgeOrder:
+        """Where pairs (E, 2) in any order and direction are among the edges.
+
+        Brings what is given pair by pair, such as tables and features, into the order of ``edges``.
+
+        Raises
+        ------
+        InputError
+            The pairs are not the graph's edges, each once.
+
+        Examples
+        --------
+        >>> pairs = [(2, 1), (0, 1)]
+        >>> order = LabelGraph.from_edges(3, pairs).edge_order(pairs)
+        >>> order.values(["of 2 and 1", "of 0 and 1"]).tolist(), order.flipped.tolist()
+        (['of 0 and 1', 'of 2 and 1'], [False, True])
+        """
+        given = checked_pairs(pairs, self.n_nodes, "pairs")
+        order = EdgeOrder.of(given)
+        require_same(np.sort(given[order.rows], axis=1), self.edges)
+        return order
 
     def subgraph(self, nodes: ArrayLike) -> "LabelGraph":
         """The graph of the nodes where the mask (N,) is true, renumbered in order.
@@ -468,9 +445,3 @@ class LabelGraph:
     def neighbours(self) -> Neighbours:
         """Adjacency in compressed rows, neighbours of a node in increasing order."""
         return neighbours_of(self.n_nodes, self.edges)
-
-
-def _kind_or(graph: LabelGraph, default: EdgeKind) -> NDArray[np.int8]:
-    return (
-        graph.edge_kind if graph.edge_kind is not None else np.full(graph.n_edges, default, np.int8)
-    )

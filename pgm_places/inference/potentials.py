@@ -26,7 +26,8 @@ class Potentials:
         ``unary[i, k]``: how well label ``k`` fits node ``i``; ``-inf`` forbids it.
     pairwise : (K, K) or (E, K, K) float, optional
         ``pairwise[..., a, b]``: how well label ``a`` at the edge's first node and ``b`` at its
-        second fit; one table for all edges, or one per edge.
+        second fit; one table for all edges, or one per edge. Edges are in the order and direction
+        of ``graph.edges``; ``graph.edge_order(pairs).tables`` brings tables of other pairs there.
     agreement : (E, K) float, optional
         The associative special case in a compact form: ``agreement[e, k]`` is earned when both
         ends of edge ``e`` have label ``k``, nothing when they differ. Give this or ``pairwise``.

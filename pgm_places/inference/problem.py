@@ -50,7 +50,8 @@ class LabelingProblem:
         SciPy (words of a sentence, codes of a vocabulary) stay sparse.
     edge_features : (E, F) float, optional
         Features of the edges, for models that learn weights of edges; associative models need them
-        to be at least 0.
+        to be at least 0. Rows are those of ``graph.edges``; ``graph.edge_order(pairs).values``
+        brings rows of other pairs there.
     known : (N,) int, optional
         Label index of the nodes whose label is known, -1 elsewhere. Every method keeps it and
         labels the others by it; so it does with labels that ``-inf`` in ``unary`` forbids. It is

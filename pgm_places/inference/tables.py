@@ -74,7 +74,7 @@ def problem_from_tables(
         what = f"{odd[0]!r} is not among label_names {wanted}" if odd else "no node has a label"
         raise InputError(f"nodes: {what}; give label_names, all of them")
     labels = np.array([-1 if text is None else wanted.index(text) for text in said], np.int64)
-    pairs, order = _pairs(edges, ends, number)
+    pairs = _pairs(edges, ends, number)
     graph = replace(LabelGraph.from_edges(len(names), pairs), node_names=tuple(names))
     ties = _features("edges", edges, ends)
     looks = _features("nodes", nodes, (node, label))
@@ -83,7 +83,7 @@ def problem_from_tables(
         wanted,
         None if looks is not None else np.zeros((len(names), len(wanted))),
         looks,
-        None if ties is None else ties[order],
+        None if ties is None else graph.edge_order(pairs).values(ties),
     )
     return problem, labels
 
@@ -129,10 +129,8 @@ def is_empty(value: Any) -> bool:
     return value is None or value == "" or value != value  # NaN is not itself
 
 
-def _pairs(
-    edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(E, 2) numbers of nodes, and the order in which a graph lists them."""
+def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) -> NDArray[np.int64]:
+    """(E, 2) numbers of nodes."""
     sides = []
     for column in ends:
         names = _values("edges", edges, column)
@@ -140,8 +138,7 @@ def _pairs(
         if odd:
             raise InputError(f"edges: {odd[0]!r} in column {column!r} is not a node; add its row")
         sides.append([number[name] for name in names])
-    pairs = np.sort(np.array(sides, np.int64).reshape(2, -1).T, axis=1)
-    return pairs, np.lexsort((pairs[:, 1], pairs[:, 0]))
+    return np.array(sides, np.int64).reshape(2, -1).T
 
 
 def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float64] | None:

@@ -1,5 +1,6 @@
 """LabelGraph: constructors, checks, conversions."""
 
+import random
 from dataclasses import replace
 
 import networkx as nx
@@ -15,7 +16,8 @@ from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import GridLayout
 from pgm_places.graph.node_kind import NodeKind
 from pgm_places.graph.raster_edges import RasterEdges
-from tests.strategies import varied_arrays
+from pgm_places.inference.potentials import Potentials, score
+from tests.strategies import edge_lists, varied_arrays
 
 
 def neighbours_by_hand(free: np.ndarray, connectivity: int) -> set[tuple[int, int]]:
@@ -80,8 +82,8 @@ def test_trajectory_is_a_chain() -> None:
     ("edges", "message"),
     [
         ([(0, 3)], "integers from 0 to 2, got 3 at index (0, 1)"),
-        ([(1, 1)], "edge 0 joins node 1 to itself"),
-        ([(0, 1), (1, 0)], "edge (0, 1) appears twice"),
+        ([(2, 1), (1, 1), (1, 0)], "edge 1 joins node 1 to itself"),
+        ([(1, 2), (0, 1), (1, 0)], "edges 1 and 2 both join nodes 0 and 1"),
         ([(0.5, 1.0)], "edges must hold integers, got dtype float64"),
         ([(0, 1, 2)], "edges must have shape (E, 2), got (1, 3)"),
     ],
@@ -99,6 +101,51 @@ def test_edge_list_refuses_unsorted_edges() -> None:
         EdgeList(np.array([[1, 0]], np.int32))
     with pytest.raises(InputError, match="from 0 to 2, got 3"):
         LabelGraph(3, EdgeList(np.array([[1, 3]], np.int32)))
+
+
+@given(edge_lists(6), st.randoms(use_true_random=False))
+def test_tables_and_features_follow_their_pairs(edges: np.ndarray, chance: random.Random) -> None:
+    """Scores are those of the pairs as they were given, whatever their order and direction."""
+    shuffled = chance.sample(edges.tolist(), len(edges))
+    turned = [pair[:: chance.choice([1, -1])] for pair in shuffled]
+    pairs = np.array(turned, np.int64).reshape(-1, 2)
+    rng = np.random.default_rng(len(pairs))
+    tables, labels = rng.normal(size=(len(pairs), 3, 3)), rng.integers(0, 3, 6)
+    graph = LabelGraph.from_edges(6, pairs)
+    order = graph.edge_order(pairs)
+    wanted = sum(table[labels[i], labels[j]] for table, (i, j) in zip(tables, pairs, strict=True))
+    potentials = Potentials(np.zeros((6, 3)), pairwise=order.tables(tables))
+    assert score(graph, potentials, labels) == pytest.approx(wanted)
+    one = Potentials(
+        np.zeros((6, 3)), pairwise=order.tables(tables[0] if len(pairs) else np.eye(3))
+    )
+    wanted = sum(tables[0][labels[i], labels[j]] for i, j in pairs)
+    assert score(graph, one, labels) == pytest.approx(wanted)
+    ends = order.values(np.sort(pairs, axis=1))
+    np.testing.assert_array_equal(ends, graph.edges)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "message"),
+    [
+        ([(0, 1)], r"the 2 edges of the graph, each once, got 1; its edge \(1, 2\) is missing"),
+        ([(2, 1), (2, 0)], r"got 2; the pair \(0, 2\) is no edge of it"),
+        ([(0, 1), (1, 2), (2, 1)], "edges 1 and 2 both join nodes 1 and 2"),
+        ([(0, 3)], "integers from 0 to 2, got 3"),
+    ],
+)
+def test_pairs_of_another_graph_have_no_order(pairs: list[tuple[int, int]], message: str) -> None:
+    graph = LabelGraph.from_edges(3, [(0, 1), (1, 2)])
+    with pytest.raises(InputError, match=message):
+        graph.edge_order(pairs)
+
+
+def test_an_order_refuses_values_of_other_pairs() -> None:
+    order = LabelGraph.from_edges(3, [(0, 1), (1, 2)]).edge_order([(1, 2), (0, 1)])
+    with pytest.raises(InputError, match=r"one row per pair \(2\), got shape \(3,\)"):
+        order.values([1.0, 2.0, 3.0])
+    with pytest.raises(InputError, match=r"shape \(E, K, K\) or \(K, K\), got \(2, 2, 3\)"):
+        order.tables(np.zeros((2, 2, 3)))
 
 
 def test_networkx_round_trip() -> None:

@@ -1,0 +1,95 @@
+"""Where given pairs of nodes are among a graph's edges: per-edge values follow them there."""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen, number_array
+from pgm_places.errors import InputError
+
+__all__ = ["EdgeOrder"]
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeOrder:
+    """How pairs (E, 2) in any order and direction became edges: ``i < j``, sorted.
+
+    Parameters
+    ----------
+    rows : (E,) int
+        The row among the pairs that each edge was.
+    flipped : (E,) bool
+        Whether the pair there names the edge's second node first.
+
+    Examples
+    --------
+    >>> order = EdgeOrder.of(np.array([(2, 1), (1, 0)]))
+    >>> order.rows.tolist(), order.flipped.tolist()
+    ([1, 0], [True, True])
+    >>> order.values([0.2, 0.7]).tolist()
+    [0.7, 0.2]
+    """
+
+    rows: NDArray[np.int64]
+    flipped: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, pairs: NDArray[np.integer[Any]]) -> Self:
+        """That of pairs (E, 2).
+
+        Raises
+        ------
+        InputError
+            A pair joins a node to itself, or two join the same nodes, in whichever direction.
+        """
+        loops = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
+        if len(loops):
+            raise InputError(
+                f"edge {loops[0]} joins node {pairs[loops[0], 0]} to itself; leave such edges out"
+            )
+        sorted_pairs = np.sort(pairs, axis=1)
+        rows = np.lexsort((sorted_pairs[:, 1], sorted_pairs[:, 0]))
+        edges = sorted_pairs[rows]
+        twice = np.flatnonzero((edges[1:] == edges[:-1]).all(axis=1))
+        if len(twice):
+            first, second = rows[twice[0] : twice[0] + 2]
+            i, j = edges[twice[0]]
+            raise InputError(
+                f"edges {first} and {second} both join nodes {i} and {j}, but two nodes may be "
+                "joined once; give that pair once, with what belongs to both together"
+            )
+        return cls(frozen(rows), frozen(pairs[rows, 0] > pairs[rows, 1]))
+
+    def values(self, values: ArrayLike) -> NDArray[Any]:
+        """(E, ...) values of the pairs, such as features or rewards of agreement, edge by edge."""
+        array = np.asarray(values)
+        if array.ndim == 0 or len(array) != len(self.rows):
+            raise InputError(
+                f"values must have one row per pair ({len(self.rows)}), got shape {array.shape}"
+            )
+        return np.asarray(array[self.rows])
+
+    def tables(self, tables: ArrayLike) -> NDArray[np.float64]:
+        """(E, K, K) tables of the pairs edge by edge, transposed where the pair was flipped.
+
+        Parameters
+        ----------
+        tables : (E, K, K) or (K, K) float
+            By the label of each pair's first node and that of its second; one table for all pairs
+            becomes one per edge, since it may be flipped at some of them.
+
+        Examples
+        --------
+        >>> order = EdgeOrder.of(np.array([(2, 1), (0, 1)]))
+        >>> order.tables([[0.0, 1.0], [2.0, 3.0]]).tolist()
+        [[[0.0, 1.0], [2.0, 3.0]], [[0.0, 2.0], [1.0, 3.0]]]
+        """
+        given = number_array("tables", tables)
+        if given.ndim == 2:
+            given = np.broadcast_to(given, (len(self.rows), *given.shape))
+        if given.ndim != 3 or given.shape[1] != given.shape[2]:
+            raise InputError(f"tables must have shape (E, K, K) or (K, K), got {given.shape}")
+        ordered = self.values(given)
+        return np.where(self.flipped[:, None, None], ordered.transpose(0, 2, 1), ordered)
