@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from pgm_places.graph.bands import bands_of_rows
 
-__all__ = ["SAME", "block_areas", "block_rows", "coarse_shape", "holders", "simplest_factor"]
+__all__ = [
+    "SAME",
+    "block_areas",
+    "block_rows",
+    "coarse_shape",
+    "factor_between",
+    "holders",
+    "simplest_factor",
+]
 
 SAME = 1e-3
 """0.2 / 0.05 is 4 to the last bits, and map files round resolutions to three or four digits."""
@@ -21,6 +29,22 @@ def simplest_factor(ratio: float) -> Fraction:
     """The fraction with the least denominator within a thousandth of a ratio."""
     fractions = (Fraction(round(ratio * parts), parts) for parts in count(1))
     return next(f for f in fractions if abs(ratio - f) <= SAME * ratio)
+
+
+# Fractions of this denominator are no further than 2 SAME apart, so no simplest one needs more.
+_MAX_PARTS = ceil(1 / (2 * SAME))
+
+
+def factor_between(fine_m: float, coarse_m: float) -> Fraction:
+    """The factor by which one of two rasters was made of the other, from their resolutions.
+
+    :func:`simplest_factor` decides on it once, for a resolution that is wanted, and the map that is
+    made has that multiple of the other's resolution, apart from rounding errors: what is nearest to
+    the ratio is the very fraction. Deciding again could give a simpler one.
+    """
+    if coarse_m < fine_m:
+        return 1 / factor_between(coarse_m, fine_m)
+    return Fraction(coarse_m / fine_m).limit_denominator(_MAX_PARTS)
 
 
 def holders(cells: NDArray[np.integer], factor: Fraction) -> NDArray[np.int64]:

@@ -18,6 +18,7 @@ from pgm_places.maps._blocks import (
     block_areas,
     block_rows,
     coarse_shape,
+    factor_between,
     holders,
     simplest_factor,
 )
@@ -27,7 +28,7 @@ __all__ = ["Coarsening", "coarsen", "coarsen_labels", "coarsening_factor"]
 
 
 def coarsening_factor(grid: OccupancyGrid, resolution_m: float) -> Fraction:
-    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``.
+    """Number of cells of ``grid`` along the side of a cell of ``resolution_m``, which is wanted.
 
     The simplest fraction within a thousandth, so that 0.02 m to 0.05 m is 5/2.
 
@@ -135,7 +136,7 @@ def coarsen_labels(
     >>> coarsen_labels([[0, 1, -1, 0], [1, 1, -1, 0]], grid, coarse).tolist()
     [[1, -1]]
     """
-    factor = coarsening_factor(grid, coarse.resolution_m)
+    factor = factor_between(grid.resolution_m, coarse.resolution_m)
     if coarse.shape != coarse_shape(grid.shape, factor):
         raise LabelError(
             f"a map of {grid.shape} cells coarsened by {factor} does not have {coarse.shape} cells"
@@ -186,6 +187,11 @@ class Coarsening:
     coarse: OccupancyGrid
 
     def __post_init__(self) -> None:
+        if self.factor < 1:
+            raise MapError(
+                f"the coarse map has cells of {self.coarse.resolution_m:g} m, smaller than those "
+                f"of the fine one, {self.fine.resolution_m:g} m; give the fine map first"
+            )
         for size, n_fine in zip(self.coarse.shape, self.fine.shape, strict=True):
             refined = int(holders(np.array(n_fine - 1), self.factor)) + 1
             if size not in (refined, ceil(n_fine / self.factor)):
@@ -222,7 +228,7 @@ class Coarsening:
     @cached_property
     def factor(self) -> Fraction:
         """Number of fine cells along the side of a coarse one."""
-        return coarsening_factor(self.fine, self.coarse.resolution_m)
+        return factor_between(self.fine.resolution_m, self.coarse.resolution_m)
 
     def holders(self, cells_rc: NDArray[np.integer]) -> NDArray[np.int64]:
         """(N, 2) the coarse cells that hold the centres of fine cells, all row and column."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
-from pgm_places.maps._blocks import holders, simplest_factor
+from pgm_places.maps._blocks import factor_between, holders
 from pgm_places.maps.number_type import number_type
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.maps.raster_runs import RasterRuns
@@ -116,7 +116,7 @@ class Doorways:
                 f"doorways were found in a map with its origin at {self.grid.origin_xy_m} and yaw "
                 f"{self.grid.yaw_rad:g}, but the map has {grid.origin_xy_m} and {grid.yaw_rad:g}"
             )
-        factor = simplest_factor(self.grid.resolution_m / grid.resolution_m)
+        factor = factor_between(grid.resolution_m, self.grid.resolution_m)
         # Only cells of the last blocks stick out: they take the nearest row and column.
         rows, columns = (
             np.minimum(holders(np.arange(n), factor), last - 1)

@@ -63,6 +63,20 @@ def test_every_free_cell_gets_a_label_and_a_note_says_how(resolution_m: float) -
     assert ("coarsened by" if resolution_m < 0.05 else "split by") in note
 
 
+@pytest.mark.parametrize("resolution_m", [0.0184, 0.0508, 0.0746, 0.1203])
+def test_maps_of_odd_resolutions_are_labelled(resolution_m: float) -> None:
+    rows, columns = (int(length_m / resolution_m) for length_m in (7.0, 9.0))
+    cells = np.where(np.random.default_rng(0).random((rows, columns)) < 0.02, 100, 0)
+    cells[:, columns // 2] = np.where(np.arange(rows) < rows // 5, 0, 100)
+    found = label_map(labeler(), OccupancyGrid(cells, resolution_m))
+    assert ((found.labels >= 0) == found.grid.free).all()
+    beliefs = found.labeling.beliefs
+    assert beliefs is not None
+    np.testing.assert_allclose(
+        found.on_map(beliefs, 0).sum(axis=2), found.grid.free, rtol=0, atol=1e-5
+    )
+
+
 @pytest.mark.parametrize("resolution_m", FINER)
 def test_labels_of_a_finer_map_are_those_of_the_map_itself(resolution_m: float) -> None:
     grid = building().grid
