@@ -27,6 +27,7 @@ __all__ = [
     "Positive",
     "Probability",
     "Seed",
+    "UnknownGrey",
     "Whole",
     "check_option",
     "check_options",
@@ -46,6 +47,8 @@ Positive = Annotated[float, Gt(0)]
 Probability = Annotated[float, Ge(0), Le(1)]
 Whole = Annotated[int, Ge(1)]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
+UnknownGrey = Annotated[int, Ge(0), Le(255)] | Literal["none"]
+"""The grey of a map that is unknown whatever its thresholds say; "none" for these alone."""
 
 T = TypeVar("T")
 

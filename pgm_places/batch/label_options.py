@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from pgm_places.options import UnknownGrey
 from pgm_places.trained import model_folder
 
 __all__ = ["LabelOptions"]
@@ -20,15 +21,16 @@ class LabelOptions:
         One of the model's; its last one by default.
     doorways, halls : str, optional
         Instead of what the model's tables ``[topology]`` and ``[labels]`` say.
-    unknown_value : int, optional
-        Grey value of maps that is read as unknown.
+    unknown_value : int or "none", optional
+        Grey value of maps that is read as unknown, as for
+        :func:`~pgm_places.io.maps.map_server.load_map`.
     """
 
     model: str = "default"
     method: str | None = None
     doorways: str | None = None
     halls: str | None = None
-    unknown_value: int | None = None
+    unknown_value: UnknownGrey | None = None
 
     @property
     def folder(self) -> Path:

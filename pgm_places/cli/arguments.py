@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from pgm_places._option_marks import Ge, Le
 from pgm_places.cli.declarations import Argument, Option
-from pgm_places.options import Whole
+from pgm_places.options import UnknownGrey, Whole
 
 __all__ = [
     "Cache",
@@ -37,8 +36,12 @@ Model = Annotated[
     Option("--model", "-m", help="Folder written by 'train', or the name of a shipped model."),
 ]
 UnknownValue = Annotated[
-    Annotated[int, Ge(0), Le(255)] | None,
-    Option(help="Grey value to read as unknown, such as 205."),
+    UnknownGrey | None,
+    Option(
+        metavar="GREY|none",
+        help="Grey value to read as unknown; 205 by default, where a map saver must have meant "
+        "that. none: as the thresholds say.",
+    ),
 ]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Hide progress.")]
 Force = Annotated[

@@ -9,7 +9,8 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from types import NoneType
+from typing import Annotated, Any, Union
 
 from pgm_places._option_words import arms, bare
 from pgm_places.options import check_option
@@ -111,7 +112,7 @@ class Parameter:
     def metavar(self) -> str:
         """What stands for its value."""
         kinds = {Path: "PATH", int: "NUMBER", float: "NUMBER"}
-        return self.declared.metavar or kinds.get(bare(self._item), "TEXT")
+        return self.declared.metavar or kinds.get(bare(arms(self._item)[0]), "TEXT")
 
     @property
     def _kind(self) -> Any:
@@ -120,7 +121,9 @@ class Parameter:
     @property
     def _item(self) -> Any:
         """What each value has to be, with its limits."""
-        return typing.get_args(self._kind)[0] if self.is_list else arms(self.hint)[0]
+        if self.is_list:
+            return typing.get_args(self._kind)[0]
+        return Union[tuple(arm for arm in arms(self.hint) if arm is not NoneType)]  # noqa: UP007
 
     def read(self, text: str) -> Any:
         """The value that a text says.
@@ -130,7 +133,7 @@ class Parameter:
         ConfigError
             It is none that the parameter takes.
         """
-        kind = bare(self._item)
+        kind = bare(arms(self._item)[0])
         if kind in (str, Path):
             return kind(text)
         return check_option(self.shown, self._item, number_in(text, kind))

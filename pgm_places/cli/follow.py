@@ -61,7 +61,8 @@ def run_follow(
             "--follow labels scan by scan, but this model labels a whole drive together with its "
             "map; track the complete log without --follow"
         )
-    labeler, grid = track_labeler(stored, options, progress), map_of(options)
+    labeler, source = track_labeler(stored, options, progress), map_of(options, progress)
+    grid = None if source is None else source.grid
     if log.suffix.lower() == ".csv":  # poses without scans
         labeler = labeler.with_options(beams__missing="known-map", beams__all_from_map=True)
     known = labelled_map(options, labeler)

@@ -11,7 +11,7 @@ from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
-from pgm_places.options import AtLeastZero, Seed
+from pgm_places.options import AtLeastZero, Seed, UnknownGrey
 from pgm_places.sensing.laser_options import LaserOptions
 from pgm_places.sensing.robot_motion import RobotMotion
 
@@ -127,7 +127,7 @@ def _write(out: Path, driven: "Trajectory", picture: bytes, wheels_only: bool) -
 
 
 def _users_map(
-    map_yaml: Path, labels: Path | None, unknown_value: int | None
+    map_yaml: Path, labels: Path | None, unknown_value: UnknownGrey | None
 ) -> "tuple[LabelledMap, tuple[str, ...], tuple[str, ...]]":
     """The map, the names of its labels (none without labels), and warnings."""
     import numpy as np

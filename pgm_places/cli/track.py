@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from pgm_places.cli.arguments import Force, Quiet
+from pgm_places.cli.arguments import Force, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.errors import ConfigError
 from pgm_places.options import AtLeastZero
@@ -78,6 +78,7 @@ def track(
     jsonl: Annotated[
         bool, Option("--jsonl", help="With --follow: print each line as a JSON object.")
     ] = False,
+    unknown_value: UnknownValue = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -85,7 +86,17 @@ def track(
     from pgm_places.cli.track_options import TrackOptions, stored_model
 
     options = TrackOptions(
-        model, map_yaml, mode, beams, every, max_range, truth, counts, counts_within, map_labels
+        model,
+        map_yaml,
+        mode,
+        beams,
+        every,
+        max_range,
+        truth,
+        counts,
+        counts_within,
+        map_labels,
+        unknown_value,
     )
     if follow:
         from pgm_places.cli.follow import run_follow

@@ -7,7 +7,7 @@ from pgm_places.cli.flags import named_as_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.track_log import folder_for, read_log, summary, write
-from pgm_places.cli.track_options import TrackOptions, with_truth
+from pgm_places.cli.track_options import TrackOptions, map_of, with_truth
 from pgm_places.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -32,19 +32,16 @@ def run_joint(
 ) -> None:
     """Label a complete log, and the map beneath it if there is one, which is written as well."""
     from pgm_places.batch.map_files import write_labelled
-    from pgm_places.io.maps.map_server import load_map
     from pgm_places.io.output_set import output_set
     from pgm_places.report.file_names import TRACK, label_names
     from pgm_places.report.topology_output import places_summary
 
     out, progress = folder_for(log, out), make_progress(quiet=quiet)
     labeler = _labeler(stored, options)
-    source: MapFile | None = None
+    source = map_of(options, progress)
     names: tuple[str, ...] = TRACK
-    if options.map_yaml is not None:
-        source, names = load_map(options.map_yaml), (*TRACK, *label_names(labeler.label_names_))
-        for message in source.warnings:
-            progress.warn(message)
+    if source is not None:
+        names = (*TRACK, *label_names(labeler.label_names_))
     with output_set(out, "track", names=names, force=force) as files:
         track, places = _labelled(labeler, log, source, options, progress)
         found = None

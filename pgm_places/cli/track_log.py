@@ -44,7 +44,8 @@ def run_track(
 
     out, progress = folder_for(log, out), make_progress(quiet=quiet)
     labeler = track_labeler(stored, options, progress)
-    grid, known = map_of(options), labelled_map(options, labeler)
+    source, known = map_of(options, progress), labelled_map(options, labeler)
+    grid = None if source is None else source.grid
     counts = seen_objects(options, labeler, progress)
     with output_set(out, "track", names=TRACK, force=force) as files:
         read = read_log(log, options, progress)

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 from pgm_places.cli.flags import named_as_flags
 from pgm_places.errors import ConfigError
+from pgm_places.options import UnknownGrey
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from pgm_places.io.maps.map_server import MapFile
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
-    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.persistence.map_prior import LabelledMapFolder
     from pgm_places.persistence.stored import Stored
     from pgm_places.progress import Progress
@@ -48,6 +49,7 @@ class TrackOptions:
     counts: Path | None = None
     counts_within_s: float = 5.0
     map_labels: Path | None = None
+    unknown_value: UnknownGrey | None = None
 
 
 def stored_model(options: TrackOptions) -> "Stored":
@@ -115,11 +117,16 @@ def labelled_map(options: TrackOptions, labeler: "TrajectoryLabeler") -> "Labell
     return read_labelled_map(options.map_labels, labeler.label_names)
 
 
-def map_of(options: TrackOptions) -> "OccupancyGrid | None":
-    """The map in the frame of the log, if one is named."""
+def map_of(options: TrackOptions, progress: "Progress") -> "MapFile | None":
+    """The map in the frame of the log, if one is named, with its warnings on standard error."""
     from pgm_places.io.maps.map_server import load_map
 
-    return None if options.map_yaml is None else load_map(options.map_yaml).grid
+    if options.map_yaml is None:
+        return None
+    loaded = load_map(options.map_yaml, unknown_value=options.unknown_value)
+    for message in loaded.warnings:
+        progress.warn(message)
+    return loaded
 
 
 def with_truth(

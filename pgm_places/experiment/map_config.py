@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pgm_places._option_marks import Ge, Le
+from pgm_places._option_marks import Ge
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.datasets.style import StyleName
 from pgm_places.errors import ConfigError
-from pgm_places.options import check_options
+from pgm_places.options import UnknownGrey, check_options
 from pgm_places.unary.options import HallsAs
 
 __all__ = ["MapConfig"]
@@ -60,7 +60,7 @@ class MapConfig:
     rows: IndexRange | None = None
     x_m: Range | None = None
     y_m: Range | None = None
-    unknown_value: Annotated[int, Ge(0), Le(255)] | None = None
+    unknown_value: UnknownGrey | None = None
     compat: Literal["nav2", "ros1"] = "nav2"
 
     def __post_init__(self) -> None:

@@ -154,6 +154,7 @@ READERS: dict[str, Reader] = {
     "map.pgm": Reader(map_of("map.pgm"), "map.pgm", BYTES),
     "map.bmp": Reader(map_of("map.bmp"), "map.bmp", BYTES),
     "map.tif": Reader(map_of("map.tif"), "map.tif", BYTES),
+    "map.jpg": Reader(map_of("map.jpg"), "map.jpg", BYTES),
     "labels.png": Reader(labels_of, "labels.png", BYTES),
     "labels.yaml": Reader(labels_of, "labels.yaml"),
     "regions.geojson": Reader(

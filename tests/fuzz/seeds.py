@@ -92,6 +92,7 @@ def seeds(folder: Path) -> None:
     for kind in ("bmp", "tif", "pgm"):
         packed = {"compression": "tiff_lzw"} if kind == "tif" else {}
         Image.fromarray(grey).save(folder / f"map.{kind}", **packed)
+    Image.fromarray(grey).save(folder / "map.jpg", progressive=True)
     square = [[0, 0], [2, 0], [2, 2.5], [0, 2], [0, 0]]
     feature = {
         "type": "Feature",

@@ -5,7 +5,7 @@ import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,28 +14,24 @@ from pgm_places._checks import frozen, nearest_name
 from pgm_places.errors import MapError, shown
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
-from pgm_places.io.maps.pixel_rules import Compat, Mode, PixelRules, grey_of
-from pgm_places.io.maps.raster_image import MAX_PIXELS, RasterImage, open_image
+from pgm_places.io.maps.map_pixels import (
+    FREE_GREY,
+    FREE_THRESH,
+    OCCUPIED_GREY,
+    OCCUPIED_THRESH,
+    UNKNOWN_GREY,
+    Fractions,
+    MapPixels,
+)
+from pgm_places.io.maps.pixel_rules import Compat, Mode, PixelRules
+from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
 from pgm_places.io.strict_yaml import YamlFile, YamlValue, read_yaml
-from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.options import UnknownGrey
 
 __all__ = ["Fractions", "MapFile", "load_map", "save_map"]
 
 _log = logging.getLogger(__name__)
-
-# The grey values that map savers write, and the thresholds that tell them apart (Nav2 and ROS 1).
-FREE_GREY, UNKNOWN_GREY, OCCUPIED_GREY = 254, 205, 0
-FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
-# A smaller share of pixels with grey 205 is edges of walls, not the outside of a building.
-_MANY = 0.01
-
-
-class Fractions(NamedTuple):
-    """Shares of a map's cells; they sum to 1."""
-
-    free: float
-    occupied: float
-    unknown: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +55,9 @@ class MapFile:
         trinary mode the grid's cells themselves.
     rules : PixelRules
         Mode, thresholds and negation of the YAML file.
-    unknown_value : int, optional
-        The grey that was read as unknown in any case.
+    unknown_value : int or "none", optional
+        The grey that was read as unknown whatever the thresholds say; "none" where the thresholds
+        alone were to decide.
     """
 
     grid: OccupancyGrid
@@ -71,7 +68,7 @@ class MapFile:
     warnings: tuple[str, ...]
     occupancy: NDArray[np.int8]
     rules: PixelRules
-    unknown_value: int | None = None
+    unknown_value: UnknownGrey | None = None
 
     @property
     def name(self) -> str:
@@ -84,7 +81,7 @@ def load_map(
     path: Path | str,
     *,
     compat: Compat = "nav2",
-    unknown_value: int | None = None,
+    unknown_value: UnknownGrey | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> MapFile:
     """The map that a YAML file describes.
@@ -96,9 +93,10 @@ def load_map(
     compat : {"nav2", "ros1"}
         Whose rules: current Nav2's, or those of ROS 1 and of older Nav2 (mean of the colour
         channels and alpha, strict comparisons).
-    unknown_value : int, optional
-        Grey from 0 to 255 that is unknown whatever the thresholds say: 205 for maps whose
-        ``free_thresh`` is too large to tell it from free.
+    unknown_value : int or "none", optional
+        Grey from 0 to 255 that is unknown whatever the thresholds say. By default, that is 205
+        where a map saver must have meant it so: in mode trinary, beside greys 0 and 254 and with no
+        other grey near it. With "none" the thresholds alone decide.
     max_pixels : int
         Largest width x height that is decoded.
 
@@ -112,8 +110,10 @@ def load_map(
         raise MapError(
             f"unknown compat {compat!r}. {nearest_name(str(compat), list(get_args(Compat)))}"
         )
-    if unknown_value is not None and not 0 <= unknown_value <= 255:
-        raise MapError(f"unknown_value must be a grey value from 0 to 255, got {unknown_value}")
+    if not (unknown_value in (None, "none") or unknown_value in range(256)):
+        raise MapError(
+            f"unknown_value must be a grey value from 0 to 255 or 'none', got {unknown_value!r}"
+        )
     file = read_yaml(yaml_path, MapError, "map description")
     warnings: list[str] = []
     rules = _rules(file, compat)
@@ -124,10 +124,10 @@ def load_map(
     except MapError as error:
         raise file.fail(str(error)) from None
     image_path = _image_path(file)
-    with open_image(image_path, MapError, max_pixels=max_pixels) as image:
+    with open_image(image_path, MapError, max_pixels=max_pixels, lossy=True) as image:
         shape = image.shape
-        pixels = _Pixels.read(image, rules, unknown_value)
-    warnings += pixels.suspicions(rules, unknown_value, yaml_path)
+        pixels = MapPixels.read(image, rules, unknown_value)
+    warnings += pixels.suspicions(yaml_path)
     grid = OccupancyGrid(pixels.cells, resolution_m, (x, y), yaw)
     occupancy = grid.cells if pixels.occupancy is None else frozen(pixels.occupancy)
     for message in warnings:
@@ -141,7 +141,7 @@ def load_map(
         tuple(warnings),
         occupancy,
         rules,
-        unknown_value,
+        pixels.unknown_value,
     )
 
 
@@ -191,77 +191,6 @@ def _image_path(file: YamlFile) -> Path:
             "the key 'image' or put the image there"
         )
     return path
-
-
-@dataclass
-class _Pixels:
-    """The decoded image in grid order, with counts of what was seen."""
-
-    cells: NDArray[np.int8]
-    occupancy: NDArray[np.int8] | None  # None: the same as cells
-    grey_counts: NDArray[np.int64]  # (256,) opaque pixels of each grey value
-
-    @classmethod
-    def read(cls, image: RasterImage, rules: PixelRules, unknown_value: int | None) -> "_Pixels":
-        height, width = image.shape
-        cells = np.empty((height, width), np.int8)
-        occupancy = None if rules.mode == "trinary" else np.empty((height, width), np.int8)
-        counts = np.zeros(256, np.int64)
-        for row, channels, alpha in image.strips():
-            grey = grey_of(channels)
-            values, kinds = rules.read(channels, alpha)
-            if unknown_value is not None:
-                values[grey == unknown_value] = UNKNOWN
-                kinds[grey == unknown_value] = UNKNOWN
-            # row 0 of the image is the top, row 0 of the grid the bottom
-            rows = slice(height - row - len(grey), height - row)
-            cells[rows] = kinds[::-1]
-            if occupancy is not None:
-                occupancy[rows] = values[::-1]
-            counts += np.bincount(
-                (grey if alpha is None else grey[alpha == 255]).ravel(), minlength=256
-            )
-        cells.setflags(write=False)
-        return cls(cells, occupancy, counts)
-
-    @property
-    def fractions(self) -> Fractions:
-        """Shares of the cells."""
-        n_free = int(np.count_nonzero(self.cells == FREE))
-        n_occupied = int(np.count_nonzero(self.cells == OCCUPIED))
-        size = self.cells.size
-        return Fractions(n_free / size, n_occupied / size, (size - n_free - n_occupied) / size)
-
-    def suspicions(
-        self, rules: PixelRules, unknown_value: int | None, yaml_path: Path
-    ) -> list[str]:
-        """What looks wrong: unknown read as free, nothing free, no walls."""
-        found = []
-        share = float(self.grey_counts[UNKNOWN_GREY]) / self.cells.size
-        _, kinds = rules.tables()
-        if share >= _MANY and kinds[UNKNOWN_GREY] == FREE and unknown_value != UNKNOWN_GREY:
-            found.append(
-                f"{100 * share:.1f} % of the pixels have grey {UNKNOWN_GREY}, which map savers "
-                f"write for unknown, but free_thresh {rules.free_thresh:g} reads it as free "
-                f"(50/255 = 0.196). If it means unknown, set free_thresh: {FREE_THRESH} in "
-                f"{yaml_path.name}, or force it with unknown_value = {UNKNOWN_GREY} "
-                f"(--unknown-value {UNKNOWN_GREY})"
-            )
-        shares = self.fractions
-        if shares.free == 0:
-            found.append(
-                "no cell is free, so there is nothing to label; check negate and the thresholds"
-            )
-        elif shares.occupied == 0:
-            found.append(
-                "no cell is occupied: a map without walls; check negate and the thresholds"
-            )
-        elif shares.occupied > max(0.5, shares.free):
-            found.append(
-                f"{100 * shares.occupied:.0f} % of the cells are occupied, more than are free; "
-                "check negate and the thresholds"
-            )
-        return found
 
 
 def save_map(

@@ -1,4 +1,4 @@
-"""Images as strips of grey values: PNG, PGM/PPM, BMP and TIFF, checked before they are decoded."""
+"""Images as strips of greys: PNG, PGM/PPM, BMP, TIFF and JPEG, checked before they are decoded."""
 
 import struct
 from collections.abc import Iterator
@@ -26,6 +26,12 @@ _MAX_SIDE = 1_000_000
 _STRIP_PIXELS = 1 << 20
 # zlib shrinks no input by more than this factor (its documentation: 1032 : 1).
 _DEFLATE_LIMIT = 1040
+# Every scan of a JPEG goes over all of its pixels; encoders write about ten.
+_MAX_JPEG_SCANS = 100
+_JPEG_SCAN = b"\xff\xda"
+_READ_BYTES = 1 << 20
+# A JPEG takes at least a bit for each block of 8 x 8 pixels.
+_JPEG_PIXELS_A_BYTE = 8 * 64
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 _MODES = {"1", "L", "LA", "P", "PA", "RGB", "RGBA", "I", "I;16", "I;16B", "I;16L", "I;16N"}
 _DAMAGED = (
@@ -65,6 +71,11 @@ class RasterImage:
     def is_indexed(self) -> bool:
         """Whether pixels are indices into a palette."""
         return self._picture is not None and self._picture.mode == "P"
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the compression changes values."""
+        return self._picture is not None and self._picture.format == "JPEG"
 
     @property
     def is_deep(self) -> bool:
@@ -127,7 +138,7 @@ class RasterImage:
 
 @contextmanager
 def open_image(
-    path: Path, error: type[InputError], *, max_pixels: int = MAX_PIXELS
+    path: Path, error: type[InputError], *, max_pixels: int = MAX_PIXELS, lossy: bool = False
 ) -> Iterator[RasterImage]:
     """An image whose header was checked against ``max_pixels`` and the file's length.
 
@@ -139,6 +150,8 @@ def open_image(
         The exception to raise for everything that is wrong.
     max_pixels : int
         Largest width x height that is accepted.
+    lossy : bool
+        Whether a JPEG will do, whose compression changes values.
 
     Raises
     ------
@@ -148,6 +161,11 @@ def open_image(
     """
     with open_input(path, error, "an image (PNG, PGM, BMP or TIFF)") as file:
         image = _opened(path, file, error)
+        if image.is_lossy and not lossy:
+            raise error(
+                f"{path}: a JPEG, whose compression changes values; save the image as PNG anew, "
+                "from where it was made"
+            )
         height, width = image.shape
         if height < 1 or width < 1:
             raise error(f"{path}: the image has no pixels ({width} x {height})")
@@ -163,6 +181,8 @@ def open_image(
                 f"{_MAX_SIDE}"
             )
         _check_length(image, path.stat().st_size, error)
+        if image.is_lossy:
+            _check_scans(path, file, error)
         try:
             yield image
         finally:
@@ -212,6 +232,10 @@ def _picture(path: Path, file: IO[bytes], head: bytes, error: type[InputError]) 
             from PIL.TiffImagePlugin import TiffImageFile
 
             return TiffImageFile(file)
+        if head.startswith(b"\xff\xd8\xff"):
+            from PIL.JpegImagePlugin import JpegImageFile
+
+            return JpegImageFile(file)
     except _DAMAGED as problem:
         raise error(f"{path}: the image's header is damaged ({problem}); save it again") from None
     raise error(f"{path}: not a PNG, PGM, BMP or TIFF image; save it in one of these formats")
@@ -228,12 +252,29 @@ def _check_length(image: RasterImage, n_bytes: int, error: type[InputError]) -> 
         least = height * ((width * bits + 7) // 8)
     elif picture.format == "PNG":
         least = height * ((width * image._png_bits + 7) // 8) // _DEFLATE_LIMIT
+    elif picture.format == "JPEG":
+        least = height * width // _JPEG_PIXELS_A_BYTE
     else:  # BMP and TIFF: at least a bit for each pixel, compressed as far as anything is
         least = height * width // 8 // _DEFLATE_LIMIT
     if n_bytes < least:
         raise error(
             f"{image.path}: the header states {width} x {height} pixels, which take at least "
             f"{least} bytes, but the file has {n_bytes}; it is truncated or its header is wrong"
+        )
+
+
+def _check_scans(path: Path, file: IO[bytes], error: type[InputError]) -> None:
+    """Refuse a JPEG that would take long to decode."""
+    at, n_scans, last = file.tell(), 0, b""
+    file.seek(0)
+    while part := file.read(_READ_BYTES):
+        n_scans += (last + part).count(_JPEG_SCAN)  # within coded data, 0 follows every 255
+        last = part[-1:]
+    file.seek(at)
+    if n_scans > _MAX_JPEG_SCANS:
+        raise error(
+            f"{path}: a JPEG of {n_scans} scans, more than the limit of {_MAX_JPEG_SCANS}; save it "
+            "again"
         )
 
 

@@ -107,28 +107,6 @@ def test_a_yaw_of_nan_is_0_with_a_warning(tmp_path: Path, yaw: str) -> None:
     )
 
 
-def test_grey_205_read_as_free_is_warned_about(tmp_path: Path) -> None:
-    trap = write_map(tmp_path, PIXELS, free_thresh="0.25")
-    found = load_map(trap)
-    assert found.grid.cells.tolist() == [[0, 0, -1], [0, 0, 100]]
-    (warning,) = found.warnings
-    assert warning == (
-        "16.7 % of the pixels have grey 205, which map savers write for unknown, but free_thresh "
-        "0.25 reads it as free (50/255 = 0.196). If it means unknown, set free_thresh: 0.196 in "
-        "map.yaml, or force it with unknown_value = 205 (--unknown-value 205)"
-    )
-    forced = load_map(trap, unknown_value=205)
-    assert forced.grid.cells.tolist() == [[0, 0, -1], [0, -1, 100]]
-    assert forced.warnings == ()
-
-
-def test_a_few_pixels_of_grey_205_are_not_warned_about(tmp_path: Path) -> None:
-    pixels = np.full((20, 20), 254, np.uint8)
-    pixels[0] = 0
-    pixels[1, :3] = 205
-    assert load_map(write_map(tmp_path, pixels, free_thresh="0.25")).warnings == ()
-
-
 @pytest.mark.parametrize(
     ("grey", "warning"),
     [
@@ -197,7 +175,8 @@ def test_a_missing_image_names_both_files(tmp_path: Path, name: str) -> None:
     ("options", "message"),
     [
         ({"compat": "ros2"}, "unknown compat 'ros2'. Did you mean 'ros1'?"),
-        ({"unknown_value": 256}, "unknown_value must be a grey value from 0 to 255, got 256"),
+        ({"unknown_value": 256}, "a grey value from 0 to 255 or 'none', got 256"),
+        ({"unknown_value": "None"}, "a grey value from 0 to 255 or 'none', got 'None'"),
         ({"max_pixels": 5}, "3 x 2 = 6 pixels, more than the limit of 5"),
     ],
 )

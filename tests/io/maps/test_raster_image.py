@@ -49,6 +49,55 @@ def test_formats_are_known_by_their_first_bytes(tmp_path: Path, name: str, mode:
     assert (channels == GREY[:, :, None]).all()
 
 
+def jpeg(path: Path, *, width: int = 40, progressive: bool = False) -> bytes:
+    """A JPEG of noise, as bytes and as a file."""
+    noise = np.random.default_rng(3).integers(0, 256, (30, width), np.uint8)
+    Image.fromarray(noise).save(path, "JPEG", progressive=progressive)
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+def test_jpegs_are_read_where_values_need_not_be_exact(tmp_path: Path, progressive: bool) -> None:
+    path = tmp_path / "x.png"
+    jpeg(path, progressive=progressive)
+    with Image.open(path) as picture:
+        expected = np.asarray(picture)
+    assert (read(path, lossy=True)[0][:, :, 0] == expected).all()
+    with pytest.raises(MapError, match=r"x\.png: a JPEG, whose compression changes values; save"):
+        read(path)
+
+
+def test_bad_jpegs_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.jpg"
+    data = jpeg(path, progressive=True)
+    size = data.index(struct.pack(">HH", 30, 40))
+    for content, message in (
+        (data[: len(data) // 2], "the image is damaged or truncated"),
+        (data[:12], "the image's header is damaged"),
+        (data[:-2] + 100 * b"\xff\xda" + data[-2:], "scans, more than the limit of 100"),
+        (
+            data[:size] + struct.pack(">HH", 9000, 9000) + data[size + 4 :],
+            "which take at least 158203 bytes, but the file has",
+        ),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(MapError) as caught:
+            read(path, lossy=True)
+        assert message in str(caught.value)
+
+
+def test_scans_of_a_jpeg_are_counted_across_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(raster_image, "_READ_BYTES", 1)
+    monkeypatch.setattr(raster_image, "_MAX_JPEG_SCANS", 1)
+    jpeg(tmp_path / "x.jpg")
+    assert read(tmp_path / "x.jpg", lossy=True)[0].shape == (30, 40, 1)
+    jpeg(tmp_path / "x.jpg", progressive=True)
+    with pytest.raises(MapError, match=r"a JPEG of \d+ scans, more than the limit of 1;"):
+        read(tmp_path / "x.jpg", lossy=True)
+
+
 @pytest.mark.parametrize(
     ("mode", "expected"),
     [
