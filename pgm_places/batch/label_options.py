@@ -24,6 +24,8 @@ class LabelOptions:
     unknown_value : int or "none", optional
         Grey value of maps that is read as unknown, as for
         :func:`~pgm_places.io.maps.map_server.load_map`.
+    max_cells : int, optional
+        No map is refined to more cells than this; 100 million by default.
     """
 
     model: str = "default"
@@ -31,6 +33,7 @@ class LabelOptions:
     doorways: str | None = None
     halls: str | None = None
     unknown_value: UnknownGrey | None = None
+    max_cells: int | None = None
 
     @property
     def folder(self) -> Path:

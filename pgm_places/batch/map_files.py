@@ -53,12 +53,14 @@ def label_file(
     files: OutputSet,
     *,
     known: NDArray[np.int16] | None = None,
+    max_cells: int | None = None,
     n_threads: int | None = None,
     progress: Progress,
 ) -> LabelledFile:
     """Label a map that has been read and write everything that ``pgm-places label`` promises.
 
-    ``known`` (H, W) holds labels that are known, -1 elsewhere.
+    ``known`` (H, W) holds labels that are known, -1 elsewhere; no map is refined to more cells than
+    ``max_cells``.
     """
     return write_labelled(
         label_map(  # without a name here, so that the labels of a huge map's nodes can be freed
@@ -66,6 +68,7 @@ def label_file(
             source.grid,
             method=model.method,
             known=known,
+            max_cells=max_cells,
             n_threads=n_threads,
             progress=progress,
         ),
@@ -86,9 +89,7 @@ def write_labelled(
     *,
     n_threads: int | None = None,
 ) -> LabelledFile:
-    """Write a labelled map and its places; what the labelling warned of is passed on."""
-    for message in result.warnings:
-        progress.warn(message)
+    """Write a labelled map and its places."""
     with Packing(n_threads) as packing:
         with progress.stage("writing files"):
             write_labels(result, source, files.stage, packing=packing)

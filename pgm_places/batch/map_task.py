@@ -126,7 +126,14 @@ def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
     with output_set(task.folder, "label", names=names, force=task.force) as files:
         source = load_map(task.map, unknown_value=task.options.unknown_value)
         made = made_from(task.folder, task.map, source.image_path, model, task.options)
-        found = label_file(model, source, files, n_threads=task.n_threads, progress=Silent())
+        found = label_file(
+            model,
+            source,
+            files,
+            max_cells=task.options.max_cells,
+            n_threads=task.n_threads,
+            progress=Silent(),
+        )
         write_bytes(files.stage / THUMBNAIL_FILE, _thumbnail(source, found))
         row = _row(task, model, found, time.perf_counter() - start)
         write_text(files.stage / MANIFEST_FILE, manifest_text(made, row.figures))

@@ -15,6 +15,7 @@ from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
 from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import InputError
+from pgm_places.options import Whole
 
 if TYPE_CHECKING:
     from pgm_places.batch.label_options import LabelOptions
@@ -62,6 +63,13 @@ def label(
         ),
     ] = None,
     unknown_value: UnknownValue = None,
+    max_cells: Annotated[
+        Whole | None,
+        Option(
+            help="Largest number of cells that a map coarser than the model is split into; 100 "
+            "million by default."
+        ),
+    ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     memory: Memory = None,
@@ -83,6 +91,7 @@ def label(
         doorways=doorways,
         halls=halls,
         unknown_value=unknown_value,
+        max_cells=max_cells,
     )
     workers = WorkerOptions(jobs, scheduler, memory)
     progress = make_progress(quiet=quiet)
@@ -144,7 +153,13 @@ def _label_one(
         with output_set(out, "label", names=names, force=force) as files:
             say(shares_line(loaded.fractions))
             found = label_file(
-                model, loaded, files, known=known, n_threads=n_threads, progress=progress
+                model,
+                loaded,
+                files,
+                known=known,
+                max_cells=options.max_cells,
+                n_threads=n_threads,
+                progress=progress,
             )
     say(f"{found.summary}\n{places_summary(found.topology)}")
     say_written(files)

@@ -8,9 +8,10 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import METHODS
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.joint_labeler import JointLabeler
-from pgm_places.labelers.label_map import LabelledPlaces, at_model_resolution, on_own_raster
+from pgm_places.labelers.label_map import LabelledPlaces, on_own_raster
+from pgm_places.labelers.model_resolution import at_model_resolution
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.progress import Progress
+from pgm_places.progress import Progress, Silent
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["LabelledDrive", "label_map_and_drive"]
@@ -58,14 +59,18 @@ def label_map_and_drive(
     Raises
     ------
     MapError
-        The map has no free cell, or none that is left at the model's resolution.
+        The map has no free cell, or none that is left at the model's resolution, or would have to
+        be refined to too many cells.
     InputError
         None of the drive's positions is on a free cell of the map.
     NotFittedError
         The labeler has not learned.
     """
     labeler.check_fitted()
+    progress = progress or Silent()
     used, warnings = at_model_resolution(labeler.places_, grid)
+    for message in warnings:
+        progress.warn(message)
     scores = labeler.scores(used, drive, n_threads=n_threads, progress=progress)
     found = labeler.infer(scores)
     cells = scores.graph.cells

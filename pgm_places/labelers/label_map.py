@@ -1,32 +1,28 @@
 """Labelling a map with a stored model, whatever the resolutions of the two are."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places.errors import MapError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.method import infer
+from pgm_places.labelers.model_resolution import at_model_resolution
 from pgm_places.labelers.place_labeler import PlaceLabeler
-from pgm_places.maps.coarsening import Coarsening, coarsen, coarsening_factor
+from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.maps.refinement import refine
 from pgm_places.progress import Progress, Silent
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.map_model import CellScores
 
-__all__ = ["LabelledPlaces", "at_model_resolution", "label_map", "on_own_raster"]
-
-SAME_RESOLUTION = 0.02
-"""Resolutions that differ by less than this share are taken as equal."""
+__all__ = ["LabelledPlaces", "label_map", "on_own_raster"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +88,7 @@ def label_map(
     method: str | None = None,
     known: ArrayLike | None = None,
     features_of: Callable[[OccupancyGrid], KeptTable] | None = None,
+    max_cells: int | None = None,
     n_threads: int | None = None,
     progress: Progress | None = None,
 ) -> LabelledPlaces:
@@ -99,7 +96,7 @@ def label_map(
 
     Structured weights belong to one resolution. A map that is finer than the model is coarsened,
     labelled, and its labels are painted back; one that is coarser is refined, labelled, and each
-    cell takes the most frequent label of its parts. A warning says so.
+    cell takes the most frequent label of its parts. A warning says so before the work begins.
 
     Parameters
     ----------
@@ -114,18 +111,23 @@ def label_map(
     features_of : callable, optional
         Gives the laser features of a map's free cells, where something is known of them from
         before: called with the map at the model's resolution.
+    max_cells : int, optional
+        No map is refined to more cells than this; 100 million by default.
     n_threads, progress
         Threads, and where stages are announced.
 
     Raises
     ------
     MapError
-        The map has no free cell, or none that is left at the model's resolution.
+        The map has no free cell, or none that is left at the model's resolution, or would have to
+        be refined to too many cells.
     LabelError
         Known labels that do not fit the map or the labels.
     """
     progress = progress or Silent()
-    used, warnings = at_model_resolution(labeler, grid)
+    used, warnings = at_model_resolution(labeler, grid, max_cells=max_cells)
+    for message in warnings:
+        progress.warn(message)
     pinned = None
     if known is not None:
         pinned = KnownCells.of(known, grid, used, labeler.label_names_, labeler.learned_names)
@@ -204,41 +206,6 @@ def _labelled(
     if known is not None:
         labeling = known.kept(labeling, graph.layout)
     return graph.layout, labeling, doorways
-
-
-def at_model_resolution(
-    labeler: PlaceLabeler, grid: OccupancyGrid
-) -> tuple[OccupancyGrid, Sequence[str]]:
-    """The map with the model's cells, and what there is to say about it.
-
-    Raises
-    ------
-    MapError
-        The map has no free cell, or none that is left at the model's resolution.
-    """
-    if not grid.free.any():
-        raise MapError(
-            "the map has no free cell to label; look at its thresholds ('pgm-places doctor MAP')"
-        )
-    wanted = labeler.resolution_m_
-    if abs(grid.resolution_m / wanted - 1) < SAME_RESOLUTION:
-        return grid, []
-    note = f"the map has cells of {grid.resolution_m:g} m, the model was trained at {wanted:g} m: "
-    if wanted > grid.resolution_m:
-        factor = float(coarsening_factor(grid, wanted))
-        used = coarsen(grid, wanted)
-        note += f"coarsened by {factor:g} and painted back"
-    else:
-        used = refine(grid, wanted)
-        factor = grid.resolution_m / used.resolution_m
-        note += f"split by {factor:g}, each cell takes the most frequent label of its parts"
-    if not used.free.any():
-        raise MapError(
-            f"no free cell is left where the map's cells of {grid.resolution_m:g} m are joined to "
-            f"the model's of {used.resolution_m:g} m; look at its thresholds ('pgm-places doctor "
-            "MAP'), or use a model of a finer resolution"
-        )
-    return used, [note]
 
 
 def _brought_back(

@@ -12,13 +12,9 @@ from pgm_places.errors import LabelError
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import (
-    SAME_RESOLUTION,
-    LabelledPlaces,
-    at_model_resolution,
-    on_own_raster,
-)
+from pgm_places.labelers.label_map import LabelledPlaces, on_own_raster
 from pgm_places.labelers.method import infer
+from pgm_places.labelers.model_resolution import SAME_RESOLUTION, at_model_resolution
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -193,6 +189,8 @@ class Teacher:
         if method not in labeler.methods_:  # one that knows other classes
             method = labeler.default_method
         used, warnings = at_model_resolution(labeler, self.grid)
+        for message in warnings:
+            progress.warn(message)
         known = KnownCells.of(
             paint.with_classes(names).labels, self.grid, used, names, labeler.learned_names
         )

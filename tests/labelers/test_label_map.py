@@ -1,6 +1,8 @@
 """Maps of any resolution, labelled by a model of 5 cm, and what is written of them."""
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
 from functools import cache
@@ -23,6 +25,7 @@ from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.refinement import refine
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.progress import Silent, Stage
 from pgm_places.report.label_files import write_labels
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.regions import Region
@@ -157,6 +160,56 @@ def test_a_map_without_room_for_a_cell_of_the_model_is_refused() -> None:
     cells[::10] = 0
     with pytest.raises(MapError, match=r"no free cell is left .* 0\.005 m .* 0\.05 m; look at"):
         label_map(labeler(), OccupancyGrid(cells, 0.005))
+
+
+class Heard(Silent):
+    """What was warned of, and the stages that had begun by then."""
+
+    def __init__(self) -> None:
+        self.stages: list[str] = []
+        self.warnings: list[tuple[str, int]] = []
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Stage]:
+        self.stages.append(name)
+        yield self
+
+    def warn(self, message: str) -> None:
+        self.warnings.append((message, len(self.stages)))
+
+
+@pytest.mark.parametrize(
+    ("resolution_m", "said"),
+    [
+        (0.5, "split by 10, from 40 cells to 4,000, 2,800 of them free to be labelled; each cell"),
+        (0.025, "coarsened by 2, from 40 cells to 12, 6 of them free to be labelled; labels are"),
+    ],
+)
+def test_what_becomes_of_the_cells_is_said_before_the_work(resolution_m: float, said: str) -> None:
+    cells = np.zeros((5, 8), np.int8)
+    cells[3:, 2:] = 100
+    heard = Heard()
+    found = label_map(labeler(), OccupancyGrid(cells, resolution_m), progress=heard)
+    [(message, n_stages)] = heard.warnings
+    assert said in message
+    assert n_stages == 0
+    assert heard.stages
+    assert found.warnings == (message,)
+
+
+def test_a_map_that_would_be_split_into_too_many_cells_is_refused() -> None:
+    coarse = OccupancyGrid(np.zeros((1200, 1000), np.int8), 0.5)
+    with pytest.raises(MapError) as caught:
+        label_map(labeler(), coarse)
+    assert str(caught.value) == (
+        "the map has cells of 0.5 m, the model was trained at 0.05 m: its 1,200,000 cells would be "
+        "split into 120,000,000, more than 100,000,000; crop the map, use a model of a coarser "
+        "resolution, or raise max_cells (label --max-cells) and expect it to take long"
+    )
+    small = OccupancyGrid(np.zeros((4, 5), np.int8), 0.5)
+    with pytest.raises(MapError, match=r"split into 2,000, more than 1,999; crop the map"):
+        label_map(labeler(), small, max_cells=1999)
+    assert (label_map(labeler(), small, max_cells=2000).labels >= 0).all()
 
 
 @cache
