@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pgm_places.errors import MapError
-from pgm_places.io.maps.label_image import load_labels
+from pgm_places.errors import LabelError, MapError
+from pgm_places.io.maps.label_image import load_labels, save_labels
+from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.maps.coarsening import coarsen
@@ -158,3 +159,25 @@ def test_the_205_trap_on_a_real_map(tmp_path: Path) -> None:
     assert "30.6 % of the pixels have grey 205" in found.warnings[0]
     assert (found.grid.cells == meant.cells).all()
     assert load_map(path, unknown_value="none").fractions.unknown == 0
+
+
+@pytest.mark.parametrize(("kind", "step"), [("freiburg0*", 1), ("robots/*", 5), ("floors/*", 10)])
+def test_label_images_lie_on_their_maps_as_they_are_and_not_flipped(
+    kind: str, step: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    root = real_data_folder("robots").parent
+    paths = sorted(root.glob(f"{kind}/labels.png"))[::step]
+    assert len(paths) >= 3
+    accepted = []
+    for path in paths:
+        grid, names = load_map(path.parent / "map.yaml").grid, listed_names(path)
+        labels = load_labels(path, names, grid=grid)
+        flipped, _ = save_labels(tmp_path / "flipped.png", labels[:, ::-1], names)
+        try:
+            load_labels(flipped, names, grid=grid)
+            accepted.append(path)
+        except LabelError as error:
+            if "lie on free cells of the map, the other way 100.0 % would" not in str(error):
+                accepted.append(path)
+    assert accepted == []
+    assert caplog.messages == []

@@ -12,6 +12,7 @@ from pgm_places.errors import LabelError
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.input_file import user_path
+from pgm_places.io.maps.label_orientation import Orientation
 from pgm_places.io.maps.label_palette import (
     colours_are_wanted,
     palette_of,
@@ -30,10 +31,6 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 __all__ = ["load_labels", "save_labels"]
 
 _log = logging.getLogger(__name__)
-
-# Shares of the labels that lie on free cells: below the first the image is suspect; if the flipped
-# image is above the second, it is taken to be upside down.
-_FEW_ON_FREE, _MOST_ON_FREE = 0.8, 0.95
 
 
 def load_labels(
@@ -70,7 +67,8 @@ def load_labels(
     ------
     LabelError
         Where a file is missing or damaged, the sizes differ, a value has no name, a name is not
-        among ``label_names`` or the other way round, or the image is upside down.
+        among ``label_names`` or the other way round, or the image is flipped or turned against the
+        map.
     """
     path = user_path(image_path, LabelError)
     names = label_names if classes is None else listed_names(path, names_path)
@@ -186,20 +184,17 @@ def _check_values(path: Path, counts: NDArray[np.int64], values: LabelValues) ->
 
 def _check_orientation(path: Path, raster: NDArray[np.int16], grid: OccupancyGrid) -> None:
     labelled = raster >= 0
-    n_labelled = int(np.count_nonzero(labelled))
-    if n_labelled == 0:
+    if not labelled.any():
         raise LabelError(f"{path}: no pixel has a label; are all its values under 'ignore'?")
-    upright = np.count_nonzero(labelled & grid.free) / n_labelled
-    if upright >= _FEW_ON_FREE:
-        return
-    flipped = np.count_nonzero(labelled[::-1] & grid.free) / n_labelled
-    shares = f"{100 * upright:.0f} % of the labelled pixels lie on free cells of the map"
-    if flipped >= _MOST_ON_FREE:
-        raise LabelError(
-            f"{path}: the label image is upside down: only {shares}, flipped it is "
-            f"{100 * flipped:.0f} %; flip it vertically"
-        )
-    _log.warning("%s: only %s; do the labels belong to this map?", path, shares)
+    found = Orientation.of(labelled, grid.free)
+    shares = f"{100 * found.on_free:.1f} % of the labelled pixels lie on free cells of the map"
+    if found.remedy:
+        shares += f", the other way {100 * found.best:.1f} % would"
+    if found.is_wrong:
+        raise LabelError(f"{path}: the label image is {found.what}: only {shares}; {found.remedy}")
+    if found.is_doubtful:
+        hint = f"is it {found.what}, or do the labels " if found.remedy else "do the labels "
+        _log.warning("%s: only %s; %sbelong to another map?", path, shares, hint)
 
 
 def _indexed_png(stored: NDArray[np.uint8], values: dict[str, int]) -> bytes:

@@ -255,7 +255,7 @@ def l_shaped() -> tuple[OccupancyGrid, np.ndarray]:
     return OccupancyGrid(cells, 0.05), np.where(cells == 0, 0, -1)
 
 
-def test_an_image_upside_down_is_refused(tmp_path: Path) -> None:
+def test_an_image_that_lies_the_wrong_way_is_refused(tmp_path: Path) -> None:
     grid, labels = l_shaped()
     save_labels(tmp_path / "up.png", labels, NAMES)
     assert (load_labels(tmp_path / "up.png", NAMES, grid=grid) == labels).all()
@@ -263,19 +263,32 @@ def test_an_image_upside_down_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LabelError) as caught:
         load_labels(tmp_path / "down.png", NAMES, grid=grid)
     assert str(caught.value) == (
-        f"{tmp_path / 'down.png'}: the label image is upside down: only 18 % of the labelled "
-        "pixels lie on free cells of the map, flipped it is 100 %; flip it vertically"
+        f"{tmp_path / 'down.png'}: the label image is upside down: only 18.2 % of the labelled "
+        "pixels lie on free cells of the map, the other way 100.0 % would; flip it vertically"
     )
+
+
+def test_a_jpeg_of_labels_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    Image.fromarray(PIXELS).save(path, "JPEG")
+    with pytest.raises(LabelError, match=r"a JPEG, whose compression changes values; save the im"):
+        load_labels(path, NAMES, grid=free_grid(2, 3))
 
 
 def test_labels_of_another_map_are_warned_about(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    grid, labels = l_shaped()
-    save_labels(tmp_path / "x.png", np.roll(labels, 2, axis=0)[:, ::-1], NAMES)
+    grid, _ = l_shaped()
+    labels = np.full((10, 10), -1)
+    labels[4:9, 4:9] = 0  # whichever way it lies, little of it is on free cells
+    save_labels(tmp_path / "x.png", labels, NAMES)
     with caplog.at_level(logging.WARNING):
         load_labels(tmp_path / "x.png", NAMES, grid=grid)
-    assert "of the labelled pixels lie on free cells of the map; do the labels bel" in caplog.text
+    assert caplog.messages == [
+        f"{tmp_path / 'x.png'}: only 0.0 % of the labelled pixels lie on free cells of the map, "
+        "the other way 64.0 % would; is it turned by 180 degrees, or do the labels belong to "
+        "another map?"
+    ]
 
 
 @settings(
