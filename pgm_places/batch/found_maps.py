@@ -10,7 +10,7 @@ from pathlib import Path
 from pgm_places.errors import MapError
 from pgm_places.io.input_file import file_kind, user_path
 
-__all__ = ["FoundMap", "FoundMaps", "find_maps"]
+__all__ = ["FoundMap", "FoundMaps", "find_maps", "names_many"]
 
 _DESCRIBES_MAP = re.compile(rb"^image[ \t]*:", re.MULTILINE)
 _HEAD = 1 << 16
@@ -40,7 +40,13 @@ class FoundMaps:
     n_passed_over: int
 
 
-def find_maps(arguments: Sequence[str], out: Path) -> FoundMaps:
+def names_many(argument: str) -> bool:
+    """Whether an argument is a folder or a pattern, and no single file."""
+    path = user_path(argument, MapError)
+    return file_kind(path) == "folder" or (glob.has_magic(argument) and not path.exists())
+
+
+def find_maps(arguments: Sequence[str], out: Path | None = None) -> FoundMaps:
     """The maps that arguments name, each once.
 
     A file is taken as it is. In a folder, and for a pattern (``floors/*/map.yaml``, ``**`` for any
@@ -56,7 +62,7 @@ def find_maps(arguments: Sequence[str], out: Path) -> FoundMaps:
     found: dict[Path, None] = {}
     n_passed_over = 0
     for argument in arguments:
-        listed = _listed(argument, out.absolute())
+        listed = _listed(argument, None if out is None else out.absolute())
         if listed is None:
             found[user_path(argument, MapError).absolute()] = None
             continue
@@ -72,18 +78,18 @@ def find_maps(arguments: Sequence[str], out: Path) -> FoundMaps:
     return FoundMaps(tuple(maps_by_name), n_passed_over)
 
 
-def _listed(argument: str, out: Path) -> list[Path] | None:
+def _listed(argument: str, out: Path | None) -> list[Path] | None:
     """The YAML files of a folder or a pattern, absolute and sorted; None for a single file."""
     path = user_path(argument, MapError)
+    if not names_many(argument):
+        return None
     if file_kind(path) == "folder":
         below: Iterable[Path] = (*path.rglob("*.yaml"), *path.rglob("*.yml"))
         below = (file for file in below if not _is_hidden(file.relative_to(path)))
-    elif glob.has_magic(argument) and not path.exists():
+    else:
         # Path.glob takes no absolute patterns. Neither finds hidden folders by a wildcard.
         below = map(Path, glob.iglob(str(path), recursive=True))  # noqa: PTH207
         below = (file for file in below if file.suffix in (".yaml", ".yml"))
-    else:
-        return None
     files = {file.absolute() for file in below}
     return sorted(file for file in files if file.is_file() and out not in file.parents)
 

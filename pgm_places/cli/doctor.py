@@ -1,13 +1,17 @@
-"""``pgm-places doctor``: checks the installation, the cache of compiled code, and a map."""
+"""``pgm-places doctor``: checks the installation, the cache of compiled code, and maps."""
 
 import platform
 from pathlib import Path
 from typing import Annotated
 
 from pgm_places._version import __version__
-from pgm_places.cli.declarations import Argument
+from pgm_places.cli.arguments import Model, UnknownValue
+from pgm_places.cli.declarations import Argument, Option
+from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.tables import text_table
 from pgm_places.cli.terminal import say
+from pgm_places.errors import InputError
+from pgm_places.options import UnknownGrey
 
 __all__ = ["doctor"]
 
@@ -30,9 +34,29 @@ OPTIONAL = ("clarabel", "piqp", "ortools", "rosbags", "opencv-python-headless")
 
 
 def doctor(
-    map_yaml: Annotated[Path | None, Argument(metavar="MAP.yaml", help="A map to check.")] = None,
+    maps: Annotated[
+        list[str] | None,
+        Argument(
+            metavar="MAP.yaml...",
+            help="A map to check; of several, of folders and of quoted patterns, a table.",
+        ),
+    ] = None,
+    fix: Annotated[
+        bool,
+        Option(
+            "--fix",
+            help="Correct free_thresh in the YAML files of maps whose unknown cells it calls free; "
+            "the file as it was is kept beside it as FILE.orig.",
+        ),
+    ] = False,
+    model: Model = "default",
+    unknown_value: UnknownValue = None,
 ) -> None:
-    """Check the installation and, optionally, a map file."""
+    """Check the installation and, optionally, maps.
+
+    Of several maps, a table says how many cells are to be labelled at the model's resolution, and
+    about how long that takes on this machine. The exit code is 3 if some map cannot be labelled.
+    """
     from pgm_places.features.own import FEATURES
     from pgm_places.inference.backends import backend_names
 
@@ -44,8 +68,25 @@ def doctor(
     say(f"\nmethods: {', '.join(backend_names())}")
     say(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
     _kernels()
-    if map_yaml is not None:
-        _map(map_yaml)
+    if maps:
+        _maps(maps, model, unknown_value, fix=fix)
+    elif fix:
+        raise InputError("--fix needs maps; name one, or a folder")
+
+
+def _maps(maps: list[str], model: str, unknown_value: UnknownGrey | None, *, fix: bool) -> None:
+    from pgm_places.batch.found_maps import names_many
+
+    if len(maps) > 1 or names_many(maps[0]):
+        from pgm_places.cli.doctor_maps import check_maps
+
+        if not check_maps(maps, model, unknown_value, fix=fix):
+            raise SystemExit(EXIT_MAPS_FAILED)
+        return
+    from pgm_places.cli.doctor_maps import check_map
+    from pgm_places.trained import stored_labeler
+
+    check_map(Path(maps[0]), stored_labeler(model).item, unknown_value, fix=fix)
 
 
 def _version(name: str) -> str:
@@ -70,21 +111,3 @@ def _kernels() -> None:
     where = folder if folder is not None else "nowhere (recompiled in every process)"
     say(f"compiled kernels are cached in: {where}")
     say(f"threads: {resolve_threads()}")
-
-
-def _map(map_yaml: Path) -> None:
-    from pgm_places.cli.tables import shares_line
-    from pgm_places.io.maps.map_server import load_map
-
-    loaded = load_map(map_yaml)
-    grid = loaded.grid
-    height, width = grid.shape
-    size = f"{width * grid.resolution_m:.1f} m x {height * grid.resolution_m:.1f} m"
-    say(f"\n{map_yaml}: image {loaded.image_path}")
-    say(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
-    say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
-    say(shares_line(loaded.fractions))
-    for message in loaded.warnings:
-        say(f"warning: {message}")
-    if not loaded.warnings:
-        say("no problems found")

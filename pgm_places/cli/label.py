@@ -1,6 +1,5 @@
 """``pgm-places label``: one map into a folder, or many, each into a folder of its own."""
 
-import glob
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -83,6 +82,7 @@ def label(
     --scheduler and --memory make a batch: each map gets its own folder, maps already labelled are
     kept, and index.html lists them all. The exit code is 3 if some map could not be labelled.
     """
+    from pgm_places.batch.found_maps import names_many
     from pgm_places.batch.label_options import LabelOptions
 
     options = LabelOptions(
@@ -95,7 +95,7 @@ def label(
     )
     workers = WorkerOptions(jobs, scheduler, memory)
     progress = make_progress(quiet=quiet)
-    if len(maps) == 1 and not workers.given and not _names_many(maps[0]):
+    if len(maps) == 1 and not workers.given and not names_many(maps[0]):
         _label_one(
             Path(maps[0]),
             out,
@@ -109,12 +109,6 @@ def label(
     if corrections is not None:
         raise InputError("--corrections are those of one map; label it by itself, not in a batch")
     _label_many(maps, out, options, workers, force=force, n_threads=n_threads, progress=progress)
-
-
-def _names_many(argument: str) -> bool:
-    """Whether an argument is a folder or a pattern."""
-    path = Path(argument).expanduser()
-    return path.is_dir() or (glob.has_magic(argument) and not path.exists())
 
 
 def _label_one(

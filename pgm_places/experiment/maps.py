@@ -112,7 +112,7 @@ def _read_map(
     yaml_path = experiment.resolve(str(source.map))
     loaded = load_map(yaml_path, compat=source.compat, unknown_value=source.unknown_value)
     for message in loaded.warnings:
-        experiment.warn(message)
+        experiment.warn(f"{loaded.name}: {message}")
     for path in (loaded.yaml_path, loaded.image_path):
         experiment.record_input(path)
     labels = np.full(loaded.grid.shape, -1, np.int16)

@@ -99,7 +99,7 @@ class MapPixels:
             counts += np.bincount(
                 (grey if alpha is None else grey[alpha == 255]).ravel(), minlength=256
             )
-        is_meant = asks and _is_free(rules) and _stands_alone(counts)
+        is_meant = asks and rules.is_free(UNKNOWN_GREY) and _stands_alone(counts)
         if asks:
             for rows in bands_of_rows((height, width)):
                 cells[rows][cells[rows] == _UNDECIDED] = UNKNOWN if is_meant else FREE
@@ -147,7 +147,7 @@ class MapPixels:
                 f"'pgm-places doctor {yaml_path.name} --fix' corrects the file; if free is meant, "
                 'pass unknown_value = "none" (--unknown-value none)'
             ]
-        if share >= _MANY and _is_free(self.rules) and self.unknown_value is None:
+        if share >= _MANY and self.rules.is_free(UNKNOWN_GREY) and self.unknown_value is None:
             return [
                 f"{start}, but {free_thresh} reads it as free (50/255 = 0.196). If it means "
                 f"unknown, set free_thresh: {FREE_THRESH} in {yaml_path.name}, or force it with "
@@ -166,11 +166,6 @@ class MapPixels:
             "unknown space, and walls may break or thicken; save the map as PNG or PGM anew, from "
             "where it was made"
         ]
-
-
-def _is_free(rules: PixelRules) -> bool:
-    """Whether grey 205 is free by the thresholds."""
-    return bool(rules.tables()[1][UNKNOWN_GREY] == FREE)
 
 
 def _stands_alone(counts: NDArray[np.int64]) -> bool:

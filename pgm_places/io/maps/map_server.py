@@ -71,6 +71,11 @@ class MapFile:
     unknown_value: UnknownGrey | None = None
 
     @property
+    def corrects_free_thresh(self) -> bool:
+        """Whether grey 205 was read as unknown although the file's ``free_thresh`` says free."""
+        return self.unknown_value == UNKNOWN_GREY and self.rules.is_free(UNKNOWN_GREY)
+
+    @property
     def name(self) -> str:
         """What to call the map: its file, or its folder where the file is called ``map.yaml``."""
         path = self.yaml_path.absolute()

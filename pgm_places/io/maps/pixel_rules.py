@@ -74,6 +74,10 @@ class PixelRules:
             occupancy[(alpha == 0) & (cells == UNKNOWN)] = UNKNOWN
         return occupancy, cells
 
+    def is_free(self, grey: int) -> bool:
+        """Whether the thresholds make cells of a grey free."""
+        return bool(self.tables()[1][grey] == FREE)
+
     def tables(self, n_channels: int = 1) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
         """(255 C + 1,) occupancy and cells of each brightness, 0 (black) to 255 C (white)."""
         make = self._ros1_table if self.compat == "ros1" else self._nav2_table

@@ -1,0 +1,172 @@
+"""What ``pgm-places doctor`` says of maps: of one in detail, of many in a table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.tables import shares_line, text_table
+from pgm_places.cli.terminal import say
+from pgm_places.errors import MapError
+
+if TYPE_CHECKING:
+    from pgm_places.batch.forecast import Forecast, Speed
+    from pgm_places.io.maps.map_server import MapFile
+    from pgm_places.labelers.place_labeler import PlaceLabeler
+    from pgm_places.options import UnknownGrey
+
+__all__ = ["check_map", "check_maps"]
+
+
+def check_map(
+    path: Path, labeler: "PlaceLabeler", unknown_value: "UnknownGrey | None", *, fix: bool
+) -> None:
+    """Say everything of one map.
+
+    Raises
+    ------
+    MapError
+        It cannot be read.
+    """
+    from pgm_places.labelers.model_resolution import at_model_resolution
+
+    loaded = _loaded(path, unknown_value, fix=fix)
+    grid = loaded.grid
+    height, width = grid.shape
+    size = f"{width * grid.resolution_m:.1f} m x {height * grid.resolution_m:.1f} m"
+    say(f"\n{path}: image {loaded.image_path}")
+    say(f"{width} x {height} cells of {grid.resolution_m:g} m ({size})")
+    say(f"origin {grid.origin_xy_m}, yaw {grid.yaw_rad:g} rad")
+    say(shares_line(loaded.fractions))
+    problems = list(loaded.warnings)
+    try:
+        used, notes = at_model_resolution(labeler, grid)
+        say(f"{int(used.free.sum()):,} cells to label, of {used.resolution_m:g} m")
+        for note in notes:
+            say(f"note: {note}")
+    except MapError as error:
+        problems.append(str(error))
+    for message in problems:
+        say(f"warning: {message}")
+    if not problems:
+        say("no problems found")
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One map of the table; without numbers where it could not be read."""
+
+    name: str
+    resolution_m: float | None = None
+    free_m2: float | None = None
+    forecast: "Forecast | None" = None
+    problems: tuple[str, ...] = ()
+
+    def cells(self, speed: "Speed | None") -> list[str]:
+        """What stands in the table's columns."""
+        from pgm_places.batch.label_batch import duration
+
+        seconds = None
+        if speed is not None and self.forecast is not None:
+            seconds = speed.seconds(self.forecast)
+        return [
+            self.name,
+            "-" if self.resolution_m is None else f"{self.resolution_m:g}",
+            "-" if self.free_m2 is None else f"{self.free_m2:,.1f}",
+            "-" if self.forecast is None else f"{self.forecast.n_free:,}",
+            "-" if seconds is None else duration(max(1.0, seconds)),
+            str(len(self.problems) or "-"),
+        ]
+
+
+def check_maps(
+    arguments: Sequence[str], model: str, unknown_value: "UnknownGrey | None", *, fix: bool
+) -> bool:
+    """Say of many maps, in a table, what labelling them will take; whether all can be labelled.
+
+    Raises
+    ------
+    MapError
+        An argument names no map.
+    """
+    from pgm_places.batch.forecast import Speed
+    from pgm_places.batch.found_maps import find_maps
+    from pgm_places.batch.label_batch import duration
+    from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.batch.ready_model import ready_model
+
+    found = find_maps(arguments)
+    options = LabelOptions(model=model)
+    labeler = ready_model(options).labeler
+    rows, progress = [], make_progress(quiet=False)
+    with progress.stage("maps") as stage:
+        for item in found.maps:
+            rows.append(_row(item.name, item.path, labeler, unknown_value, fix=fix))
+            stage.update(len(rows) / len(found.maps), item.name)
+    forecasts = [row.forecast for row in rows if row.forecast is not None]
+    if not forecasts:
+        say(f"\n{_table(rows, None)}")
+    else:
+        with progress.stage("speed of this machine"):
+            speed = Speed.measured(options)
+        say(f"\n{_table(rows, speed)}\n")
+        say(
+            f"{len(forecasts):,} of {len(rows):,} maps can be labelled: "
+            f"{sum(item.n_free for item in forecasts):,} cells in about "
+            f"{duration(sum(map(speed.seconds, forecasts)))} of processor time"
+        )
+        say(
+            "(estimates for one thread, from the time that a generated floor took here: "
+            f"{1e6 * speed.seconds_per_cell:.0f} µs a cell; worker processes share the maps)"
+        )
+    for row in rows:
+        for problem in row.problems:
+            say(f"{row.name}: {problem}")
+    return len(forecasts) == len(rows)
+
+
+def _table(rows: Sequence[_Row], speed: "Speed | None") -> str:
+    heading = ["map", "cell (m)", "free (m²)", "cells to label", "time (about)", "problems"]
+    return text_table([heading, *(row.cells(speed) for row in rows)])
+
+
+def _row(
+    name: str,
+    path: Path,
+    labeler: "PlaceLabeler",
+    unknown_value: "UnknownGrey | None",
+    *,
+    fix: bool,
+) -> _Row:
+    from pgm_places.batch.forecast import Forecast
+    from pgm_places.labelers.model_resolution import at_model_resolution
+
+    try:
+        loaded = _loaded(path, unknown_value, fix=fix)
+    except MapError as error:
+        return _Row(name, problems=(str(error),))
+    grid = loaded.grid
+    free_m2 = float(loaded.fractions.free * grid.cells.size * grid.resolution_m**2)
+    try:
+        used, notes = at_model_resolution(labeler, grid)
+    except MapError as error:
+        return _Row(name, grid.resolution_m, free_m2, None, (*loaded.warnings, str(error)))
+    # A finer map is coarsened as a matter of course; one that is split is the larger for it.
+    split = notes if used.resolution_m < grid.resolution_m else []
+    forecast = Forecast(grid.cells.size, int(used.free.sum()))
+    return _Row(name, grid.resolution_m, free_m2, forecast, (*loaded.warnings, *split))
+
+
+def _loaded(path: Path, unknown_value: "UnknownGrey | None", *, fix: bool) -> "MapFile":
+    """A map, corrected before if that is wanted and its thresholds call unknown cells free."""
+    from pgm_places.io.maps.map_correction import correct_free_thresh
+    from pgm_places.io.maps.map_pixels import FREE_THRESH
+    from pgm_places.io.maps.map_server import load_map
+
+    loaded = load_map(path, unknown_value=unknown_value)
+    if fix and loaded.corrects_free_thresh:
+        kept = correct_free_thresh(path)
+        say(f"corrected {path}: free_thresh {FREE_THRESH}; the file as it was is {kept.name}")
+        loaded = load_map(path, unknown_value=unknown_value)
+    return loaded

@@ -1,0 +1,69 @@
+"""The time that maps are expected to take: in proportion to the work, by the speed measured."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pgm_places.batch import forecast
+from pgm_places.batch.forecast import Forecast, Speed
+from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.map_task import MapTask
+from pgm_places.batch.outcomes import Failure
+from pgm_places.datasets import generate_building
+from pgm_places.errors import InputError
+from pgm_places.io.maps.map_server import load_map
+
+OPTIONS = LabelOptions(model="generated")
+
+
+def clock(*seconds: float) -> Iterator[float]:
+    """The processor time at the start and the end of runs that take so long."""
+    now = 0.0
+    for taken in seconds:
+        yield now
+        now += taken
+        yield now
+
+
+def test_the_speed_is_that_of_the_faster_run_once_kernels_are_loaded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folders, cells = set(), []
+
+    def labelled(task: MapTask) -> Any:
+        grid = load_map(task.map).grid
+        cells.append((grid.cells.size, int(grid.free.sum())))
+        folders.add(task.folder)
+
+    times = clock(30.0, 0.9, 0.6)
+    monkeypatch.setattr(forecast, "label_one", labelled)
+    monkeypatch.setattr(time, "process_time", lambda: next(times))
+    speed = Speed.measured(OPTIONS)
+    assert len(folders) == 3  # one that is done would take no time
+    assert len(set(cells)) == 1
+    assert speed.seconds(Forecast(*cells[0])) == pytest.approx(0.6)
+    assert not any(Path(folder).exists() for folder in folders)
+    twice = Forecast(2 * cells[0][0], 2 * cells[0][1])
+    assert 0.6 < speed.seconds(twice) < 1.2  # some of the time goes to begin with a map
+
+
+def test_a_floor_that_cannot_be_labelled_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def failed(task: MapTask) -> Failure:
+        return task.failure(MemoryError())
+
+    monkeypatch.setattr(forecast, "label_one", failed)
+    with pytest.raises(InputError, match="speed of this machine could not be measured: out of mem"):
+        Speed.measured(OPTIONS)
+
+
+def test_a_floor_is_really_labelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = generate_building(1, size="small", resolution_m=0.1)
+    corner = made.grid.with_cells(made.grid.cells[:40, :50])
+    monkeypatch.setattr(
+        forecast, "generate_building", lambda *_, **__: SimpleNamespace(grid=corner)
+    )
+    assert Speed.measured(OPTIONS).seconds_per_cell > 0

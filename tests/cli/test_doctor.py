@@ -1,0 +1,141 @@
+"""``doctor`` with maps: one in detail, many in a table, and corrected descriptions."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pgm_places.batch.forecast import Speed
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.track_options import TrackOptions, map_of
+from pgm_places.io.maps.map_server import load_map
+from tests.cli.conftest import Run
+from tests.io.files import write_map
+
+
+def a_room() -> np.ndarray:
+    pixels = np.full((40, 60), 205, np.uint8)
+    pixels[5:35, 5:55] = 0
+    pixels[7:33, 7:53] = 254
+    return pixels
+
+
+def write(folder: Path, **keys: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return write_map(folder, a_room(), **keys)
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that labels ten thousand cells a second."""
+    monkeypatch.setattr(Speed, "measured", classmethod(lambda cls, _: cls(1e-4)))
+
+
+def test_one_map_is_described_with_the_cells_to_label(tmp_path: Path, run: Run) -> None:
+    code, text, _ = run("doctor", write(tmp_path, resolution="0.1"))
+    assert code == 0
+    assert text.splitlines()[-5:] == [
+        "origin (0.0, 0.0), yaw 0 rad",
+        "map: 49.8 % free, 12.7 % occupied, 37.5 % unknown",
+        "4,784 cells to label, of 0.05 m",
+        "note: the map has cells of 0.1 m, the model was trained at 0.05 m: split by 2, from "
+        "2,400 cells to 9,600, 4,784 of them free to be labelled; each cell takes the most "
+        "frequent label of its parts",
+        "no problems found",
+    ]
+
+
+def test_a_threshold_that_calls_unknown_free_is_said_and_corrected_where_asked(
+    tmp_path: Path, run: Run
+) -> None:
+    path = write(tmp_path, free_thresh="0.25")
+    before = path.read_text()
+    code, text, _ = run("doctor", path)
+    assert code == 0
+    assert "warning: 37.5 % of the pixels have grey 205" in text
+    assert "'pgm-places doctor map.yaml --fix' corrects the file" in text
+    assert path.read_text() == before
+    code, text, _ = run("doctor", path, "--unknown-value", "none", "--fix")
+    assert code == 0
+    assert "map: 87.3 % free, 12.7 % occupied, 0.0 % unknown" in text
+    assert path.read_text() == before
+    code, text, _ = run("doctor", path, "--fix")
+    assert code == 0
+    assert f"corrected {path}: free_thresh 0.196; the file as it was is map.yaml.orig" in text
+    assert text.splitlines()[-1] == "no problems found"
+    assert (tmp_path / "map.yaml.orig").read_text() == before
+    assert path.read_text() == before.replace("0.25", "0.196")
+    code, text, _ = run("doctor", path, "--fix")  # there is nothing left to correct
+    assert code == 0
+    assert "corrected" not in text
+
+
+@pytest.mark.parametrize("value", ["206.5", "256", "any"])
+def test_a_grey_that_is_none_is_refused(tmp_path: Path, run: Run, value: str) -> None:
+    code, _, error = run("doctor", write(tmp_path), "--unknown-value", value)
+    assert code == 2
+    assert "--unknown-value must be a whole number from 0 to 255 or 'none', got " in error
+
+
+def test_fix_needs_maps(run: Run) -> None:
+    code, _, error = run("doctor", "--fix")
+    assert code == 2
+    assert "--fix needs maps; name one, or a folder" in error
+
+
+@pytest.mark.usefixtures("measured")
+def test_a_folder_of_maps_is_a_table(tmp_path: Path, run: Run) -> None:
+    write(tmp_path / "fine")
+    write(tmp_path / "fine" / "coarse", resolution="0.5")
+    code, text, _ = run("doctor", tmp_path)
+    assert code == 0
+    table = text[text.index("map  ") :].splitlines()
+    # 12,000 + 0.036 x 2,400 + 1,196 cells, and as many with 119,600
+    assert [line.split() for line in table[2:4]] == [
+        ["coarse", "0.5", "299.0", "119,600", "13", "s", "1"],
+        ["fine", "0.05", "3.0", "1,196", "1", "s", "-"],
+    ]
+    assert table[5] == (
+        "2 of 2 maps can be labelled: 120,796 cells in about 14 s of processor time"
+    )
+    assert table[6].startswith("(estimates for one thread, from the time that a generated floor")
+    assert "100 µs a cell" in table[6]
+    assert table[7].startswith("coarse: the map has cells of 0.5 m, the model was trained at 0.05")
+    assert len(table) == 8
+
+
+@pytest.mark.usefixtures("measured")
+def test_maps_that_cannot_be_labelled_are_rows_too(tmp_path: Path, run: Run) -> None:
+    write(tmp_path / "good", free_thresh="0.25")
+    write(tmp_path / "gone")
+    (tmp_path / "gone" / "map.png").unlink()
+    full = write(tmp_path / "full")
+    Image.fromarray(np.zeros((40, 60), np.uint8)).save(full.with_name("map.png"))
+    huge = write(tmp_path / "huge", resolution="50")
+    code, text, _ = run("doctor", tmp_path / "*" / "map.yaml", "--fix")
+    assert code == 3
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line}
+    assert rows["gone"] == ["-", "-", "-", "-", "1"]
+    assert rows["full"] == ["0.05", "0.0", "-", "-", "2"]
+    assert rows["huge"][2:] == ["-", "-", "1"]
+    assert rows["good"][2:] == ["1,196", "1", "s", "-"]
+    assert f"gone: {tmp_path / 'gone' / 'map.yaml'}: its image 'map.png' is missing" in text
+    assert "huge: the map has cells of 50 m, the model was trained at 0.05 m: its 2,400" in text
+    assert "1 of 4 maps can be labelled: 1,196 cells in about 1 s" in text
+    assert load_map(tmp_path / "good" / "map.yaml").warnings == ()
+    assert not huge.with_name("map.yaml.orig").exists()
+
+
+def test_track_reads_its_map_as_label_does_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(tmp_path, free_thresh="0.25")
+    meant = map_of(TrackOptions(None, path), make_progress(quiet=True))
+    assert meant is not None
+    assert meant.fractions.unknown > 0.3
+    assert "have grey 205" in capsys.readouterr().err
+    letter = map_of(TrackOptions(None, path, unknown_value="none"), make_progress(quiet=True))
+    assert letter is not None
+    assert letter.fractions.unknown == 0
+    assert capsys.readouterr().err == ""
