@@ -7,7 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -25,6 +25,9 @@ _TAKEN_WITHIN_S = 2.0
 """A task is handed on within milliseconds; a machine that is slower than this may show an error."""
 
 _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+_SAFE_PATH = "PYTHONSAFEPATH"
+"""Unless it is set, a new process looks for every library in the current folder first."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class LocalWorkers:
         self, function: Callable[[Task], Any], tasks: Iterable[Task]
     ) -> Generator[Done, None, None]:
         """The tasks with their results: see :class:`pgm_places.batch.workers.Workers`."""
+        _start_trackers()
         lanes = _Lanes(self, function, iter(tasks))
         with warnings.catch_warnings(), closing(lanes):
             # loky renews a process that has grown, between two tasks, and warns of it.
@@ -66,13 +70,46 @@ class LocalWorkers:
             max_workers=1,
             initializer=start_worker,
             initargs=(self.memory_bytes,),
-            env=dict.fromkeys(_LIBRARY_THREADS, str(self.n_threads)) | _caller_of_workers(),
+            env={
+                **dict.fromkeys(_LIBRARY_THREADS, str(self.n_threads)),
+                **_caller_of_workers(),
+                _SAFE_PATH: "1",
+            },
         )
 
 
 def _caller_of_workers() -> dict[str, str]:
     """Variables of this process that its workers would not get from their own start."""
     return {key: value for key, value in os.environ.items() if key.startswith("PGM_PLACES_")}
+
+
+def _start_trackers() -> None:
+    """Start the processes that remove what dead workers leave behind, unless they run already.
+
+    loky would start them itself, but it gives them no environment of their own.
+    """
+    from joblib.externals.loky.backend import resource_tracker
+
+    with _safe_path():
+        resource_tracker.ensure_running()
+        if os.name == "posix":
+            from multiprocessing import resource_tracker as python_tracker
+
+            python_tracker.ensure_running()
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """While the block lasts, processes that start do not look in the current folder."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_SAFE_PATH]
+        else:
+            os.environ[_SAFE_PATH] = before
 
 
 class _Lanes:

@@ -65,6 +65,51 @@ def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:
         assert (ended.returncode, ended.stderr) == (0, "")
 
 
+WORKERS = """
+from pgm_places.batch.local_workers import LocalWorkers
+assert [done.result for done in LocalWorkers(1).run(abs, [-3])] == [3]
+"""
+MAP_PROCESS = """
+import time
+from pgm_places.live.map_process import MapProcess
+desk = MapProcess("none")
+desk.submit(b"")
+while (answer := desk.answer()) is None:
+    time.sleep(0.01)
+desk.close()
+assert "none" in answer
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param([*COMMAND, "--help"], id="command"),
+        pytest.param([*warm_up.COMMAND], id="warm-up"),
+        pytest.param([sys.executable, "-P", "-c", WORKERS], id="workers"),
+        pytest.param([sys.executable, "-P", "-c", MAP_PROCESS], id="live"),
+    ],
+)
+def test_no_process_takes_a_module_of_the_current_folder_for_a_library(
+    command: list[str], tmp_path: Path
+) -> None:
+    ran = tmp_path / "ran"
+    poison = f"open({str(ran)!r}, 'a').write(__name__)\nraise SystemExit(1)"
+    for name in {*sys.stdlib_module_names, "joblib", "numba", "numpy", "yaml"}:
+        (tmp_path / f"{name}.py").write_text(poison)
+    ended = subprocess.run(
+        command,
+        cwd=tmp_path,
+        input="",
+        capture_output=True,
+        text=True,
+        env=environment(PGM_PLACES_CACHE_DIR=str(tmp_path / "none"), NUMBA_DISABLE_JIT="1"),
+        check=False,
+    )
+    assert not ran.exists(), ran.read_text()
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
 @needs_posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_of_the_imports_ends_in_good_order(
