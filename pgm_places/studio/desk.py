@@ -18,7 +18,8 @@ from pgm_places.studio.given_labels import GivenLabels
 from pgm_places.studio.layers import Layers
 from pgm_places.studio.learner import Learner
 from pgm_places.studio.lesson import Lesson, Question, Tutor, renamed
-from pgm_places.studio.painting import PaintedPart, Painting, journal_for
+from pgm_places.studio.painting import Painting, journal_for
+from pgm_places.studio.repaint import PaintedPart
 from pgm_places.studio.source_file import SourceFile
 from pgm_places.studio.strokes import Stroke, stroke_cells
 from pgm_places.teaching.paint import Paint
@@ -140,20 +141,19 @@ class Desk:
                 self._ask()
 
     def _stroke(self, label: int, stroke: Mapping[str, Any]) -> PaintedPart | None:
-        cells = stroke_cells(from_mapping(Stroke, stroke, path="stroke"), self.grid)
-        if not cells.size:
+        runs = stroke_cells(from_mapping(Stroke, stroke, path="stroke"), self.grid)
+        if not runs.size:
             raise InputError("no free cell lies there")
-        return self.painting.paint(cells, label)
+        return self.painting.paint_runs(runs, label)
 
     def _fill(self, label: int, point: tuple[float, float]) -> PaintedPart | None:
         topology = None if self.lesson is None else self.lesson.taught.topology
-        return self.painting.paint(
-            fill_cells(self.grid, self.painting.labels, topology, point), label
-        )
+        runs = fill_cells(self.grid, self.painting.labels, topology, point)
+        return self.painting.paint_runs(runs, label)
 
     def _merge(self, first: int, second: int) -> PaintedPart | None:
-        cells, name = merge_cells(self._topology.topology, first, second)
-        return self.painting.paint(cells, self.painting.classes.names.index(name))
+        runs, name = merge_cells(self._topology.topology, first, second)
+        return self.painting.paint_runs(runs, self.painting.classes.names.index(name))
 
     def _rename(self, point_m: tuple[float, float], name: str) -> None:
         taught = self._topology
@@ -201,8 +201,7 @@ class Desk:
         """Ask for labels that follow the painting as it is now."""
         with self._lock:
             paint = Paint(self.painting.labels.copy(), self.painting.classes.names)
-            enough = sum(n > 0 for n in paint.counts.values()) >= 2
-            if self.labeler is not None or enough:
+            if self.labeler is not None or sum(n > 0 for n in paint.counts.values()) >= 2:
                 self.learner.ask(Question(paint, self.painting.revision, self.learns))
 
     def _learned(self, lesson: Lesson) -> None:

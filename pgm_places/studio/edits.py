@@ -1,13 +1,12 @@
 """Edits: what a person does in the browser, as cells and a label to paint them with."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.studio.runs import runs_of_mask
 from pgm_places.topology.place_edits import doorways_between
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -20,7 +19,7 @@ def fill_cells(
     topology: TopologicalMap | None,
     point: tuple[float, float],
 ) -> NDArray[np.int64]:
-    """Flat indices of the cells that a fill at a point (x, y in cells) covers.
+    """(n, 3) runs of the cells that a fill at a point (x, y in cells) covers.
 
     Those of the region there; where no regions are known, the free cells that are connected to it
     and have the same paint, or as little.
@@ -33,14 +32,14 @@ def fill_cells(
     row, column = _cell(grid, point)
     region = 0 if topology is None else int(topology.region[row, column])
     if topology is not None and region:
-        return _flat(topology.cells(region), grid)
+        return runs_of_mask(topology.region == region)
     alike = grid.free & (paint == paint[row, column])
     pieces = connected_components(alike, connectivity=4).piece
-    return np.flatnonzero(pieces == pieces[row, column])
+    return runs_of_mask(pieces == pieces[row, column])
 
 
 def merge_cells(topology: TopologicalMap, first: int, second: int) -> tuple[NDArray[np.int64], str]:
-    """The cells that must change for two places to become one, and the label to give them.
+    """Runs of the cells that must change for two places to become one, and the label to give them.
 
     Both take the label of the larger one, and so do doorways that lead from one to the other and
     to nowhere else.
@@ -52,9 +51,9 @@ def merge_cells(topology: TopologicalMap, first: int, second: int) -> tuple[NDAr
     """
     one, other = topology.place(first), topology.place(second)
     merging = (one, other, *doorways_between(topology, one, other))
-    cells = [_flat(topology.cells(place.id), topology.grid) for place in merging]
     larger = max((one, other), key=lambda place: place.area_m2)
-    return np.sort(np.concatenate(cells)), larger.label
+    mask = np.isin(topology.region, [place.id for place in merging])
+    return runs_of_mask(mask), larger.label
 
 
 def _cell(grid: OccupancyGrid, point: tuple[float, float]) -> tuple[int, int]:
@@ -63,7 +62,3 @@ def _cell(grid: OccupancyGrid, point: tuple[float, float]) -> tuple[int, int]:
     if not inside or not grid.free[row, column]:
         raise InputError("choose a free cell of the map")
     return row, column
-
-
-def _flat(cells_rc: NDArray[Any], grid: OccupancyGrid) -> NDArray[np.int64]:
-    return np.asarray(cells_rc[:, 0] * grid.shape[1] + cells_rc[:, 1], np.int64)

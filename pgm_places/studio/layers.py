@@ -11,8 +11,8 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.lesson import Lesson, probability_raster
-from pgm_places.studio.painting import PaintedPart
 from pgm_places.studio.pyramid import Pyramid, n_levels
+from pgm_places.studio.repaint import PaintedPart
 from pgm_places.studio.tiles import (
     CLEAR,
     ERRORS,

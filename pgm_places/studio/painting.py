@@ -3,7 +3,7 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +13,13 @@ from pgm_places.errors import InputError, printable
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.studio.classes import Classes, PlaceClass
 from pgm_places.studio.journal import Journal
-from pgm_places.studio.runs import cells_of_runs, runs_of_cells
+from pgm_places.studio.repaint import PaintedPart, Repaint
+from pgm_places.studio.runs import checked_runs, runs_of_mask
 
-__all__ = ["PaintedPart", "Painting", "Version"]
+__all__ = ["Painting", "Version"]
 
 Entry = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class PaintedPart:
-    """The rows and columns that an edit painted."""
-
-    rows: slice
-    columns: slice
+Names = dict[tuple[float, float], str]
 
 
 @dataclass(frozen=True)
@@ -46,15 +40,19 @@ class Version:
     saved_at: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Change:
-    """What an edit replaced, so that it can be taken back."""
+class _Change(NamedTuple):
+    """What an edit replaces; of classes and names, all before it and all after it."""
 
-    cells: NDArray[np.int64] | None = None
-    before: NDArray[np.int16] | None = None
-    after: int | NDArray[np.int16] = -1
-    classes: tuple[Classes, Classes] | None = None
-    names: tuple[dict[tuple[float, float], str], dict[tuple[float, float], str]] | None = None
+    repaint: Repaint
+    classes: tuple[Classes, Classes]
+    names: tuple[Names, Names]
+
+
+class _Step(NamedTuple):
+    """A change that was made, or taken back."""
+
+    change: _Change
+    forward: bool
 
 
 class Painting:
@@ -76,21 +74,17 @@ class Painting:
     names : dict of (float, float) to str
         Names of places by a point in metres: whichever place holds the point has the name,
         however the places around it change.
-    revision : int
-        The number of entries of the journal.
     versions : list of Version
     """
 
     def __init__(self, grid: OccupancyGrid, classes: Classes, journal: Journal) -> None:
         self.grid, self.classes, self.journal = grid, classes, journal
-        self._first = classes
         self.labels = np.full(grid.shape, -1, np.int16)
-        self.names: dict[tuple[float, float], str] = {}
+        self.names: Names = {}
         self.versions: list[Version] = []
-        self.revision = 0
         self._done: list[_Change] = []
         self._undone: list[_Change] = []
-        self._entries: list[Entry] = []
+        self._steps: list[_Step | None] = []  # what each entry did; None for a version
         for entry in journal.entries:
             try:
                 self._follow(entry)
@@ -98,6 +92,11 @@ class Painting:
                 at = self.revision + 2  # the header is the first line
                 reason = printable(str(error))[:300]
                 raise InputError(f"{journal.path}: line {at} is damaged ({reason})") from None
+
+    @property
+    def revision(self) -> int:
+        """The number of entries of the journal."""
+        return len(self._steps)
 
     @property
     def can_undo(self) -> bool:
@@ -116,13 +115,16 @@ class Painting:
 
     def paint(self, cells: NDArray[np.int64], label: int) -> PaintedPart | None:
         """Paint cells, given by flat indices; -1 erases. None where nothing changes."""
+        mask = np.zeros(self.grid.shape, np.bool_)
+        mask.reshape(-1)[cells] = True
+        return self.paint_runs(runs_of_mask(mask), label)
+
+    def paint_runs(self, runs: NDArray[np.int64], label: int) -> PaintedPart | None:
+        """Paint runs of cells: (n, 3) row, first column and length."""
         if not -1 <= label < len(self.classes):
             raise InputError(f"there is no class {label}; there are {len(self.classes)}")
-        cells = np.unique(cells)
-        cells = cells[self.labels.reshape(-1)[cells] != label]
-        if not cells.size:
+        if not Repaint.of_runs(self.labels, runs, label):
             return None
-        runs = runs_of_cells(cells, self.grid.shape[1])
         return self._add({"op": "paint", "label": label, "runs": runs.ravel().tolist()})
 
     def set_class(self, index: int, name: str, colour: str) -> None:
@@ -170,82 +172,74 @@ class Painting:
 
     def _follow(self, entry: Entry) -> PaintedPart | None:
         """Carry out an entry of the journal."""
-        part = None
-        if entry["op"] == "undo":
-            part = self._apply(self._done, self._undone, forward=False)
-        elif entry["op"] == "redo":
-            part = self._apply(self._undone, self._done, forward=True)
-        elif entry["op"] == "version":
+        if entry["op"] == "version":
             version = Version(self.revision + 1, str(entry["name"]), float(entry["at"]))
             self.versions.append(version)
+            self._steps.append(None)
+            return None
+        step = self._step(entry)
+        self._steps.append(step)
+        return self._take(step)
+
+    def _step(self, entry: Entry) -> _Step:
+        """What an entry does to the present state."""
+        if entry["op"] == "undo":
+            self._undone.append(self._done.pop())
+            return _Step(self._undone[-1], forward=False)
+        if entry["op"] == "redo":
+            self._done.append(self._undone.pop())
         else:
+            self._done.append(self._change(entry))
             self._undone.clear()
-            self._undone.append(self._change(entry))
-            part = self._apply(self._undone, self._done, forward=True)
-        self._entries.append(entry)
-        self.revision += 1
-        return part
+        return _Step(self._done[-1], forward=True)
 
     def _change(self, entry: Entry) -> _Change:
         """What an entry changes in the present state."""
         kind = entry["op"]
+        repaint, classes, names = Repaint.nothing(), self.classes, self.names
         if kind == "paint":
-            cells = cells_of_runs(np.array(entry["runs"], np.int64), self.grid.shape)
-            if not -1 <= entry["label"] < len(self.classes):
-                raise InputError(f"no class {entry['label']}")
-            return _Change(cells, self.labels.reshape(-1)[cells], int(entry["label"]))
-        if kind == "class":
+            repaint = self._painted(entry["runs"], entry["label"])
+        elif kind == "class":
             made = PlaceClass(entry["name"], entry["colour"])
-            changed = self.classes.with_class(entry["index"], made)
-            return _Change(classes=(self.classes, changed))
-        if kind == "name":
+            classes = classes.with_class(entry["index"], made)
+        elif kind == "name":
             replaced = {tuple(at) for at in entry["replaces"]}
-            names = {at: name for at, name in self.names.items() if at not in replaced}
+            names = {at: name for at, name in names.items() if at not in replaced}
             x, y = entry["at"]
             if entry["name"]:
                 names[float(x), float(y)] = str(entry["name"])
-            return _Change(names=(self.names, names))
-        if kind == "restore":
-            return self._way_back(int(entry["revision"]))
-        raise InputError(f"unknown edit {kind!r}")
+        elif kind == "restore":
+            repaint, classes, names = self._way_back(int(entry["revision"]))
+        else:
+            raise InputError(f"unknown edit {kind!r}")
+        return _Change(repaint, (self.classes, classes), (self.names, names))
 
-    def _way_back(self, revision: int) -> _Change:
-        """What leads from the present state to the one after the first entries of the journal."""
-        then = Painting.__new__(Painting)
-        then.grid, then.classes = self.grid, self._first
-        then._first = self._first
-        then.labels = np.full(self.grid.shape, -1, np.int16)
-        then.names, then.versions, then.revision = {}, [], 0
-        then._done, then._undone, then._entries = [], [], []
-        for entry in self._entries[:revision]:
-            then._follow(entry)
-        cells = np.flatnonzero(then.labels != self.labels)
-        return _Change(
-            cells,
-            self.labels.reshape(-1)[cells],
-            then.labels.reshape(-1)[cells],
-            (self.classes, then.classes),
-            (self.names, then.names),
-        )
+    def _painted(self, listed: list[int], label: int) -> Repaint:
+        runs = checked_runs(np.array(listed, np.int64), self.grid.shape)
+        if not -1 <= label < len(self.classes):
+            raise InputError(f"no class {label}")
+        return Repaint.of_runs(self.labels, runs, int(label))
 
-    def _apply(
-        self, source: list[_Change], target: list[_Change], *, forward: bool
-    ) -> PaintedPart | None:
-        change = source.pop()
-        target.append(change)
-        if change.classes is not None:
-            self.classes = change.classes[forward]
-        if change.names is not None:
-            self.names = change.names[forward]
-        if change.cells is None or not change.cells.size:
-            return None
-        after: Any = change.after if forward else change.before
-        self.labels.reshape(-1)[change.cells] = after
-        rows, columns = np.divmod(change.cells, self.grid.shape[1])
-        return PaintedPart(
-            slice(int(rows.min()), int(rows.max()) + 1),
-            slice(int(columns.min()), int(columns.max()) + 1),
-        )
+    def _way_back(self, revision: int) -> tuple[Repaint, Classes, Names]:
+        """What leads to the state after the first entries of the journal.
+
+        The steps since are taken back one by one: each is known, whatever led to it.
+        """
+        if not 0 <= revision <= self.revision:
+            raise InputError(f"no revision {revision}")
+        labels, classes, names = self.labels.copy(), self.classes, self.names
+        for step in reversed(self._steps[revision:]):
+            if step is not None:
+                change, forward = step
+                change.repaint.put(labels, forward=not forward)
+                classes, names = change.classes[not forward], change.names[not forward]
+        return Repaint.between(self.labels, labels), classes, names
+
+    def _take(self, step: _Step) -> PaintedPart | None:
+        change, forward = step
+        self.classes, self.names = change.classes[forward], change.names[forward]
+        change.repaint.put(self.labels, forward=forward)
+        return change.repaint.part
 
 
 def journal_for(folder: Path, map_sha256: str) -> Journal:

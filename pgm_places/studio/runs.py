@@ -1,31 +1,39 @@
-"""Runs: sets of cells as rows of neighbours, which is how the journal stores them."""
+"""Runs: sets of cells as rows of neighbours, which is how edits are kept and stored."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 
-__all__ = ["cells_of_runs", "runs_of_cells"]
+__all__ = ["checked_runs", "runs_of_mask"]
 
 
-def runs_of_cells(cells: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-    """(n, 3) row, first column and length of each run of sorted flat indices.
+def runs_of_mask(mask: NDArray[np.bool_], corner: tuple[int, int] = (0, 0)) -> NDArray[np.int64]:
+    """(n, 3) row, first column and length of each run of cells in a mask (h, w), row by row.
+
+    Parameters
+    ----------
+    mask : (h, w) bool
+        A part of a raster.
+    corner : (int, int)
+        Row and column of its first cell in the raster.
 
     Examples
     --------
-    >>> runs_of_cells(np.array([2, 3, 5, 6]), width=4).tolist()
-    [[0, 2, 2], [1, 1, 2]]
+    >>> runs_of_mask(np.array([[False, True, True], [True, False, True]])).tolist()
+    [[0, 1, 2], [1, 0, 1], [1, 2, 1]]
     """
-    if not cells.size:
-        return np.empty((0, 3), np.int64)
-    starts_row = cells % width == 0
-    begins = np.flatnonzero(np.concatenate([[True], (np.diff(cells) != 1) | starts_row[1:]]))
-    lengths = np.diff(np.append(begins, len(cells)))
-    return np.stack([cells[begins] // width, cells[begins] % width, lengths], axis=1)
+    height, width = mask.shape
+    padded = np.zeros((height, width + 2), np.bool_)
+    padded[:, 1:-1] = mask
+    turns = np.flatnonzero(padded[:, 1:] != padded[:, :-1])
+    begins, ends = turns[::2], turns[1::2]
+    row, column = np.divmod(begins, width + 1)
+    return np.stack([row + corner[0], column + corner[1], ends - begins], axis=1)
 
 
-def cells_of_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Flat indices of the cells of runs, in their order.
+def checked_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
+    """(n, 3) runs given in any shape.
 
     Raises
     ------
@@ -34,8 +42,8 @@ def cells_of_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np
 
     Examples
     --------
-    >>> cells_of_runs(np.array([[0, 2, 2], [1, 1, 2]]), (2, 4)).tolist()
-    [2, 3, 5, 6]
+    >>> checked_runs(np.array([0, 2, 2, 1, 1, 2]), (2, 4)).tolist()
+    [[0, 2, 2], [1, 1, 2]]
     """
     runs = runs.reshape(-1, 3)
     row, column, length = runs.T
@@ -44,7 +52,7 @@ def cells_of_runs(runs: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np
     good &= (column < width) & (length <= width - column)
     if not good.all():
         raise InputError(f"a run of cells lies outside the map: {runs[~good][0].tolist()}")
-    ends = np.cumsum(length)
-    if len(ends) and ends[-1] > height * width:
-        raise InputError(f"runs of {ends[-1]} cells overlap: the map has {height * width}")
-    return np.repeat(row * width + column - (ends - length), length) + np.arange(length.sum())
+    n_cells = int(length.sum())
+    if n_cells > height * width:
+        raise InputError(f"runs of {n_cells} cells overlap: the map has {height * width}")
+    return runs

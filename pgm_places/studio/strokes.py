@@ -5,7 +5,6 @@ Points are in cells from the map's lower-left corner, x before y.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
@@ -16,12 +15,17 @@ from pgm_places.errors import InputError
 from pgm_places.io.maps.regions import rasterize_polygon
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_options
+from pgm_places.studio._run_kernels import mark_brush
+from pgm_places.studio.runs import runs_of_mask
 from pgm_places.topology.chords import Chord
 
 __all__ = ["Stroke", "doorway_chord", "stroke_cells"]
 
 Tool = Literal["brush", "rectangle", "polygon", "doorway"]
 MOST_POINTS = 100_000
+BAND_ROWS = 64
+"""So many rows are painted at once."""
+
 LONGEST_SNAP_M = 2.0
 """How far behind a click a wall may be for a doorway to reach it."""
 
@@ -59,25 +63,26 @@ class Stroke:
 
 
 def stroke_cells(stroke: Stroke, grid: OccupancyGrid) -> NDArray[np.int64]:
-    """Sorted flat indices of the free cells that a stroke covers.
+    """(n, 3) runs of the free cells that a stroke covers: row, first column and length.
 
     Examples
     --------
     >>> grid = OccupancyGrid([[0, 0, 0], [0, 100, 0]], resolution_m=0.1)
     >>> line = Stroke(tool="brush", points=((0.5, 0.5), (1.5, 0.5)), radius=0.0)
     >>> stroke_cells(line, grid).tolist()
-    [0, 1]
+    [[0, 0, 2]]
     """
+    if stroke.tool == "rectangle":
+        return _inside_rectangle(stroke.points, grid)
+    if stroke.tool == "polygon":
+        return _inside_polygon(stroke.points, grid)
     if stroke.tool == "doorway":
         chord = doorway_chord(stroke.points, grid)
-        covered = _bands([chord], stroke.radius, grid.shape)
-    elif stroke.tool == "brush":
-        ends = [_centred(point) for point in stroke.points]
-        lines = [Chord(*pair) for pair in pairwise(ends)] or [Chord(ends[0], ends[0])]
-        covered = _bands(lines, stroke.radius, grid.shape)
+        ends = np.array([chord.start_rc, chord.end_rc])
     else:
-        covered = _inside(_corners(stroke), grid)
-    return covered[grid.free.reshape(-1)[covered]]
+        ends = np.array([_centred(point) for point in stroke.points])
+        ends = ends if len(ends) > 1 else ends.repeat(2, axis=0)
+    return _near(np.hstack([ends[:-1], ends[1:]]), max(stroke.radius, 0.5), grid)
 
 
 def doorway_chord(points: Sequence[tuple[float, float]], grid: OccupancyGrid) -> Chord:
@@ -115,28 +120,47 @@ def _centred(point: tuple[float, float]) -> tuple[float, float]:
     return (point[1] - 0.5, point[0] - 0.5)
 
 
-def _bands(lines: list[Chord], radius: float, shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Sorted flat indices of the cells at most a radius from lines, at least those they cross."""
-    reach = max(radius, 0.5)
-    found = []
-    for line in lines:
-        rows, columns, mask = line.band(reach, shape)
-        if mask.size:
-            row, column = np.nonzero(mask)
-            found.append((row + rows.start) * shape[1] + column + columns.start)
-    return np.unique(np.concatenate(found)) if found else np.empty(0, np.int64)
+def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDArray[np.int64]:
+    """Runs of the free cells at most ``reach`` from lines (n, 4): starts, then ends.
+
+    It takes time for the rows that each line passes, and memory for a few rows of the map.
+    """
+    low = np.minimum(lines[:, :2], lines[:, 2:]) - reach
+    high = np.maximum(lines[:, :2], lines[:, 2:]) + reach
+    first, last = _clipped(low.min(axis=0), grid.shape), _clipped(high.max(axis=0) + 1, grid.shape)
+    found = [np.empty((0, 3), np.int64)]
+    for row in range(first[0], last[0], BAND_ROWS):
+        rows = slice(row, min(row + BAND_ROWS, last[0]))
+        near = (low[:, 0] < rows.stop) & (high[:, 0] >= row)
+        if not near.any():
+            continue
+        left = _clipped(low[near].min(axis=0), grid.shape)[1]
+        right = _clipped(high[near].max(axis=0) + 1, grid.shape)[1]
+        turns = np.zeros((rows.stop - row, right - left + 1), np.int32)
+        mark_brush(lines[near], reach, row, left, turns)
+        covered = np.cumsum(turns[:, :-1], axis=1, dtype=np.int32) > 0
+        found.append(runs_of_mask(covered & grid.free[rows, left:right], (row, left)))
+    return np.concatenate(found)
 
 
-def _corners(stroke: Stroke) -> NDArray[np.float64]:
-    points = np.array(stroke.points)
-    if stroke.tool == "rectangle":
-        (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-        points = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
-    return np.concatenate([points, points[:1]])
+def _inside_rectangle(
+    points: Sequence[tuple[float, float]], grid: OccupancyGrid
+) -> NDArray[np.int64]:
+    # A centre on the left or lower border is inside, one on the right or upper border is not.
+    corners = np.ceil([_centred(point) for point in points])
+    first, last = (_clipped(corner, grid.shape) for corner in (corners.min(0), corners.max(0)))
+    return runs_of_mask(grid.free[first[0] : last[0], first[1] : last[1]], first)
 
 
-def _inside(ring: NDArray[np.float64], grid: OccupancyGrid) -> NDArray[np.int64]:
-    in_metres = grid.cell_centres_m(ring[:, ::-1] - 0.5)
-    rows, columns, mask = rasterize_polygon([in_metres], grid)
-    row, column = np.nonzero(mask)
-    return (row + rows.start) * grid.shape[1] + column + columns.start
+def _inside_polygon(
+    points: Sequence[tuple[float, float]], grid: OccupancyGrid
+) -> NDArray[np.int64]:
+    ring = np.array([_centred(point) for point in (*points, points[0])])
+    rows, columns, mask = rasterize_polygon([grid.cell_centres_m(ring)], grid)
+    return runs_of_mask(mask & grid.free[rows, columns], (rows.start, columns.start))
+
+
+def _clipped(point_rc: NDArray[np.float64], shape: tuple[int, int]) -> tuple[int, int]:
+    """The cell of a point, or the nearest index of the raster or just behind it."""
+    row, column = np.clip(np.floor(point_rc), 0, shape).astype(int).tolist()
+    return row, column

@@ -33,19 +33,6 @@ class Chord:
         """(2,) row and column of the midpoint."""
         return np.add(self.start_rc, self.end_rc) / 2
 
-    def band(self, reach: float, shape: tuple[int, int]) -> tuple[slice, slice, NDArray[np.bool_]]:
-        """Rows, columns and mask of the cells of a raster at most ``reach`` away."""
-        ends = np.array([self.start_rc, self.end_rc])
-        low = np.clip(np.floor(ends.min(axis=0) - reach), 0, shape).astype(int)
-        high = np.clip(np.ceil(ends.max(axis=0) + reach) + 1, low, shape).astype(int)
-        rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
-        y, x = np.mgrid[rows, columns]
-        offset = np.stack([y, x], axis=-1) - ends[0]
-        along = ends[1] - ends[0]
-        share = np.clip(offset @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-        away = offset - share[..., None] * along
-        return rows, columns, (away**2).sum(axis=-1) <= reach**2
-
 
 def shortest_chords(blocked: ArrayLike, cells_rc: ArrayLike, longest: float) -> list[Chord]:
     """The shortest chord of free space in each direction through any of the given cells.

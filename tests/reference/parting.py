@@ -9,6 +9,20 @@ from tests.reference.topology import flood_fill
 EIGHT = np.ones((3, 3), bool)
 
 
+def band(chord: Chord, reach: float, shape: tuple[int, int]) -> tuple[slice, slice, np.ndarray]:
+    """Rows, columns and mask of the cells of a raster at most ``reach`` from a chord."""
+    ends = np.array([chord.start_rc, chord.end_rc])
+    low = np.clip(np.floor(ends.min(axis=0) - reach), 0, shape).astype(int)
+    high = np.clip(np.ceil(ends.max(axis=0) + reach) + 1, low, shape).astype(int)
+    rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
+    y, x = np.mgrid[rows, columns]
+    offset = np.stack([y, x], axis=-1) - ends[0]
+    along = ends[1] - ends[0]
+    share = np.clip(offset @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+    away = offset - share[..., None] * along
+    return rows, columns, (away**2).sum(axis=-1) <= reach**2
+
+
 class SlowParting:
     """Labels that doorways are drawn into, and the regions as they were."""
 
@@ -35,7 +49,7 @@ class SlowParting:
 
     def _gap(self, chord: Chord) -> np.ndarray:
         near = np.zeros(self.labels.shape, bool)
-        rows, columns, near_chord = chord.band(self.reach, self.labels.shape)
+        rows, columns, near_chord = band(chord, self.reach, self.labels.shape)
         near[rows, columns] = near_chord
         near &= ~self.blocked
         cells = np.argwhere(near)

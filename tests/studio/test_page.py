@@ -109,8 +109,14 @@ def painted(map_yaml: Path) -> Any:
 def test_paint_undo_and_redo_by_keys(opened: Open, running: StudioProcess, map_yaml: Path) -> None:
     page = opened(running)
     page.keyboard.press("2")  # a class: the brush is at hand
+    held: list[Any] = []
+    page.route("**/edit", lambda route: held.append(route))
     drag(page, (8, 8), (18, 12))
+    until(page, "document.getElementById('status').textContent === 'Painting'")
+    held.pop().continue_()
+    page.unroute("**/edit")
     wait_revision(page, 1)
+    until(page, "document.getElementById('status').textContent !== 'Painting'")
     page.keyboard.press("r")
     drag(page, (30, 8), (40, 18))
     wait_revision(page, 2)

@@ -1,16 +1,21 @@
 """Edits, the way back, and what is left of them after a kill."""
 
 import json
-from collections.abc import Callable
+import sys
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pgm_places.errors import InputError, OutputError
-from pgm_places.maps.occupancy_grid import FREE
+from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
+from pgm_places.studio.classes import Classes
 from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
+from pgm_places.studio.painting import Painting, journal_for
 
 Reopen = Callable[[], Desk]
 
@@ -84,6 +89,125 @@ def test_a_version_can_be_gone_back_to_and_that_undone(desk: Desk, open_desk: Re
     assert (reopened(desk, open_desk).painting.labels == then).all()
 
 
+@contextmanager
+def counted_calls() -> Iterator[list[int]]:
+    """A list that gets the number of calls made in the block."""
+    count = 0
+    found: list[int] = []
+
+    def note(*_: object) -> None:
+        nonlocal count
+        count += 1
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        yield found
+    finally:
+        sys.setprofile(before)
+        found.append(count)
+
+
+def blank(folder: Path, shape: tuple[int, int] = (30, 30)) -> Painting:
+    """The painting of an empty map, kept in a folder."""
+    journal = journal_for(folder, "0" * 64)
+    return Painting(
+        OccupancyGrid(np.zeros(shape, np.int8), 0.1), Classes.named(("a", "b")), journal
+    )
+
+
+def test_going_back_takes_as_long_however_often_it_was_done_before(tmp_path: Path) -> None:
+    painting = blank(tmp_path)
+    calls: list[int] = []
+    for number in range(12):
+        painting.paint(np.array([number]), 0)
+        painting.save_version(f"version {number}")
+        painting.paint(np.array([number + 100]), 1)
+        with counted_calls() as found:
+            painting.restore(painting.versions[-1].revision)
+        calls += found
+    assert calls[-1] < 2 * calls[2]
+    painting.journal.close()
+    with counted_calls() as opened:
+        again = blank(tmp_path)
+    assert (again.labels == painting.labels).all()
+    assert opened[0] < 12 * 4 * calls[2]
+    again.journal.close()
+
+
+def test_every_version_is_gone_back_to_as_it_was(desk: Desk, open_desk: Reopen) -> None:
+    generator = np.random.default_rng(8)
+    kept: dict[int, tuple[np.ndarray, object, object]] = {}
+    painting = desk.painting
+    for number in range(80):
+        kind = generator.choice(["paint", "undo", "redo", "class", "name", "version", "restore"])
+        if kind == "paint":
+            cells = np.flatnonzero(generator.random(painting.labels.size) < 0.01)
+            painting.paint(cells, int(generator.integers(-1, 3)))
+        elif kind == "class":
+            painting.set_class(int(generator.integers(3)), f"class {number}", "#112233")
+        elif kind == "name":
+            painting.rename((float(number), 0.0), f"place {number}", [])
+        elif kind == "version":
+            painting.save_version(f"version {number}")
+            state = painting.labels.copy(), painting.classes, dict(painting.names)
+            kept[painting.revision] = state
+        elif kind == "restore" and kept:
+            revision = int(generator.choice(list(kept)))
+            painting.restore(revision)
+            labels, classes, names = kept[revision]
+            assert (painting.labels == labels).all()
+            assert (painting.classes, painting.names) == (classes, names)
+        elif (kind == "undo" and painting.can_undo) or (kind == "redo" and painting.can_redo):
+            getattr(painting, kind)()
+    assert len(kept) > 5
+    again = reopened(desk, open_desk).painting
+    assert (again.labels == painting.labels).all()
+    assert (again.classes, again.names) == (painting.classes, painting.names)
+
+
+def test_a_journal_of_an_earlier_studio_is_read(tmp_path: Path) -> None:
+    entries = [
+        {"op": "paint", "label": 0, "runs": [0, 0, 3, 1, 0, 2]},
+        {"op": "version", "name": "one", "at": 1.5},
+        {"op": "paint", "label": 1, "runs": [0, 1, 2]},
+        {"op": "class", "index": 2, "name": "lab", "colour": "#112233"},
+        {"op": "version", "name": "two", "at": 2.5},
+        {"op": "restore", "revision": 2},
+        {"op": "name", "at": [0.1, 0.2], "name": "hall", "replaces": []},
+        {"op": "restore", "revision": 5},
+        {"op": "undo"},
+        {"op": "undo"},
+        {"op": "undo"},
+        {"op": "redo"},
+        {"op": "paint", "label": -1, "runs": [1, 0, 1]},
+    ]
+    header = {"format": "pgm-places-studio", "schema": 1, "map": "0" * 64}
+    lines = [json.dumps(entry) for entry in [header, *entries]]
+    (tmp_path / "journal.jsonl").write_text("\n".join([*lines, ""]))
+    painting = blank(tmp_path, (2, 4))
+    assert painting.labels.tolist() == [[0, 0, 0, -1], [-1, 0, -1, -1]]
+    assert list(painting.classes.names) == ["a", "b"] and painting.names == {}
+    painting.restore(5)
+    assert painting.labels.tolist() == [[0, 1, 1, -1], [0, 0, -1, -1]]
+    assert list(painting.classes.names) == ["a", "b", "lab"]
+    painting.journal.close()
+
+
+def test_an_edit_takes_memory_for_its_runs_and_not_for_each_cell(tmp_path: Path) -> None:
+    painting = blank(tmp_path, (1000, 1000))
+    everything = np.array([[row, 0, 1000] for row in range(1000)])
+    painting.paint_runs(everything[:1], 0)  # what is compiled once
+    tracemalloc.start()
+    try:
+        painting.paint_runs(everything, 1)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < painting.labels.size
+    painting.journal.close()
+
+
 def test_a_line_torn_by_a_kill_is_dropped_and_all_before_it_kept(
     desk: Desk, open_desk: Reopen
 ) -> None:
@@ -113,6 +237,10 @@ def test_a_damaged_line_is_named(desk: Desk, open_desk: Reopen) -> None:
     huge = '{"op":"paint","label":0,"runs":[1,1,' + "9" * 30 + "]}"
     path.write_text("\n".join([*lines, huge, ""]))
     with pytest.raises(InputError, match=r"line 3 is damaged \(Python int too large"):
+        open_desk()
+    later = '{"op":"restore","revision":3}'
+    path.write_text("\n".join([*lines, later, ""]))
+    with pytest.raises(InputError, match=r"line 3 is damaged \(no revision 3\)"):
         open_desk()
     unknown = '{"op":"' + "\\u001b" * 3000 + '"}'
     path.write_text("\n".join([*lines, unknown, ""]))

@@ -1,5 +1,6 @@
 """The cells of strokes, against slow and obvious references."""
 
+import tracemalloc
 from itertools import pairwise
 from typing import Any
 
@@ -10,8 +11,11 @@ from hypothesis import strategies as st
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
-from pgm_places.studio.runs import cells_of_runs, runs_of_cells
+from pgm_places.studio._run_kernels import mark_brush
+from pgm_places.studio.runs import checked_runs, runs_of_mask
 from pgm_places.studio.strokes import Stroke, doorway_chord, stroke_cells
+from pgm_places.topology.chords import Chord
+from tests.reference.parting import band
 from tests.studio.conftest import two_rooms
 
 OPEN = OccupancyGrid(np.full((12, 17), FREE, np.int8), 0.1, (3.0, 4.0), 0.3)
@@ -25,42 +29,97 @@ def distance(point: Any, start: Any, end: Any) -> float:
     return float(np.hypot(*(p - a - share * along)))
 
 
+def covered(stroke: Stroke, grid: OccupancyGrid) -> np.ndarray:
+    """(H, W) how many runs of a stroke hold each cell."""
+    found = np.zeros(grid.shape, int)
+    for row, column, length in stroke_cells(stroke, grid).tolist():
+        found[row, column : column + length] += 1
+    return found
+
+
 @given(st.lists(POINTS, min_size=1, max_size=4), st.floats(0.5, 4))
 def test_a_brush_covers_the_centres_near_its_line(
     points: list[tuple[float, float]], radius: float
 ) -> None:
-    found = set(stroke_cells(Stroke(tool="brush", points=tuple(points), radius=radius), OPEN))
+    found = covered(Stroke(tool="brush", points=tuple(points), radius=radius), OPEN)
     pairs = list(pairwise(points)) or [(points[0], points[0])]
     for row in range(12):
         for column in range(17):
             near = min(distance((column + 0.5, row + 0.5), *pair) for pair in pairs)
             if abs(near - radius) > 1e-6:
-                assert (row * 17 + column in found) == (near < radius)
+                assert found[row, column] == (near < radius)
 
 
-def test_a_rectangle_covers_the_centres_inside() -> None:
-    stroke = Stroke(tool="rectangle", points=((3.4, 7.6), (1.6, 2.4)))
-    cells = stroke_cells(stroke, OPEN)
-    rows, columns = np.divmod(cells, 17)
-    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (2, 7, 2, 2)
+@pytest.mark.parametrize("radius", [0.5, 1.0, 7.3, 60.0])
+def test_a_brush_over_many_rows_covers_what_its_lines_do(radius: float) -> None:
+    generator = np.random.default_rng(5)
+    grid = OccupancyGrid(np.zeros((200, 150), np.int8), 0.1)
+    # Whole and half cells, where centres lie exactly on the border, and far outside the map.
+    points = generator.integers(-60, 500, (9, 2)) / 2
+    points[4:6] = generator.uniform(-(2**20), 2**20, (2, 2))
+    expected = np.zeros(grid.shape, bool)
+    for start, end in pairwise((points[:, ::-1] - 0.5).tolist()):
+        rows, columns, mask = band(Chord(tuple(start), tuple(end)), radius, grid.shape)
+        expected[rows, columns] |= mask
+    stroke = Stroke(tool="brush", points=tuple(map(tuple, points.tolist())), radius=radius)
+    assert (covered(stroke, grid) == expected).all()
+
+
+def test_a_brush_looks_at_the_rows_that_its_lines_pass_and_not_at_every_cell() -> None:
+    lines = np.array([[10.0, 10.0, 12.0, 400.0], [10.0, 10.0, 10.0, 10.0]])
+    turns = np.zeros((64, 501), np.int32)
+    assert mark_brush(lines, 2.0, 0, 0, turns) == 7 + 5
+    assert np.cumsum(turns, axis=1)[10, :14].tolist() == [0] * 8 + [2] * 5 + [1]
+
+
+def test_a_stroke_takes_memory_for_the_runs_that_it_touches() -> None:
+    grid = OccupancyGrid(np.zeros((1500, 1500), np.int8), 0.1)
+    corner_to_corner = ((0.0, 0.0), (1500.0, 1500.0))
+    strokes = [
+        Stroke(tool="brush", points=corner_to_corner, radius=1.0),
+        Stroke(tool="rectangle", points=corner_to_corner),
+    ]
+    stroke_cells(Stroke(tool="brush", points=((3.0, 3.0),)), grid)  # what is compiled once
+    for stroke in strokes:
+        tracemalloc.start()
+        try:
+            stroke_cells(stroke, grid)
+            _, most = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert most < 4 * grid.cells.size
+
+
+@pytest.mark.parametrize(
+    ("corners", "rows", "columns"),
+    [
+        (((3.4, 7.6), (1.6, 2.4)), (2, 8), (2, 3)),
+        (((1.5, 2.5), (3.5, 4.5)), (2, 4), (1, 3)),  # on centres: below and left belong to it
+        (((-9.0, -1e9), (2.0, 1e9)), (0, 12), (0, 2)),
+        (((20.0, 2.0), (30.0, 5.0)), (0, 0), (0, 0)),
+    ],
+)
+def test_a_rectangle_covers_the_centres_inside(
+    corners: Any, rows: tuple[int, int], columns: tuple[int, int]
+) -> None:
+    expected = np.zeros((12, 17), int)
+    expected[slice(*rows), slice(*columns)] = 1
+    assert (covered(Stroke(tool="rectangle", points=corners), OPEN) == expected).all()
 
 
 def test_a_polygon_covers_the_centres_inside_on_a_rotated_map() -> None:
     stroke = Stroke(tool="polygon", points=((1.0, 1.0), (9.0, 1.0), (1.0, 9.0)))
-    found = set(stroke_cells(stroke, OPEN).tolist())
-    expected = {
-        r * 17 + c for r in range(12) for c in range(17) if r >= 1 and c >= 1 and r + c + 1 < 10
-    }
-    on_the_edge = {r * 17 + c for r in range(12) for c in range(17) if r + c + 1 == 10}
-    assert found - on_the_edge == expected
+    row, column = np.mgrid[:12, :17]
+    on_the_edge = row + column + 1 == 10
+    expected = (row >= 1) & (column >= 1) & (row + column + 1 < 10)
+    assert (covered(stroke, OPEN) == expected)[~on_the_edge].all()
 
 
 def test_a_doorway_reaches_from_wall_to_wall_and_no_further() -> None:
     grid = two_rooms()
     chord = doorway_chord(((25.5, 14.5), (25.5, 15.5)), grid)
-    cells = stroke_cells(Stroke(tool="doorway", points=((25.5, 14.5), (25.5, 15.5))), grid)
-    rows = np.unique(cells // 50)
-    assert rows.tolist() == [13, 14, 15, 16]
+    runs = stroke_cells(Stroke(tool="doorway", points=((25.5, 14.5), (25.5, 15.5))), grid)
+    assert runs[:, 0].tolist() == [13, 14, 15, 16]
     assert chord.length < 4
 
 
@@ -79,21 +138,26 @@ def test_too_few_points_are_refused(tool: Any, points: Any) -> None:
 
 
 @given(st.sets(st.integers(0, 12 * 17 - 1)))
-def test_runs_hold_the_same_cells(cells: set[int]) -> None:
-    listed = np.array(sorted(cells), np.int64)
-    runs = runs_of_cells(listed, 17)
-    assert cells_of_runs(runs, (12, 17)).tolist() == listed.tolist()
-    assert (runs[:, 1] + runs[:, 2] <= 17).all()
+def test_runs_hold_the_same_cells_and_are_as_long_as_can_be(cells: set[int]) -> None:
+    mask = np.zeros(12 * 17, bool)
+    mask[list(cells)] = True
+
+    mask_hw = mask.reshape(12, 17)
+    runs = runs_of_mask(mask_hw, (3, 5)) - [3, 5, 0]
+    found = [(r, c + k) for r, c, length in runs.tolist() for k in range(length)]
+    assert found == list(map(tuple, np.argwhere(mask_hw).tolist()))
+    ends = {(r, c + length) for r, c, length in runs.tolist()}
+    assert not ends & {(r, c) for r, c, _ in runs.tolist()}
 
 
 @pytest.mark.parametrize("run", [[0, 0, 18], [12, 0, 1], [-1, 0, 1], [0, 0, 0], [0, 0, 2**62]])
 def test_runs_outside_the_map_are_refused(run: list[int]) -> None:
     with pytest.raises(InputError, match="outside the map"):
-        cells_of_runs(np.array([run]), (12, 17))
+        checked_runs(np.array([run]), (12, 17))
 
 
 def test_runs_of_more_cells_than_the_map_has_are_refused() -> None:
     whole = np.array([[row, 0, 17] for row in range(12)])
-    assert len(cells_of_runs(whole, (12, 17))) == 12 * 17
+    assert checked_runs(whole.ravel(), (12, 17)).tolist() == whole.tolist()
     with pytest.raises(InputError, match="runs of 205 cells overlap: the map has 204"):
-        cells_of_runs(np.concatenate([whole, [[3, 3, 1]]]), (12, 17))
+        checked_runs(np.concatenate([whole, [[3, 3, 1]]]), (12, 17))

@@ -5,7 +5,7 @@ import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from pgm_places.topology.chords import Chord, shortest_chords
+from pgm_places.topology.chords import shortest_chords
 from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.parting import DOORWAY_DEPTH_M
@@ -167,13 +167,3 @@ def test_chords_end_at_walls_and_the_shortest_comes_first() -> None:
     lengths = [chord.length for chord in found]
     assert lengths == sorted(lengths)
     assert shortest_chords(labels < 0, [[16, 16]], 12.0) == []
-
-
-def test_a_band_holds_what_is_near_a_chord() -> None:
-    chord = Chord((2.0, 1.0), (2.0, 6.0))
-    rows, columns, near = chord.band(1.0, (10, 10))
-    mask = np.zeros((10, 10), bool)
-    mask[rows, columns] = near
-    y, x = np.mgrid[:10, :10]
-    away = np.hypot(y - 2.0, x - np.clip(x, 1.0, 6.0))
-    assert (mask == (away <= 1.0)).all()

@@ -17,6 +17,7 @@ import { Keys, help } from "./keys.js";
 import { Frame } from "./geometry.js";
 
 const ASK_EVERY_MS = 70;
+const SLOW_MS = 300; // an edit that takes longer is shown in the status
 
 class Studio {
   constructor() {
@@ -38,6 +39,7 @@ class Studio {
     this.chosen = null;
     this.asked = null;
     this.placesVersion = "";
+    this.slow = new Set();
     this.tab = "paint";
     this.#build();
     this.server.follow((state) => this.#take(state), () => this.#lost());
@@ -103,11 +105,18 @@ class Studio {
   // ------------------------------------------------------------------ what the person does
 
   async edit(request) {
+    const late = setTimeout(() => {
+      this.slow.add(request);
+      this.#status();
+    }, SLOW_MS);
     try {
       return await this.server.post("edit", request);
     } catch (error) {
       this.say(error.message, true);
       return null;
+    } finally {
+      clearTimeout(late);
+      if (this.slow.delete(request)) this.#status();
     }
   }
 
@@ -347,6 +356,7 @@ class Studio {
     let [kind, words] = ["", "Labelled"];
     if (this.offline && !this.state) [kind, words] = ["failed", "The studio does not answer"];
     else if (this.offline) [kind, words] = ["failed", "The studio has ended; all edits are kept"];
+    else if (this.slow.size) [kind, words] = ["working", "Painting"];
     else if (learner.problem) [kind, words] = ["failed", learner.problem];
     else if (learner.working) [kind, words] = ["working", `${painted ? "Learning" : "Labelling"}: ${learner.stage || "begins"}${learner.fraction > 0.01 ? ` ${Math.round(100 * learner.fraction)} %` : ""}`];
     else if (!lesson) [kind, words] = ["waiting", "Paint two classes to begin"];
