@@ -9,7 +9,7 @@ from pgm_places.cli.arguments import Cache, Config, Force, Out, Quiet, Threads
 from pgm_places.cli.declarations import Option
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import comparison_table
-from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.cli.warm_up import WarmUp
 from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import ConfigError, InputError
@@ -42,7 +42,9 @@ def _experiment(
             config_path.resolve().parent,
             progress=make_progress(quiet=quiet),
             n_threads=n_threads,
-            feature_cache=None if cache is None else FeatureCache(cache.absolute()),
+            feature_cache=None
+            if cache is None
+            else FeatureCache(cache.absolute(), None if quiet else complain),
         )
         experiment.record_input(config_path.resolve())
         yield experiment

@@ -2,7 +2,9 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+import os
+import shutil
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from pgm_places._version import __version__
+from pgm_places.errors import OutputError
 from pgm_places.features.laser import DEFINITIONS_VERSION
 from pgm_places.io.atomic import atomic_file
 from pgm_places.maps.labelled_map import LabelledMap
@@ -20,24 +23,30 @@ from pgm_places.unary.feature_tables import Block
 
 __all__ = ["FeatureCache"]
 
+MOST_OF_FREE = 0.9
+"""The share of the free space that tables may take: other programs need some, too."""
+
 
 @dataclass(frozen=True)
 class FeatureCache:
     """A folder of feature tables; maps of the same content share one, whatever they are called.
 
-    A table takes 1.3 kB per labelled cell. Tables that are missing or unreadable are computed and
-    kept; none is ever removed, and the folder may be deleted at any time.
+    A table takes 1.3 kB per cell. Tables that are missing or unreadable are computed and kept; none
+    is ever removed, and the folder may be deleted at any time.
 
     Parameters
     ----------
     folder : Path
         Created if needed.
+    tell : callable, optional
+        Told, in a line, how much will be written before it is.
     """
 
     folder: Path
+    tell: Callable[[str], object] | None = None
 
-    def key(self, item: LabelledMap, sensor: Sensor) -> str:
-        """The SHA-256 of all that the features of a map's labelled cells depend on."""
+    def key(self, item: LabelledMap, sensor: Sensor, mask: NDArray[np.bool_]) -> str:
+        """The SHA-256 of all that the features of the cells in a mask (H, W) depend on."""
         grid = item.grid
         about = {
             "version": __version__,
@@ -48,7 +57,7 @@ class FeatureCache:
         }
         digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
         digest.update(grid.cells.tobytes())
-        digest.update(np.packbits(item.labelled_cells).tobytes())
+        digest.update(np.packbits(mask).tobytes())
         return digest.hexdigest()
 
     def kept(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
@@ -62,6 +71,32 @@ class FeatureCache:
             return None
         return np.asarray(found)
 
+    def make_room(self, shapes: Sequence[tuple[int, int]]) -> None:
+        """Say how much tables of these shapes will take.
+
+        Raises
+        ------
+        OutputError
+            The disk has no room for them.
+        """
+        n_cells = sum(n for n, _ in shapes)
+        if not n_cells:
+            return
+        n_bytes = sum(4 * n * n_columns for n, n_columns in shapes)
+        there = next(
+            path for path in (self.folder, *self.folder.absolute().parents) if path.exists()
+        )
+        free = shutil.disk_usage(there).free
+        what = f"the features of {n_cells:,} cells of {len(shapes):,} maps"
+        if n_bytes > MOST_OF_FREE * free:
+            raise OutputError(
+                f"{what} would take {_size(n_bytes)} of {self.folder}, and {_size(free)} are free "
+                "there; choose a folder on a larger disk, train without keeping features, or set "
+                "max_examples_per_map (methods that learn from scores read all cells anyway)"
+            )
+        if self.tell is not None:
+            self.tell(f"{what} will take {_size(n_bytes)} of {self.folder}")
+
     def keep(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:
         """Write a table: rows (n, F) by their numbers, some at a time.
 
@@ -72,9 +107,21 @@ class FeatureCache:
         """
         with atomic_file(self._path(key)) as path:
             table = open_memmap(path, "w+", np.float32, shape)
+            _reserve(path)
             for rows, values in blocks:
                 table[rows] = values
             table.flush()
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.npy"
+
+
+def _reserve(path: Path) -> None:
+    """Give a file its space on the disk: on a full one, writing to a mapped file is fatal."""
+    if hasattr(os, "posix_fallocate"):
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+
+
+def _size(n_bytes: float) -> str:
+    return f"{n_bytes / 1e9:,.1f} GB" if n_bytes >= 1e9 else f"{n_bytes / 1e6:.1f} MB"

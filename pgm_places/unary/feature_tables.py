@@ -1,6 +1,6 @@
 """Where features of maps may be kept between trainings."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -16,17 +16,21 @@ Block = tuple[NDArray[np.int64], NDArray[np.float32]]
 
 
 class FeatureTables(Protocol):
-    """Tables of the laser features of labelled cells, by a key that says what they are made from.
+    """Tables of the laser features of some cells of maps, by keys that say what they depend on.
 
     :class:`pgm_places.experiment.feature_cache.FeatureCache` keeps them as files.
     """
 
-    def key(self, item: LabelledMap, sensor: Sensor) -> str:
-        """The key of a map's table."""
+    def key(self, item: LabelledMap, sensor: Sensor, mask: NDArray[np.bool_]) -> str:
+        """The key of the table of the cells in a mask (H, W) of a map."""
         ...
 
     def kept(self, key: str, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """The table (N, F) of that key, None where there is none of this shape."""
+        ...
+
+    def make_room(self, shapes: Sequence[tuple[int, int]]) -> None:
+        """Called before tables of these shapes are kept; an OutputError if there is no room."""
         ...
 
     def keep(self, key: str, shape: tuple[int, int], blocks: Iterable[Block]) -> None:

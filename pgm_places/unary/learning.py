@@ -143,6 +143,7 @@ def fit_unary(
         features,
         n_folds=n_folds,
         limit=max_examples_per_map,
+        wants_all=with_scores or bool(context_m),
         feature_cache=feature_cache,
         n_threads=n_threads,
         progress=progress,

@@ -44,7 +44,7 @@ class TrainingCells:
     features : (n, F) float32
         Laser and custom features of the examples.
     feature_cache : FeatureTables, optional
-        Where those of all labelled cells are kept.
+        Where features are kept: those of all cells where all are wanted, else of the examples.
     """
 
     maps: tuple[LabelledMap, ...]
@@ -65,11 +65,16 @@ class TrainingCells:
         *,
         n_folds: int = 5,
         limit: int | None = None,
+        wants_all: bool = False,
         feature_cache: FeatureTables | None = None,
         n_threads: int | None = None,
         progress: Progress,
     ) -> Self:
-        """Those of some maps, with at most ``limit`` examples of each, drawn by chance."""
+        """Those of some maps, with at most ``limit`` examples of each, drawn by chance.
+
+        Which cells of a map are drawn does not depend on the other maps. ``wants_all`` says that
+        :meth:`blocks` will be asked for, so that a cache should hold all cells.
+        """
         masks = [item.labelled_cells for item in maps]
         truth = np.concatenate([item.labels[mask] for item, mask in zip(maps, masks, strict=True)])
         chosen = _chosen([int(mask.sum()) for mask in masks], limit)
@@ -83,7 +88,14 @@ class TrainingCells:
             building_folds(maps, masks, n_folds),
             chosen,
             training_features(
-                maps, sensor, n_threads, progress, own, masks=examples, feature_cache=cache
+                maps,
+                sensor,
+                n_threads,
+                progress,
+                own,
+                masks=examples,
+                kept=masks if wants_all else examples,
+                feature_cache=cache,
             ),
             cache,
         )
@@ -143,19 +155,24 @@ def training_features(
     own: tuple[Any, ...] = (),
     *,
     masks: Sequence[NDArray[np.bool_]] | None = None,
+    kept: Sequence[NDArray[np.bool_]] | None = None,
     feature_cache: FeatureTables | None = None,
 ) -> NDArray[np.float32]:
     """(N, F) laser and custom features of cells, map after map in node order.
 
-    By default of all labelled cells; ``masks`` (H, W) names others, which with a cache are some of
-    the labelled ones.
+    By default of all labelled cells; ``masks`` (H, W) names others. A cache is to hold those of
+    ``kept`` (H, W), of which these are some.
     """
     masks = [item.labelled_cells for item in maps] if masks is None else masks
+    if feature_cache is not None:
+        _make_room(maps, masks if kept is None else kept, sensor, feature_cache)
     total = sum(int(mask.sum()) for mask in masks)
     features = np.empty((total, n_columns(own)), np.float32)
     start = 0
     with progress.stage("scans and features") as stage:
-        for item, mask in zip(maps, masks, strict=True):
+        for item, mask, hold in zip(maps, masks, kept or masks, strict=True):
+            if feature_cache is not None:
+                _keep(item, hold, sensor, n_threads, feature_cache)
             parts = _map_features(item, mask, sensor, own, n_threads, feature_cache)
             for nodes, values in parts:
                 features[start + nodes] = values
@@ -172,9 +189,10 @@ def _map_features(
     n_threads: int | None,
     feature_cache: FeatureTables | None = None,
 ) -> Iterator[Block]:
-    if feature_cache is not None:
-        table = _cached_table(item, sensor, n_threads, feature_cache)
-        rows = np.flatnonzero(mask[item.labelled_cells])
+    found = None if feature_cache is None else _kept(item, mask, sensor, feature_cache)
+    if found is not None:
+        hold, table = found
+        rows = np.flatnonzero(mask[hold])
         for first in range(0, len(rows), _AT_ONCE):
             some = rows[first : first + _AT_ONCE]
             yield np.arange(first, first + len(some)), table[some]
@@ -191,27 +209,57 @@ def _map_features(
         yield block.nodes, values
 
 
-def _cached_table(
-    item: LabelledMap, sensor: Sensor, n_threads: int | None, cache: FeatureTables
-) -> NDArray[np.float32]:
-    """(N, F) laser features of all labelled cells of a map, from the cache or into it."""
-    mask = item.labelled_cells
-    key, shape = cache.key(item, sensor), (int(mask.sum()), n_columns(()))
-    table = cache.kept(key, shape)
-    if table is None:
-        cache.keep(key, shape, _map_features(item, mask, sensor, (), n_threads))
-        table = cache.kept(key, shape)
-    if table is None:
+def _kept(
+    item: LabelledMap, mask: NDArray[np.bool_], sensor: Sensor, cache: FeatureTables
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]] | None:
+    """A mask (H, W) that holds all cells of this one, and the table (N, F) of its cells."""
+    for hold in (item.labelled_cells, mask):
+        table = cache.kept(cache.key(item, sensor, hold), _shape(hold))
+        if table is not None:
+            return hold, table
+    return None
+
+
+def _make_room(
+    maps: Sequence[LabelledMap],
+    masks: Sequence[NDArray[np.bool_]],
+    sensor: Sensor,
+    cache: FeatureTables,
+) -> None:
+    missing = [
+        _shape(mask)
+        for item, mask in zip(maps, masks, strict=True)
+        if _kept(item, mask, sensor, cache) is None
+    ]
+    cache.make_room(missing)
+
+
+def _keep(
+    item: LabelledMap,
+    mask: NDArray[np.bool_],
+    sensor: Sensor,
+    n_threads: int | None,
+    cache: FeatureTables,
+) -> None:
+    """See to it that the cache has the features of the cells in a mask of a map."""
+    if _kept(item, mask, sensor, cache) is not None:
+        return
+    key, shape = cache.key(item, sensor, mask), _shape(mask)
+    cache.keep(key, shape, _map_features(item, mask, sensor, (), n_threads))
+    if cache.kept(key, shape) is None:
         raise OutputError(f"cannot read back the features written to {cache}; check the disk")
-    return table
+
+
+def _shape(mask: NDArray[np.bool_]) -> tuple[int, int]:
+    return int(mask.sum()), n_columns(())
 
 
 def _chosen(sizes: Sequence[int], limit: int | None) -> NDArray[np.bool_]:
     """(N,) the examples: all, or at most ``limit`` of each map by chance."""
     if limit is None or max(sizes) <= limit:
         return np.ones(sum(sizes), np.bool_)
-    rng = np.random.default_rng(0)
-    return np.concatenate([rng.permutation(size) < limit for size in sizes])
+    # Each map begins anew: with other maps beside it, the same of its cells are drawn, and kept.
+    return np.concatenate([np.random.default_rng(0).permutation(n) < limit for n in sizes])
 
 
 def _split_mask(
