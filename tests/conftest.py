@@ -1,7 +1,9 @@
 """Settings that hold for the whole suite."""
 
 import gc
+import random
 import signal
+from collections import defaultdict
 
 import pytest
 from hypothesis import settings
@@ -30,6 +32,24 @@ LONGEST = (
 """Files that one process begins with while others do the rest, and not one at the end."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests of the longest files first; all others keep their order."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--shuffle", metavar="SEED", help="files, and tests in each, in random order")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put the tests of the longest files first; all others keep their order, or get a random one."""
+    seed = config.getoption("--shuffle")
+    if seed is not None:
+        items[:] = shuffled(items, seed)
     items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
+def shuffled(items: list[pytest.Item], seed: str) -> list[pytest.Item]:
+    """Tests of one file stay together, for what they share."""
+    files = defaultdict(list)
+    for item in items:
+        files[item.path].append(item)
+    rng = random.Random(seed)
+    groups = list(files.values())
+    rng.shuffle(groups)
+    return [item for group in groups for item in rng.sample(group, len(group))]
