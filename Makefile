@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-uncompiled fuzz faults lint types imports docs wheel wheel-compiled bench clean
+.PHONY: demo test test-data test-uncompiled fuzz faults lint types imports docs wheel wheel-compiled bench clean
 
 # setuptools prints a page about every editable installation; it is how we mean to install.
 $(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
@@ -27,9 +27,14 @@ demo: $(VENV)/.package
 # A process for each core. A file stays in one of them, for what its tests share; tests/conftest.py
 # puts the longest first. Commands that tests start in processes of their own would compile our
 # sources anew each time if none could be kept.
+PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses logical \
+	--dist loadfile --no-loadscope-reorder
 test: $(VENV)/.installed
-	env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses logical --dist loadfile \
-		--no-loadscope-reorder
+	$(PYTEST)
+
+# Only the tests on real maps and logs, which are skipped where these are absent.
+test-data: $(VENV)/.installed
+	$(PYTEST) -m real_data tests
 
 # The source of the kernels without compiling it, against references that need no larger graphs.
 UNCOMPILED := $(addprefix tests/solvers/test_,belief_propagation.py elimination.py forest.py \

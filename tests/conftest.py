@@ -8,6 +8,8 @@ from collections import defaultdict
 import pytest
 from hypothesis import settings
 
+from tests import real_data
+
 # A first call compiles, so no example can be timed; the same examples in every run.
 settings.register_profile("pgm_places", deadline=None, derandomize=True)
 settings.load_profile("pgm_places")
@@ -32,12 +34,16 @@ LONGEST = (
 """Files that one process begins with while others do the rest, and not one at the end."""
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    real_data.is_marked = item.get_closest_marker("real_data") is not None
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--shuffle", metavar="SEED", help="files, and tests in each, in random order")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put the tests of the longest files first; all others keep their order, or get a random one."""
+    """Put the tests of the longest files first; all others keep their order or are shuffled."""
     seed = config.getoption("--shuffle")
     if seed is not None:
         items[:] = shuffled(items, seed)

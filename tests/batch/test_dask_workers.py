@@ -1,8 +1,10 @@
 """A Dask cluster over TCP does what processes of this machine do."""
 
+import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -22,13 +24,14 @@ pytestmark = [
 @pytest.fixture
 def address() -> Iterator[str]:
     # One for each test: a worker that was killed in one may never come back for the next.
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    )
-    yield cluster.scheduler_address
-    # Closing may wait for ever for a worker that is being restarted, or join it before it starts.
-    with suppress(TimeoutError, AssertionError):
-        cluster.close(timeout=30)
+    with patch.dict(os.environ):  # it sets numbers of threads for its workers, and here
+        cluster = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        )
+        yield cluster.scheduler_address
+        # Closing may wait for ever for a worker that is being restarted, or join it too early.
+        with suppress(TimeoutError, AssertionError):
+            cluster.close(timeout=30)
 
 
 def patient(address: str, memory_bytes: int | None = None) -> DaskWorkers:

@@ -15,8 +15,11 @@ from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.manifest import MANIFEST_FILE, done_figures
 from pgm_places.batch.ready_model import ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.graphs import load_graphs
 from pgm_places.io.folder_swap import NEW, UNFINISHED
 from pgm_places.io.logs.detection_bags import read_detection_bag
+from pgm_places.io.logs.map_messages import read_map_messages
 from pgm_places.io.logs.object_counts import read_object_counts
 from pgm_places.io.logs.trajectories import read_trajectory
 from pgm_places.io.maps.label_image import load_labels
@@ -26,16 +29,20 @@ from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.output_set import RECORD_FILE, claim
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.persistence.map_prior import read_labelled_map
 from pgm_places.persistence.stored import read
 from pgm_places.studio.classes import Classes
+from pgm_places.studio.desk import Desk
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Painting
 from pgm_places.teaching.paint import Paint
 from tests.fuzz.mutation import json_bytes, mutated_bytes, mutated_json, mutated_text
 from tests.fuzz.seeds import JOURNAL_OF, MODELS, NAMES
+from tests.studio.conftest import HOST, TOKEN, Client
 
 __all__ = ["READERS", "Reader"]
 
+JSON_TYPE = "application/json"
 MAX_PIXELS = 4_000_000
 """The limit of a map in pixels, lowered so that its memory does not hide what leaks."""
 
@@ -134,6 +141,28 @@ def figures_of(folder: Path) -> object:
     return done_figures(folder / "batch", folder / "map.yaml", model_for_batches(), LabelOptions())
 
 
+def graphs_of(part: str) -> Callable[[Path], object]:
+    def read_them(folder: Path) -> object:
+        config = load_config(folder / "graphs.toml")
+        return load_graphs(Experiment(config, folder), part)
+
+    return read_them
+
+
+def edited(folder: Path) -> object:
+    """A studio that is asked for all of the edits in turn; it may refuse any of them."""
+    shutil.rmtree(folder / "studio", ignore_errors=True)
+    requests = json.loads((folder / "edits.json").read_bytes())
+    desk = Desk(load_map(folder / "map.yaml"), folder / "studio", None)
+    try:
+        client = Client(desk, f"{HOST}/{TOKEN}/", {"origin": HOST, "content-type": JSON_TYPE})
+        answers = [client.post("edit", content=json_bytes(item)) for item in requests]
+    finally:
+        desk.close()
+    assert {answer.status_code for answer in answers} <= {200, 400}
+    return answers
+
+
 def of_lines(data: bytes, rng: random.Random) -> bytes:
     """One line of JSON spoiled."""
     lines = data.split(b"\n")
@@ -202,6 +231,25 @@ READERS |= {
         "truth.geojson",
         JSON,
     ),
+}
+READERS |= {
+    "floors.toml": Reader(_of_folder(load_config, "floors.toml"), "floors.toml"),
+    "buildings.csv": Reader(_of_folder(load_config, "floors.toml"), "buildings.csv"),
+    "nodes.csv": Reader(graphs_of("train"), "nodes.csv"),
+    "edges.csv": Reader(graphs_of("train"), "edges.csv"),
+    "nodes.parquet": Reader(graphs_of("train"), "nodes.parquet", BYTES),
+    "edges.parquet": Reader(graphs_of("train"), "edges.parquet", BYTES),
+    "graph.graphml": Reader(graphs_of("test"), "graph.graphml"),
+    "graphs.toml": Reader(graphs_of("train"), "graphs.toml"),
+    "maps of a bag": Reader(
+        lambda folder: list(read_map_messages(folder / "maps/made")), "maps/made/made.mcap", BYTES
+    ),
+    "probabilities": Reader(
+        lambda folder: read_labelled_map(folder / "labelled", NAMES),
+        "labelled/probability_room.png",
+        BYTES,
+    ),
+    "edits of a studio": Reader(edited, "edits.json", (of_json,)),
 }
 for _model in MODELS:
     READERS[f"{_model}/manifest.json"] = Reader(

@@ -6,7 +6,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from PIL import Image
 
 from pgm_places.batch.manifest import MANIFEST_FILE, manifest_text
@@ -29,6 +32,7 @@ from pgm_places.studio.painting import Painting
 from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.fuzz.mutation import json_bytes
+from tests.io.logs.bag_files import BagFile
 from tests.io.logs.detection_files import detection_bag
 from tests.io.logs.log_files import (
     HEADER,
@@ -79,6 +83,55 @@ max_iterations = 5
 [topology]
 min_area_m2 = 1.5
 """
+FLOORS = """\
+[labels]
+names = ["corridor", "room", "doorway"]
+[[train]]
+map = "ma[p].yaml"
+labels = "ma[p].png"
+buildings = "buildings.csv"
+[[test]]
+map = "map.yaml"
+labels = "labels.png"
+building = "one"
+[[methods]]
+name = "potts"
+"""
+GRAPHS = """\
+nodes = "graph"
+[labels]
+names = ["corridor", "room", "doorway"]
+[[train]]
+graph = { nodes = "nodes.csv", edges = "edges.csv", positions = ["x", "y"] }
+[[train]]
+graph = { nodes = "nodes.parquet", edges = "edges.parquet", positions = ["x", "y"] }
+[[test]]
+graph = { file = "graph.graphml", positions = ["x", "y"] }
+[[methods]]
+name = "crf"
+"""
+EDITS: tuple[dict[str, Any], ...] = (
+    {"kind": "class", "index": 3, "name": "kitchen", "colour": "#336699"},
+    {
+        "kind": "stroke",
+        "label": 1,
+        "stroke": {"tool": "brush", "points": [[20, 12], [30, 12]], "radius": 3},
+    },
+    {
+        "kind": "stroke",
+        "label": 0,
+        "stroke": {"tool": "polygon", "points": [[9, 9], [9, 20], [20, 9]]},
+    },
+    {"kind": "fill", "label": 2, "point": [30.0, 12.5]},
+    {"kind": "merge", "first": 1, "second": 2},
+    {"kind": "rename", "point_m": [1.0, 2.0], "name": "lab"},
+    {"kind": "version", "name": "first"},
+    {"kind": "undo"},
+    {"kind": "redo"},
+    {"kind": "restore", "revision": 1},
+    {"kind": "learn", "on": False},
+)
+"""What a browser asks a studio for."""
 
 
 def seeds(folder: Path) -> None:
@@ -126,6 +179,22 @@ def seeds(folder: Path) -> None:
     )
     (folder / "removed.json").write_bytes(json_bytes(["a.txt", "bag/one"]))
     _write_journal(folder, grid)
+    _write_graphs(folder)
+    (folder / "floors.toml").write_text(FLOORS)
+    (folder / "graphs.toml").write_text(GRAPHS)
+    (folder / "buildings.csv").write_text("map,building\nmap.yaml,one\nhall/map.yaml,two\n")
+    (folder / "edits.json").write_bytes(json_bytes(EDITS))
+    (folder / "maps").mkdir()
+    recorded = BagFile()
+    for time in (1.0, 2.0):
+        recorded.map(time, grid)
+    recorded.write(folder / "maps")
+    labelled = folder / "labelled"
+    save_topology(labelled, gated_floor_map())
+    with Image.open(labelled / "regions.png") as image:
+        half = Image.new("L", image.size, 128)
+    for name in gated_floor_map().label_names:
+        half.save(labelled / f"probability_{name}.png")
     inputs = {"map": "0" * 64, "image": "map.png", "image_sha256": "0" * 64, "names": None}
     figures = {"seconds": 1.5, "places": {"room": 2}}
     (folder / "batch").mkdir()
@@ -147,6 +216,23 @@ def _write_journal(folder: Path, grid: OccupancyGrid) -> None:
     painting.redo()
     painting.restore(painting.versions[0].revision)
     journal.close()
+
+
+def _write_graphs(folder: Path) -> None:
+    """The same three nodes and two edges as CSV, as Parquet and as GraphML."""
+    graph: Any = nx.Graph()
+    for number, label in enumerate(("room", "doorway", "corridor")):
+        graph.add_node(f"n{number}", x=0.5 * number, y=1.0, width=2.5 - number, label=label)
+    graph.add_edge("n0", "n1", length=1.5)
+    graph.add_edge("n1", "n2", length=2.0)
+    nx.write_graphml(graph, folder / "graph.graphml")
+    nodes = [{"node": name, **graph.nodes[name]} for name in graph]
+    edges = [{"source": a, "target": b, **values} for a, b, values in graph.edges(data=True)]
+    for kind, rows in (("nodes", nodes), ("edges", edges)):
+        pq.write_table(pa.Table.from_pylist(rows), folder / f"{kind}.parquet")
+        lines = [rows[0], *(row.values() for row in rows)]
+        text = "".join(",".join(map(str, line)) + "\n" for line in lines)
+        (folder / f"{kind}.csv").write_text(text)
 
 
 def _write_learned(folder: Path) -> None:
