@@ -69,7 +69,7 @@ def finish(target: Path) -> None:
         with contextlib.suppress(OSError):  # not empty
             if path.parent != target:
                 path.parent.rmdir()
-    flush(target)
+    _flush_folders(target, [path.relative_to(target).as_posix() for _, path in moved])
     shutil.rmtree(stage)
 
 
@@ -92,6 +92,13 @@ def file_names(folder: Path) -> set[str]:
         for path in folder.rglob("*")
         if path.is_symlink() or not path.is_dir()
     }
+
+
+def _flush_folders(folder: Path, names: Iterable[str]) -> None:
+    """Flush a folder and those in it that hold the files of these names, but not the files."""
+    below = {parent for name in names for parent in PurePosixPath(name).parents}
+    for path in {folder, *(folder / parent for parent in below)}:
+        flush(path)
 
 
 def _removed(stage: Path) -> list[str]:
@@ -140,7 +147,7 @@ def _exchanged(new: Path, target: Path, gone: set[str]) -> bool:
         was, now = target.stat(), new.stat()
         if (was.st_uid, was.st_gid) != (now.st_uid, now.st_gid):
             os.chown(new, was.st_uid, was.st_gid)
-        flush(new)
+        _flush_folders(new, file_names(new))
         _exchange(new, target)
     except OSError:  # what cannot be linked, given away or exchanged stays where it is
         for name in file_names(new) - gone:

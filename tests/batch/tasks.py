@@ -17,6 +17,15 @@ def die_once(marker: Path) -> str:
     return marker.name
 
 
+def die_often(marker: Path) -> str:
+    """Kill as many processes as the marker's name says, and leave a byte for each attempt."""
+    with marker.open("ab") as file:
+        file.write(b".")
+    if marker.stat().st_size <= int(marker.name):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return marker.name
+
+
 def die_always(number: int) -> int:
     if number == 1:
         os._exit(1)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pgm_places.batch.local_workers import LocalWorkers
-from tests.batch.tasks import die_always, die_once, double, refuse
+from tests.batch.tasks import die_always, die_often, die_once, double, refuse
 
 
 def take_a_gigabyte(_: int) -> str:
@@ -45,6 +45,13 @@ def test_a_killed_process_is_replaced_and_its_task_begun_again(tmp_path: Path) -
 def test_a_task_that_kills_every_process_is_given_up_and_no_other() -> None:
     found = dict(LocalWorkers(2).run(die_always, range(4)))
     assert found == {0: 0, 1: None, 2: 2, 3: 3}
+
+
+def test_a_task_may_kill_two_processes_and_is_given_up_with_the_third(tmp_path: Path) -> None:
+    tasks = [tmp_path / "2", tmp_path / "9"]
+    found = {item.task.name: item.result for item in LocalWorkers(2).run(die_often, tasks)}
+    assert found == {"2": "2", "9": None}
+    assert [task.stat().st_size for task in tasks] == [3, 3]
 
 
 def test_what_the_function_raises_is_raised_here_and_ends_the_rest() -> None:

@@ -39,6 +39,12 @@ def test_common_slips_of_shape_come_with_what_to_write() -> None:
         LabelingProblem(graph, ["a", "b"])
 
 
+@pytest.mark.parametrize("names", [["a", "a"], []])
+def test_labels_have_names_that_differ(names: list[str]) -> None:
+    with pytest.raises(InputError, match="label_names must be at least one name, each once, got"):
+        LabelingProblem(PAIR, names, unary=np.zeros((2, len(names))))
+
+
 def test_a_description_counts_and_warns() -> None:
     rng = np.random.default_rng(0)
     graph = LabelGraph.from_lattice((20, 20))

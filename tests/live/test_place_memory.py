@@ -114,6 +114,24 @@ def test_a_place_that_has_lasted_wins_over_one_that_has_just_come() -> None:
     assert maps.take(moved).region[30, 50] == lasting
 
 
+def test_of_two_places_that_fit_alike_the_one_of_more_maps_or_of_the_last_map_wins() -> None:
+    smaller, larger, without = whole(), whole(), whole()
+    smaller[22:, 28:] = NONE
+    larger[22:, :32] = NONE
+    larger[22:, 28:32] = ROOM  # 32 of 60 columns, and the other one has 28
+    without[22:] = NONE
+    lasting, last = Maps(), Maps()
+    for _ in range(10):
+        often = lasting.take(smaller).region[30, 0]
+    for labels in (without, larger, without):
+        lasting.take(labels)
+    assert lasting.take(whole()).region[30, 0] == often
+    for labels in (larger, without):
+        last.take(labels)
+    newest = last.take(smaller).region[30, 0]
+    assert last.take(whole()).region[30, 0] == newest
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("most_m", [0.2, 0.5])
 def test_places_that_a_closed_loop_has_moved_are_the_same(seed: int, most_m: float) -> None:

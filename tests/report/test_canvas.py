@@ -123,6 +123,15 @@ def test_a_shrunk_map_shows_majorities_and_keeps_walls() -> None:
     assert rgb_image(walls)[1].tolist() == [rgb_of(WALL).tolist()] * 2
 
 
+@pytest.mark.parametrize(("n_walls", "shown"), [(1, LABEL_COLOURS[0]), (2, WALL)])
+def test_a_wall_that_covers_half_a_pixel_is_drawn(n_walls: int, shown: str) -> None:
+    cells = np.zeros((2, 2), np.int8)
+    cells[0, :n_walls] = 100
+    view = View(slice(0, 2), slice(0, 2), 2)
+    drawn = label_canvas(OccupancyGrid(cells, 0.1), np.zeros((2, 2), np.int16), NAMES, view)
+    assert rgb_image(drawn).tolist() == [[rgb_of(shown).tolist()]]
+
+
 def test_single_errors_survive_shrinking() -> None:
     grid = OccupancyGrid(np.zeros((4, 4), np.int8), 0.1)
     truth = np.zeros((4, 4), np.int16)

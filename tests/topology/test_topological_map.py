@@ -8,7 +8,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.topology.from_labels import topological_map
-from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
+from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, gates_of
 
 
 def test_the_floor_has_seven_places_and_six_connections() -> None:
@@ -28,6 +28,21 @@ def test_the_floor_has_seven_places_and_six_connections() -> None:
 
 def test_labels_of_its_cells_are_those_of_its_places() -> None:
     np.testing.assert_array_equal(floor_map().labels, floor_labels())
+
+
+@pytest.mark.parametrize("with_doorways", [False, True])
+def test_specks_that_touch_nothing_are_no_places(with_doorways: bool) -> None:
+    labels = np.pad(floor_labels(), ((0, 3), (0, 0)), constant_values=-1)
+    labels[12, 2:4] = 1
+    grid = floor_grid(labels)
+    doorways = gates_of(grid) if with_doorways else None
+    found = topological_map(grid, labels, NAMES, doorways=doorways)
+    assert [(c.was, c.became) for c in found.corrections if c.reason == "touches nothing"] == [
+        ("room", "")
+    ]
+    assert (found.region[12] == 0).all()
+    kept = topological_map(grid, labels, NAMES, doorways=doorways, correct=False)
+    assert (kept.region[12, 2:4] > 0).all()
 
 
 def test_questions() -> None:

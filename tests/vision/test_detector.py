@@ -56,6 +56,11 @@ def test_each_step_gets_the_nearest_observation(
             assert away[int(value) - 1] == away.min()
 
 
+def test_of_two_observations_as_near_the_earlier_counts() -> None:
+    seen = ObjectCounts(np.array([2.0, 0.0, 4.0]), np.array([[2], [1], [3]]), ("cup",))
+    assert seen.at([1.0, 3.0], within_s=1.0).tolist() == [[1.0], [2.0]]
+
+
 def test_columns_can_be_those_of_a_model() -> None:
     seen = ObjectCounts(np.array([1.0]), np.array([[2, 3]]), ("cup", "chair"))
     columns = seen.at([1.0], within_s=0.0, object_names=("sofa", "chair"))
