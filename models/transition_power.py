@@ -11,6 +11,10 @@ __all__ = ["transition_at", "transition_power"]
 LEAST_EIGENVALUE = 1e-12
 """Of a table that has a logarithm: below, one step forgets all that was before."""
 
+_NEAR_IDENTITY, _N_NODES = 0.1, 8
+"""The logarithm of what differs from the identity by less, in the 1-norm, is exact to the last
+digits with so many nodes of Gauss and Legendre."""
+
 
 def transition_power(transition: ArrayLike, exponent: float) -> tuple[NDArray[np.float64], float]:
     """The transitions (K, K) over ``exponent`` steps, and how far the table had to be changed.
@@ -72,16 +76,32 @@ def transition_at(
 
 def _generator(table: NDArray[np.float64]) -> NDArray[np.float64]:
     """The logarithm of a table with rates of at least 0 and rows that sum to 0."""
-    from scipy.linalg import logm
-
     values = np.linalg.eigvals(table)
     if ((np.abs(values.imag) < 1e-12) & (values.real < LEAST_EIGENVALUE)).any():
         raise InputError(
             "these transitions have no fractional power: one step forgets what came before; "
             "train the model at the distance it is used at"
         )
-    rates = np.real(logm(table))
+    rates = np.real(_logarithm(table))
     np.fill_diagonal(rates, 0.0)
     rates = np.maximum(rates, 0.0)
     np.fill_diagonal(rates, -rates.sum(axis=1))
     return np.asarray(rates, np.float64)
+
+
+def _logarithm(table: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """The principal logarithm (K, K): of a square root near the identity, times the power of it.
+
+    ``log(1 + X)`` is the integral of ``X / (1 + t X)`` from 0 to 1. SciPy's ``logm`` estimates
+    norms with NumPy's global random numbers, so that its last digits change from call to call.
+    """
+    from scipy.linalg import sqrtm
+
+    one, root, power = np.eye(len(table)), table.astype(np.complex128), 1.0
+    while np.linalg.norm(root - one, 1) > _NEAR_IDENTITY:
+        root, power = sqrtm(root), 2.0 * power
+    nodes, weights = np.polynomial.legendre.leggauss(_N_NODES)
+    found = np.zeros_like(root)
+    for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
+        found += weight * np.linalg.solve(one + node * (root - one), root - one)
+    return power * found

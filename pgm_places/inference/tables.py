@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, shown
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
@@ -63,7 +63,7 @@ def problem_from_tables(
     if len(number) != len(names):
         twice = next(name for i, name in enumerate(names) if number[name] != i)
         raise InputError(
-            f"nodes: {twice!r} appears twice in column {node!r}; give each node one row"
+            f"nodes: {shown(twice)} appears twice in column {node!r}; give each node one row"
         )
     given = _values("nodes", nodes, label) if label in _columns(nodes) else [None] * len(names)
     said = [None if is_empty(value) else str(value) for value in given]
@@ -71,7 +71,9 @@ def problem_from_tables(
     wanted = list(known if label_names is None else label_names)
     odd = [text for text in known if text not in wanted]
     if odd or not wanted:
-        what = f"{odd[0]!r} is not among label_names {wanted}" if odd else "no node has a label"
+        what = (
+            f"{shown(odd[0])} is not among label_names {wanted}" if odd else "no node has a label"
+        )
         raise InputError(f"nodes: {what}; give label_names, all of them")
     labels = np.array([-1 if text is None else wanted.index(text) for text in said], np.int64)
     pairs = _pairs(edges, ends, number)
@@ -136,7 +138,9 @@ def _pairs(edges: Any, ends: tuple[str, str], number: Mapping[Hashable, int]) ->
         names = _values("edges", edges, column)
         odd = [name for name in names if name not in number]
         if odd:
-            raise InputError(f"edges: {odd[0]!r} in column {column!r} is not a node; add its row")
+            raise InputError(
+                f"edges: {shown(odd[0])} in column {column!r} is not a node; add its row"
+            )
         sides.append([number[name] for name in names])
     return np.array(sides, np.int64).reshape(2, -1).T
 

@@ -1,11 +1,12 @@
 """Input files: what may be opened and how large it may be, with one-line errors."""
 
+import errno
 import stat
 from io import BufferedReader
 from pathlib import Path
 from typing import Literal
 
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, shown
 
 __all__ = ["file_kind", "open_input", "user_path"]
 
@@ -72,7 +73,8 @@ def open_input(
     except FileNotFoundError:
         raise error(f"{path}: no such file; expected {what}") from None
     except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+        name = shown(str(path)) if problem.errno == errno.ENAMETOOLONG else path
+        raise error(f"{name}: cannot be read: {problem.strerror or problem}") from None
     except ValueError:  # a NUL, or half a character
         raise error(f"{path}: not a valid file name; expected {what}") from None
     if file is not None:

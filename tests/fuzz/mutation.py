@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 from typing import Any
 
 __all__ = ["mutated_bytes", "mutated_json", "mutated_text"]
@@ -49,17 +50,21 @@ def mutated_bytes(data: bytes, rng: random.Random) -> bytes:
 
 
 def mutated_text(data: bytes, rng: random.Random) -> bytes:
-    """Lines and words of a text changed, doubled, exchanged or left out."""
+    """Lines, words and numbers of a text changed, doubled, exchanged or left out."""
     lines = data.decode("utf-8").split("\n")
     for _ in range(rng.choice((1, 1, 2, 4))):
         at, other = rng.randrange(len(lines)), rng.randrange(len(lines))
-        change = rng.randrange(6)
+        change = rng.randrange(7)
+        numbers = list(re.finditer(r"-?\d[\d.e]*", lines[at]))
         if change == 0:
             lines.insert(at, lines[other])
         elif change == 1 and len(lines) > 1:
             del lines[at]
         elif change == 2:
             lines[at], lines[other] = lines[other], lines[at]
+        elif change == 3 and numbers:
+            start, end = rng.choice(numbers).span()
+            lines[at] = lines[at][:start] + rng.choice(WORDS) + lines[at][end:]
         else:
             separator = rng.choice((" ", ",", "=", ":", "."))
             words = lines[at].split(separator)

@@ -222,7 +222,8 @@ def _write_graphs(folder: Path) -> None:
     """The same three nodes and two edges as CSV, as Parquet and as GraphML."""
     graph: Any = nx.Graph()
     for number, label in enumerate(("room", "doorway", "corridor")):
-        graph.add_node(f"n{number}", x=0.5 * number, y=1.0, width=2.5 - number, label=label)
+        where = {"x": 0.5 * number, "y": 1.0, "storey": number}
+        graph.add_node(f"n{number}", **where, width=2.5 - number, label=label)
     graph.add_edge("n0", "n1", length=1.5)
     graph.add_edge("n1", "n2", length=2.0)
     nx.write_graphml(graph, folder / "graph.graphml")

@@ -66,6 +66,20 @@ def test_tables_that_do_not_fit_are_refused_in_one_line(
         problem_from_tables(nodes, edges)
 
 
+@pytest.mark.parametrize(
+    ("nodes", "edges"),
+    [
+        ({**NODES, "node": ["a", "b" * 3000, "c", "b" * 3000]}, EDGES),
+        (NODES, {**EDGES, "target": ["c", "e" * 3000, "b"]}),
+        ({**NODES, "label": ["low", None, None, "high" * 1000]}, EDGES),
+    ],
+)
+def test_messages_quote_the_ends_of_long_names(nodes: object, edges: object) -> None:
+    with pytest.raises(InputError) as caught:
+        problem_from_tables(nodes, edges, label_names=["low", "high"])
+    assert "..." in str(caught.value) and len(str(caught.value)) < 300
+
+
 def test_labels_must_be_among_the_names() -> None:
     with pytest.raises(InputError, match=r"'high' is not among label_names \['low'\]"):
         problem_from_tables(NODES, EDGES, label_names=["low"])

@@ -37,6 +37,7 @@ def test_devices_are_refused(pipes: bool) -> None:
         ("a\0b", "not a valid file name; expected a map"),
         ("\ud800", "not a valid file name; expected a map"),
         ("a" * 300, "cannot be read: File name too long"),
+        ("a" * 5000, "aaa': cannot be read: File name too long"),
         ("none", "none: no such file; expected a map"),
         ("", "is a folder; expected a map"),
         ("large", "large: larger than 4 bytes; expected a map"),
@@ -46,7 +47,7 @@ def test_what_is_no_file_is_one_message(tmp_path: Path, name: str, message: str)
     (tmp_path / "large").write_bytes(b"12345")
     with pytest.raises(MapError) as caught:
         open_input(tmp_path / name, MapError, "a map", max_bytes=4)
-    assert message in str(caught.value)
+    assert message in str(caught.value) and len(str(caught.value)) < 1000
 
 
 def test_users_and_their_paths() -> None:

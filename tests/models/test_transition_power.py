@@ -2,18 +2,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from pgm_places.errors import InputError
 from pgm_places.models.hmm import HiddenMarkovModel
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.models.transition_power import transition_power
+from pgm_places.models.transition_power import _logarithm, transition_power
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("exponent", [0.1, 0.5, 1.7, 3.0])
 def test_powers_of_a_process_in_continuous_time_are_its_own(seed: int, exponent: float) -> None:
-    from scipy.linalg import expm
-
     rng = np.random.default_rng(seed)
     rates = rng.random((4, 4))
     np.fill_diagonal(rates, 0.0)
@@ -21,6 +20,24 @@ def test_powers_of_a_process_in_continuous_time_are_its_own(seed: int, exponent:
     found, changed = transition_power(expm(rates), exponent)
     np.testing.assert_allclose(found, expm(exponent * rates), rtol=0, atol=1e-9)
     assert changed < 1e-9
+
+
+def test_powers_do_not_depend_on_global_random_numbers() -> None:
+    before = np.random.get_state()  # noqa: NPY002
+    transition_power([[0.9, 0.06, 0.04], [0.2, 0.7, 0.1], [0.05, 0.25, 0.7]], 0.37)
+    after = np.random.get_state()  # noqa: NPY002
+    assert str(before) == str(after)
+
+
+@pytest.mark.parametrize("n_labels", [1, 2, 5, 13])
+def test_halves_of_tables_whose_labels_nearly_never_change_or_nearly_always(n_labels: int) -> None:
+    rng = np.random.default_rng(n_labels)
+    for stay in (0.0, 0.5, 0.999999):
+        table = stay * np.eye(n_labels) + (1 - stay) * rng.dirichlet(np.ones(n_labels), n_labels)
+        power = np.linalg.matrix_power(table, 2)
+        half = _logarithm(power) / 2
+        root = expm(half)
+        np.testing.assert_allclose(root @ root, power, rtol=0, atol=1e-10)
 
 
 def test_whole_powers_are_products_even_where_there_is_no_logarithm() -> None:
