@@ -5,7 +5,7 @@ from typing import Any
 
 from pgm_places.errors import InputError
 
-__all__ = ["needed"]
+__all__ = ["install_command", "needed"]
 
 
 def needed(module: str, *, extra: str, purpose: str) -> Any:
@@ -35,5 +35,16 @@ def needed(module: str, *, extra: str, purpose: str) -> Any:
     except ImportError as error:
         raise InputError(
             f"{purpose} needs the package {module.partition('.')[0]!r} ({error}); install it with: "
-            f'pip install "pgm-places[{extra}]"'
+            f"{install_command(extra)}"
         ) from None
+
+
+def install_command(extra: str) -> str:
+    """What installs an extra: the project is on no package index, only in its own folder.
+
+    Examples
+    --------
+    >>> install_command("studio")
+    'pip install --editable ".[studio]" (in the folder of pgm-places)'
+    """
+    return f'pip install --editable ".[{extra}]" (in the folder of pgm-places)'

@@ -2,6 +2,7 @@
 
 import re
 import sys
+import tomllib
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -110,3 +111,19 @@ def test_the_paths_on_the_architecture_page_exist() -> None:
     assert len(paths) > 60
     missing = [p for p in paths if not any((ROOT / top / p).exists() for top in ("", "pgm_places"))]
     assert not missing
+
+
+def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
+    """No package index has the project: what is told to be installed from one cannot be."""
+    folders = ("docs", "pgm_places", "models", "solvers", "ros", "examples")
+    files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    for folder in folders:
+        files += [
+            p for p in (ROOT / folder).rglob("*") if p.suffix in (".md", ".py", ".js", ".xml")
+        ]
+    texts = {path.name: path.read_text(encoding="utf-8") for path in files}
+    assert not [name for name, text in texts.items() if 'install "pgm-places' in text]
+    named = {e for text in texts.values() for e in re.findall(r'"\.\[([a-z,]+)\]"', text)}
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        extras = tomllib.load(file)["project"]["optional-dependencies"]
+    assert {extra for item in named for extra in item.split(",")} == set(extras)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._extras import needed
+from pgm_places._extras import install_command, needed
 from pgm_places._option_marks import Ge, Gt
 from pgm_places.errors import InputError
 from pgm_places.options import Whole, check_options
@@ -124,7 +124,7 @@ def _opencv() -> Any:
     if not hasattr(cv2, "CascadeClassifier"):
         raise InputError(
             f"OpenCV {cv2.__version__} has no Haar cascades; install an older one with: "
-            'pip install "pgm-places[vision]"'
+            f"{install_command('vision')}"
         )
     return cv2
 

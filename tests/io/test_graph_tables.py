@@ -44,7 +44,7 @@ def test_a_parquet_table_is_its_columns(tmp_path: Path) -> None:
 
 def test_parquet_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
-    with pytest.raises(InputError, match=r'pip install "pgm-places\[tables\]"'):
+    with pytest.raises(InputError, match=r'pip install --editable "\.\[tables\]"'):
         read_table(tmp_path / "nodes.parquet")
 
 

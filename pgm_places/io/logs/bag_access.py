@@ -1,7 +1,6 @@
 """Opening ROS bags: ROS 1 files, ROS 2 folders (sqlite3, MCAP) and single MCAP files.
 
-The ``rosbags`` package does the reading and writing; it needs no ROS. It is an extra:
-``pip install 'pgm-places[bags]'``.
+The ``rosbags`` package does the reading and writing; it needs no ROS. It is the extra ``bags``.
 """
 
 import contextlib
