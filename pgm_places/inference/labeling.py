@@ -34,6 +34,22 @@ class Status(StrEnum):
     """The labelling breaks a rule (its score is -inf), and the search found none that does not,
     though there may be one."""
 
+    @property
+    def meaning(self) -> str:
+        """What the word means, for people who read it in a summary or a report."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Status.EXACT: "proved best for the method's scores",
+    Status.CONVERGED: "the method came to its own end; another labelling may score more",
+    Status.STOPPED: "the method reached its iteration limit before it settled; the labels can be "
+    "used, but more iterations might change some",
+    Status.RELAXED: "the solution of a relaxation, rounded; another labelling may score more",
+    Status.REPAIRED: "changed afterwards so that no rule is broken",
+    Status.INFEASIBLE: "breaks a rule; a search found no labelling that keeps all of them",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Labeling:

@@ -78,7 +78,8 @@ class LabelledPlaces:
     def summary(self) -> str:
         """One line: the area of each label and how the method ended."""
         areas = ", ".join(f"{name} {area:.1f} m²" for name, area in self.shares().items())
-        return f"{self.method}: {areas} ({self.labeling.status})"
+        status = self.labeling.status
+        return f"{self.method}: {areas} ({status}: {status.meaning})"
 
 
 def label_map(

@@ -16,7 +16,7 @@ from pgm_places.experiment.comparison import (
     Comparison,
     MethodResult,
 )
-from pgm_places.inference.labeling import Labeling
+from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
 from pgm_places.report.comparison_charts import history_charts, reliability_chart
@@ -96,6 +96,7 @@ def report_page(comparison: Comparison) -> str:
         gradients=_GRADIENTS,
         beliefs=probability_layers(comparison),
         certificates=list(_certificates(comparison)),
+        statuses=_statuses(comparison),
         learned_certificates=_learned_certificates(comparison),
         config=config,
         versions=comparison.versions,
@@ -237,6 +238,12 @@ def _certificates(comparison: Comparison) -> Iterator[_Certificate]:
         for item, labeling in zip(comparison.maps, method.labelings, strict=True):
             name = f"{method.id}, {item.name}" if len(comparison.maps) > 1 else method.id
             yield _Certificate(name, labeling)
+
+
+def _statuses(comparison: Comparison) -> list[tuple[str, str]]:
+    """The words that say how labellings ended, and what they mean."""
+    met = {item.labeling.status for item in _certificates(comparison)}
+    return [(str(status), status.meaning) for status in Status if status in met]
 
 
 def _learned_certificates(comparison: Comparison) -> list[tuple[str, Mapping[str, Any]]]:

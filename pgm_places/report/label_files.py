@@ -51,6 +51,7 @@ def write_labels(
         "map": str(source.yaml_path),
         "method": result.method,
         "status": str(result.labeling.status),
+        "status_meaning": result.labeling.status.meaning,
         "area_m2": result.shares(),
         "score": result.labeling.score,
         "bound": result.labeling.bound,

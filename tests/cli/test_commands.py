@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from pgm_places.datasets import building as building_module
+from pgm_places.inference.labeling import Status
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.kernels.machine_code import _machine
 from pgm_places.report import file_names
@@ -63,6 +64,9 @@ def test_train_then_label(building: Path, run: Run) -> None:
     assert written.shape == source.shape
     summary = json.loads((out / "summary.json").read_text())
     assert summary["method"] == "relaxation"
+    status = Status(summary["status"])
+    assert summary["status_meaning"] == status.meaning
+    assert f"({status}: {status.meaning})" in text
     labels = ("corridor", "room", "doorway")
     assert {path.name for path in out.iterdir()} == {RECORD_FILE, *file_names.label_names(labels)}
 

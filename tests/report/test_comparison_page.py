@@ -13,6 +13,7 @@ from PIL import Image
 
 from pgm_places.errors import OutputError
 from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.inference.labeling import Status
 from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page, write_report
@@ -67,6 +68,7 @@ def test_a_report_says_what_was_found(tmp_path: Path) -> None:
     page = Reader(path.read_text("utf-8"))
     for words in ("A comparison", "relaxation", "96.3", "converged", "2.500", "ab" * 32, "1.2.3"):
         assert words in page.text
+    assert Status.CONVERGED.meaning in page.text and Status.STOPPED.meaning not in page.text
     headings = [tag for tag, _ in page.elements if re.fullmatch("h[1-6]", tag)]
     assert headings.count("h1") == 1
     assert {"h2", "h3"} <= set(headings)
