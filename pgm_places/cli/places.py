@@ -15,6 +15,7 @@ from pgm_places.options import AtLeastZero
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
+    from pgm_places.topology.regions import Region
     from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["export", "topology", "where"]
@@ -158,5 +159,11 @@ def where(
         raise SystemExit(1)
     near = ", ".join(other.name for other in topology.neighbours(region.id)) or "nothing"
     confidence = "" if region.confidence is None else f", confidence {region.confidence:.2f}"
-    say(f"{region.name} (id {region.id}, {region.label}, {region.area_m2:.1f} m²{confidence})")
+    say(f"{_called(region)} ({region.area_m2:.1f} m²{confidence})")
     say(f"next to: {near}")
+
+
+def _called(region: "Region") -> str:
+    """Its name, with its class and id where the user chose another one."""
+    numbered = f"{region.label} {region.id}"
+    return numbered if region.name == numbered else f"{region.name}: {numbered}"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.live.growing_features import raster_shift
 from pgm_places.maps.components import Components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.topology.naming import SAME_PLACE, middles, reading_order
+from pgm_places.topology.naming import SAME_PLACE, middles, number_on
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["PlaceMemory"]
@@ -79,22 +79,24 @@ class PlaceMemory:
         return {number: place.anchor_m for number, place in self._places.items()}
 
     def identify(
-        self, pieces: Components, grid: OccupancyGrid, label_names: Sequence[str]
+        self,
+        pieces: Components,
+        grid: OccupancyGrid,
+        label_names: Sequence[str],
+        doorway_label: str = "doorway",
     ) -> tuple[list[int], int]:
-        """An id per piece, and the next unused id; new places are numbered in reading order."""
+        """An id per piece, and the next unused id: see ``topology.naming.number_on``."""
         from scipy.optimize import linear_sum_assignment
 
         self._move_to(grid)
-        ids, next_id = [0] * pieces.count, self._next_id
+        ids = [0] * pieces.count
         known = sorted(self._places)
         common = self._common(pieces, known)
         score = self._scores(pieces, grid, label_names, known, common)
         for piece, place in zip(*linear_sum_assignment(-score), strict=True):
             if score[piece, place] > 0:
                 ids[piece] = known[place]
-        for piece in reading_order(pieces, grid).tolist():
-            if not ids[piece]:
-                ids[piece], next_id = next_id, next_id + 1
+        ids, next_id = number_on(ids, self._next_id, pieces, grid, label_names, doorway_label)
         self._note_changes(ids, known, common, pieces)
         return ids, next_id
 

@@ -44,8 +44,8 @@ def topology_drawing(
     Nodes stand at the regions' anchors and edges go through the middle of the passages; at
     corridors, and other places with more than six neighbours, they end at the passage. In the
     diagram these keep their shape, every other place is a disc, doorways are squares. Doorways
-    that are gates have their rectangles drawn over the map. The places to check first are
-    numbered in red.
+    that are gates have their rectangles drawn over the map. The places to check first have their
+    ids in red.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def topology_drawing(
 
     caption = "places over the map"
     if marked_checks(topology):
-        caption += "; check those numbered in red first"
+        caption += "; check those with their numbers in red first"
     page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)
     over = Drawing.of(_paled(canvas), scale)
     _draw_gates(over, topology, pixels)
@@ -123,10 +123,11 @@ def _draw_gates(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> 
 
 
 def _draw_checks(panel: Drawing, checks: Iterable[PlaceCheck], pixels: _ToPixels) -> None:
-    for number, check in enumerate(checks, start=1):
+    for check in checks:
         [(x, y)] = pixels(check.place.anchor_m)
-        panel.disc((x, y), diameter=21, fill=ERROR, edge="white")
-        panel.text(x, y, str(number), size=14, bold=True, centred=True, colour="white")
+        number = str(check.place.id)
+        panel.disc((x, y), diameter=max(21, 7 + 9 * len(number)), fill=ERROR, edge="white")
+        panel.text(x, y, number, size=14, bold=True, centred=True, colour="white")
 
 
 def _draw_diagram(panel: Drawing, topology: TopologicalMap, pixels: _ToPixels) -> None:

@@ -59,7 +59,7 @@ def places_to_check(topology: TopologicalMap) -> list[PlaceCheck]:
     ... )
     >>> for check in places_to_check(found):
     ...     print(f"{check.place.name}: {check.doubtful_m2:.1f} m2, or {check.second_label}")
-    corridor 1: 0.7 m2, or room
+    corridor 2: 0.7 m2, or room
     room 1: 0.2 m2, or corridor
     """
     found = [

@@ -87,10 +87,10 @@ def topological_map(
     --------
     >>> grid = OccupancyGrid([[0, 0, 0, 0, 0, 0]], resolution_m=1.0)
     >>> found = topological_map(grid, [[0, 0, 1, 2, 2, 2]], ["room", "doorway", "corridor"])
-    >>> [region.name for region in found.path("room 1", "corridor 1")]
-    ['room 1', 'doorway 1', 'corridor 1']
+    >>> [region.name for region in found.path("room 1", "corridor 2")]
+    ['room 1', 'doorway 3', 'corridor 2']
     >>> found.region_at(2.5, 0.5).name
-    'doorway 1'
+    'doorway 3'
     """
     names = tuple(str(name) for name in label_names)
     raster = label_raster("labels", labels, grid.shape, n_labels=len(names))
@@ -105,9 +105,9 @@ def topological_map(
     if beliefs is not None:
         probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
     if known is None:
-        ids, next_id = identify(pieces, grid, names)
+        ids, next_id = identify(pieces, grid, names, doorway_label=rules.doorway_label)
     else:
-        ids, next_id = known.identify(pieces, grid, names)
+        ids, next_id = known.identify(pieces, grid, names, rules.doorway_label)
     classes = [names[label] for label in pieces.label]
     called = name_places(ids, classes, known=known.names if known else None, own=own_names)
     # In this order: a huge map has room for few rasters at a time.

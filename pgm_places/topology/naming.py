@@ -1,5 +1,6 @@
-"""Persistent ids and names: places are recognised by their position, new ones get new numbers."""
+"""Persistent ids and names: places are recognised by their position, new ones get new ids."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ __all__ = [
     "identify",
     "middles",
     "name_places",
+    "number_on",
     "reading_order",
 ]
 
@@ -43,7 +45,11 @@ class EarlierPlaces(Protocol):
         ...
 
     def identify(
-        self, pieces: Components, grid: OccupancyGrid, label_names: Sequence[str]
+        self,
+        pieces: Components,
+        grid: OccupancyGrid,
+        label_names: Sequence[str],
+        doorway_label: str = "doorway",
     ) -> tuple[list[int], int]:
         """An id per piece, and the next unused id."""
         ...
@@ -75,10 +81,14 @@ class KnownPlaces:
     anchors_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     def identify(
-        self, pieces: Components, grid: OccupancyGrid, label_names: Sequence[str]
+        self,
+        pieces: Components,
+        grid: OccupancyGrid,
+        label_names: Sequence[str],
+        doorway_label: str = "doorway",
     ) -> tuple[list[int], int]:
         """An id per piece, and the next unused id: see :func:`identify`."""
-        return identify(pieces, grid, label_names, self)
+        return identify(pieces, grid, label_names, self, doorway_label)
 
 
 def identify(
@@ -86,12 +96,13 @@ def identify(
     grid: OccupancyGrid,
     label_names: Sequence[str],
     known: KnownPlaces | None = None,
+    doorway_label: str = "doorway",
 ) -> tuple[list[int], int]:
     """An id per piece, and the next unused id.
 
     A piece takes the id of the known place of the same class with which it shares most of their
     common area, if that is at least a quarter; each id goes to one piece. The others are numbered
-    on from ``known.next_id``, from top to bottom and from left to right. Maps may differ in size,
+    on from ``known.next_id`` in reading order, doorways after all others. Maps may differ in size,
     resolution and origin, as long as their frames agree.
     """
     ids = [0] * pieces.count
@@ -103,11 +114,30 @@ def identify(
             if not ids[piece] and place not in taken:
                 ids[piece] = place
                 taken.add(place)
-    for piece in reading_order(pieces, grid).tolist():
-        if not ids[piece]:
-            ids[piece] = next_id
+    return number_on(ids, next_id, pieces, grid, label_names, doorway_label)
+
+
+def number_on(
+    ids: list[int],
+    next_id: int,
+    pieces: Components,
+    grid: OccupancyGrid,
+    label_names: Sequence[str],
+    doorway_label: str,
+) -> tuple[list[int], int]:
+    """The ids with those that are 0 replaced by new ones from ``next_id``, and the next unused one.
+
+    They are given from top to bottom and from left to right, doorways last: the numbers of rooms
+    and corridors on a map are not interrupted by those of the doors between them.
+    """
+    is_doorway = np.array([label_names[label] == doorway_label for label in pieces.label], np.bool_)
+    order = reading_order(pieces, grid)
+    found = list(ids)
+    for piece in [*order[~is_doorway[order]].tolist(), *order[is_doorway[order]].tolist()]:
+        if not found[piece]:
+            found[piece] = next_id
             next_id += 1
-    return ids, next_id
+    return found, next_id
 
 
 def _overlaps(
@@ -187,7 +217,10 @@ def name_places(
     known: Mapping[int, str] | None = None,
     own: Mapping[int, str] | None = None,
 ) -> list[str]:
-    """A name per place: the user's name, else the known one, else the class and a number.
+    """A name per place: the user's name, else the one it had, else its class and its id.
+
+    A place is known by one number: names such as ``"room 3"`` that places had from earlier runs
+    give way to their class and id.
 
     Parameters
     ----------
@@ -206,19 +239,17 @@ def name_places(
     Examples
     --------
     >>> name_places([1, 2, 3], ["room", "corridor", "room"], own={3: "kitchen"})
-    ['room 1', 'corridor 1', 'kitchen']
+    ['room 1', 'corridor 2', 'kitchen']
     """
-    names = {**(known or {}), **(own or {})}
-    used = set(names.values())
-    given: dict[int, str] = {}
-    numbers: Counter[str] = Counter()
-    for place, label in sorted(zip(ids, labels, strict=True)):
-        while place not in names and place not in given:
-            numbers[label] += 1
-            candidate = f"{label} {numbers[label]}"
-            if candidate not in used:
-                given[place] = candidate
-    result = [names.get(place) or given[place] for place in ids]
+    known, own = known or {}, own or {}
+    result = []
+    for place, label in zip(ids, labels, strict=True):
+        earlier = known.get(place, "")
+        numbered = f"{label} {place}"
+        if numbered in own.values():  # the user calls another place so
+            numbered += f" (id {place})"
+        automatic = not earlier or re.fullmatch(re.escape(label) + r" \d+( \(id \d+\))?", earlier)
+        result.append(own.get(place) or (numbered if automatic else earlier))
     twice = [name for name, count in Counter(result).items() if count > 1]
     if twice:
         places = [str(place) for place, name in zip(ids, result, strict=True) if name == twice[0]]

@@ -150,11 +150,11 @@ def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
     room = next(region for region in before["regions"] if region["label"] == "room")
     number, (x, y) = room["id"], room["anchor_m"]
     (places / "place_names.yaml").write_text(f"# ours\n{number}: old # name\n")
-    assert run("where", places, x, y)[1].startswith("old (id ")
+    assert run("where", places, x, y)[1].startswith(f"old: room {number} (")
     code, _, err = run("rename", places, "old", "Anna's office")
     assert code == 0, err
     assert (places / "place_names.yaml").read_text() == f'# ours\n{number}: "Anna\'s office"\n'
-    assert run("where", places, x, y)[1].startswith("Anna's office (id ")
+    assert run("where", places, x, y)[1].startswith(f"Anna's office: room {number} (")
     code, _, err = run("split", places, "Anna's office", x, y)
     assert code == 0, err
     after = json.loads((places / "topology.json").read_text())
@@ -172,10 +172,12 @@ def test_places_are_renamed_merged_and_split(places: Path, run: Run) -> None:
 def test_edits_that_make_no_sense_are_refused(places: Path, run: Run) -> None:
     code, _, err = run("rename", places, "attic", "loft")
     assert code == 2 and "there is no place 'attic'" in err
-    code, _, err = run("split", places, "room 1", 1.0, 2.0, 3.0)
+    code, _, err = run("split", places, 1, 1.0, 2.0, 3.0)
     assert code == 2 and "a point X Y or a line X1 Y1 X2 Y2, got 3 numbers" in err
-    code, _, err = run("rename", places, "room 1", "room 2")
-    assert code == 2 and "'room 2' twice" in err
+    regions = json.loads((places / "topology.json").read_text())["regions"]
+    one, other = [region["name"] for region in regions if region["label"] == "room"][:2]
+    code, _, err = run("rename", places, one, other)
+    assert code == 2 and f"{other!r} twice" in err
 
 
 def test_where_imports_nothing_that_it_does_not_need(places: Path) -> None:

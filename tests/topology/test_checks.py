@@ -42,7 +42,7 @@ def topology() -> TopologicalMap:
 
 def test_places_come_by_doubt_times_area(topology: TopologicalMap) -> None:
     found = places_to_check(topology)
-    assert [check.place.name for check in found] == ["room 1", "hall 1", "corridor 1"]
+    assert [check.place.name for check in found] == ["room 2", "hall 3", "corridor 1"]
     assert [check.doubtful_m2 for check in found] == pytest.approx([3.0, 2.4, 1.0])
     assert [check.second_label for check in found] == ["corridor", "room", "hall"]
     assert [check.second_probability for check in found] == pytest.approx([0.3, 0.35, 0.08])
@@ -51,10 +51,10 @@ def test_places_come_by_doubt_times_area(topology: TopologicalMap) -> None:
 
 def test_the_table_holds_a_row_for_each(topology: TopologicalMap) -> None:
     rows = list(csv.DictReader(io.StringIO(check_table(topology))))
-    assert [row["name"] for row in rows] == ["room 1", "hall 1", "corridor 1"]
+    assert [row["name"] for row in rows] == ["room 2", "hall 3", "corridor 1"]
     assert rows[0] == {
-        "id": str(topology.place("room 1").id),
-        "name": "room 1",
+        "id": str(topology.place("room 2").id),
+        "name": "room 2",
         "label": "room",
         "second_label": "corridor",
         "probability": "0.5000",
@@ -66,7 +66,7 @@ def test_the_table_holds_a_row_for_each(topology: TopologicalMap) -> None:
         "y_m": "0.500",
     }
     region = topology.region_at(float(rows[0]["x_m"]), float(rows[0]["y_m"]))
-    assert region is topology.place("room 1")
+    assert region is topology.place("room 2")
 
 
 def test_what_is_read_back_has_the_same_checks(topology: TopologicalMap, tmp_path: Path) -> None:
@@ -94,9 +94,9 @@ def test_a_gate_is_in_doubt_by_its_own_probability() -> None:
         doorways=Doorways.of(places, probability),
     )
     checks = {check.place.name: check for check in places_to_check(found)}
-    assert checks["doorway 1"].doubt == pytest.approx(0.4)
-    assert checks["doorway 1"].second_label == "room"
-    assert checks["doorway 1"].second_probability == pytest.approx(0.4)  # not its cells' 0.75
+    assert checks["doorway 3"].doubt == pytest.approx(0.4)
+    assert checks["doorway 3"].second_label == "room"
+    assert checks["doorway 3"].second_probability == pytest.approx(0.4)  # not its cells' 0.75
     assert checks["room 1"].doubt == pytest.approx(0.25)
 
 
@@ -111,7 +111,7 @@ def test_without_probabilities_nothing_is_in_doubt(tmp_path: Path) -> None:
 
 def test_the_summary_and_the_picture_name_the_first(topology: TopologicalMap) -> None:
     assert doubt_summary(topology) == (
-        "in doubt: 32.0 % of the area; check first: room 1 (3.0 m² perhaps corridor); hall 1 "
+        "in doubt: 32.0 % of the area; check first: room 2 (3.0 m² perhaps corridor); hall 3 "
         "(2.4 m² perhaps room); corridor 1 (1.0 m² perhaps hall)"
     )
     assert len(marked_checks(topology)) == 3

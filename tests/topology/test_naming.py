@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pgm_places.maps.components import connected_components
-from pgm_places.topology.naming import KnownPlaces, identify
+from pgm_places.topology.naming import KnownPlaces, identify, name_places
 from tests.topology.floors import NAMES, floor_grid
 
 
@@ -62,3 +62,32 @@ def test_what_has_left_the_map_is_not_met() -> None:
         assert ids_of(room(np.s_[-3:], np.s_[-3:]), before, origin_xy_m=origin) == [3]
     kept = room(np.s_[:3], np.s_[:3])
     assert ids_of(kept, before, origin_xy_m=(-0.5, -0.5)) == [1]
+
+
+def test_a_place_is_known_by_one_number() -> None:
+    """Names of before, with numbers of their own, give way to ids; chosen names stay."""
+    classes = ["room", "corridor", "room", "room"]
+    known = {2: "corridor 1", 6: "room 4", 7: "lab"}
+    assert name_places([1, 2, 6, 7], classes, known=known) == [
+        "room 1",
+        "corridor 2",
+        "room 6",
+        "lab",
+    ]
+
+
+def test_a_chosen_name_that_looks_like_a_number_keeps_it() -> None:
+    assert name_places([3, 7], ["room", "room"], own={7: "room 3"}) == ["room 3 (id 3)", "room 3"]
+    called = name_places([3, 7], ["room", "room"], known={3: "room 3 (id 3)"})
+    assert called == ["room 3", "room 7"]
+
+
+def test_doorways_are_numbered_after_all_others() -> None:
+    labels = np.array([[0, 0, 0, 0], [-1, -1, -1, 2], [1, 2, 1, 1]], np.int16)
+    pieces = connected_components(labels)
+    grid = floor_grid(labels)
+    assert [NAMES[label] for label in pieces.label] == [
+        "corridor", "doorway", "room", "doorway", "room",
+    ]  # fmt: skip
+    assert identify(pieces, grid, NAMES)[0] == [2, 5, 1, 4, 3]
+    assert identify(pieces, grid, NAMES, doorway_label="door")[0] == [3, 5, 1, 2, 4]

@@ -45,14 +45,14 @@ def test_places_that_share_a_doorway_become_one_with_it() -> None:
     assert room.area_m2 == pytest.approx(before.grid.free[20:].sum() * 0.01)
     assert len(found.regions) == 2 and room.anchor_m == before.place("room 1").anchor_m
     assert room.probabilities == pytest.approx((0.0667, 0.8627, 0.0706), rel=0, abs=1e-3)
-    assert found.place("corridor 1").polygons[0][0].shape == (5, 2)
-    assert [region.name for region in found.neighbours("room 1")] == ["corridor 1"]
+    assert found.place("corridor 3").polygons[0][0].shape == (5, 2)
+    assert [region.name for region in found.neighbours("room 1")] == ["corridor 3"]
     assert found.next_id == before.next_id
 
 
 def test_only_places_beside_each_other_are_merged() -> None:
-    with pytest.raises(InputError, match="'corridor 1' and 'room 2' neither touch nor share"):
-        merged(house(), "corridor 1", "room 2")
+    with pytest.raises(InputError, match="'corridor 3' and 'room 2' neither touch nor share"):
+        merged(house(), "corridor 3", "room 2")
     with pytest.raises(InputError, match="cannot be merged with itself"):
         merged(house(), "room 1", "room 1")
 

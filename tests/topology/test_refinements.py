@@ -72,7 +72,7 @@ def test_a_doorway_across_a_slanting_passage_is_no_deeper() -> None:
     labels = np.where(((np.abs(r - c) > 1) | door) & inside, np.int16(ROOM), np.int16(-1))
     found = places(labels, split_rooms_m=1.5)
     assert classes(found) == ["doorway", "room", "room"]
-    assert found.place("doorway 1").area_m2 < 1.5 * (DOORWAY_DEPTH_M + 2 * CELL_M)
+    assert found.place("doorway 3").area_m2 < 1.5 * (DOORWAY_DEPTH_M + 2 * CELL_M)
 
 
 @pytest.mark.parametrize(("wide", "parts"), [(11, 1), (13, 2)])
@@ -131,7 +131,7 @@ def test_a_whole_doorway_is_left_as_it_is() -> None:
     labels[12:21, 31:33] = DOORWAY
     found = places(labels, close_leaks_m=2.0, split_rooms_m=2.0)
     assert found.corrections == ()
-    assert (found.region[labels == DOORWAY] == found.place("doorway 1").id).all()
+    assert (found.region[labels == DOORWAY] == found.place("doorway 3").id).all()
 
 
 def test_a_doorway_that_spreads_into_a_room_is_trimmed() -> None:
@@ -139,13 +139,13 @@ def test_a_doorway_that_spreads_into_a_room_is_trimmed() -> None:
     labels[12:21, 31:33] = DOORWAY
     labels[8:24, 33:48] = DOORWAY
     found = places(labels, widest_doorway_m=1.2)
-    door = found.place("doorway 1")
+    door = found.place("doorway 3")
     assert found.corrections[0].reason == "too wide"
     inside = found.region == door.id
     assert inside[12:21, 31:33].all()
     assert not inside[:, 38:].any()
     assert classes(found) == ["doorway", "room", "room"]
-    assert places(labels).place("doorway 1").area_m2 > 2 * door.area_m2
+    assert places(labels).place("doorway 3").area_m2 > 2 * door.area_m2
 
 
 def test_rules_that_cannot_be_met_are_refused() -> None:

@@ -14,12 +14,12 @@ from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map, ga
 def test_the_floor_has_seven_places_and_six_connections() -> None:
     found = floor_map()
     assert [r.name for r in found.regions] == [
-        *("room 1", "room 2", "room 3"),
-        *("doorway 1", "doorway 2", "corridor 1", "doorway 3"),
+        *("room 1", "room 2", "room 3", "corridor 4"),
+        *("doorway 5", "doorway 6", "doorway 7"),
     ]
     assert [r.id for r in found.regions] == list(range(1, 8))
     pairs = [(c.first, c.second) for c in found.connections]
-    assert pairs == [(1, 4), (2, 5), (3, 7), (4, 6), (5, 6), (6, 7)]
+    assert pairs == [(1, 5), (2, 6), (3, 7), (4, 5), (4, 6), (4, 7)]
     for connection in found.connections:
         assert connection.border_m == pytest.approx(1.5)
         assert connection.width_m == pytest.approx(1.5)
@@ -48,13 +48,13 @@ def test_specks_that_touch_nothing_are_no_places(with_doorways: bool) -> None:
 def test_questions() -> None:
     found = floor_map(yaw_rad=0.4, origin_xy_m=(5.0, -3.0))
     way = found.path("room 1", "room 3")
-    assert [r.name for r in way] == ["room 1", "doorway 1", "corridor 1", "doorway 3", "room 3"]
-    assert [r.name for r in found.neighbours("corridor 1")] == [
-        "doorway 1",
-        "doorway 2",
-        "doorway 3",
+    assert [r.name for r in way] == ["room 1", "doorway 5", "corridor 4", "doorway 7", "room 3"]
+    assert [r.name for r in found.neighbours("corridor 4")] == [
+        "doorway 5",
+        "doorway 6",
+        "doorway 7",
     ]
-    assert [r.name for r in found.neighbours(1)] == ["doorway 1"]
+    assert [r.name for r in found.neighbours(1)] == ["doorway 5"]
     for region in found.regions:
         assert found.region_at(*region.anchor_m) is region
     assert found.region_at(-100.0, 0.0) is None
@@ -64,7 +64,7 @@ def test_questions() -> None:
 
 def test_the_cells_of_a_doorway() -> None:
     found = floor_map()
-    assert found.cells("doorway 1").tolist() == [[4, 3], [4, 4], [4, 5]]
+    assert found.cells("doorway 5").tolist() == [[4, 3], [4, 4], [4, 5]]
     for region in found.regions:
         rows, columns = found.cells(region.id).T
         assert (found.region[rows, columns] == region.id).all()
@@ -86,9 +86,9 @@ def test_unknown_places_and_missing_ways() -> None:
 def test_places_are_joined_by_doorways() -> None:
     places = floor_map().place_graph
     edges = sorted((a, b, values["doorway"]) for a, b, values in places.edges(data=True))
-    assert edges == [(1, 6, 4), (2, 6, 5), (3, 6, 7)]
-    assert places.nodes[6]["name"] == "corridor 1"
-    assert places.edges[1, 6, 0]["width_m"] == pytest.approx(1.5)
+    assert edges == [(1, 4, 5), (2, 4, 6), (3, 4, 7)]
+    assert places.nodes[4]["name"] == "corridor 4"
+    assert places.edges[1, 4, 0]["width_m"] == pytest.approx(1.5)
 
 
 def test_touching_doorways_count_as_one_and_rooms_may_touch() -> None:
@@ -96,7 +96,7 @@ def test_touching_doorways_count_as_one_and_rooms_may_touch() -> None:
     labels[0, 2], labels[1, 3] = 2, 2
     found = topological_map(floor_grid(labels), labels, NAMES, correct=False)
     [(first, second, values)] = found.place_graph.edges(data=True)
-    assert (first, second, values["doorway"]) == (1, 3, 2)
+    assert (first, second, values["doorway"]) == (1, 2, 3)
     open_plan = np.array([[1, 1, 0, 0]], np.int16)
     found = topological_map(floor_grid(open_plan), open_plan, NAMES, correct=False)
     assert [values["doorway"] for *_, values in found.place_graph.edges(data=True)] == [0]
@@ -116,10 +116,10 @@ def test_ids_and_names_survive_a_change_of_the_map() -> None:
     assert [(r.id, r.name) for r in after.regions] == [
         (1, "room 1"),
         (3, "room 3"),
-        (4, "doorway 1"),
-        (6, "corridor 1"),
-        (7, "doorway 3"),
-        (8, "room 4"),
+        (4, "corridor 4"),
+        (5, "doorway 5"),
+        (7, "doorway 7"),
+        (8, "room 8"),
     ]
     assert after.next_id == 9
 
@@ -139,8 +139,8 @@ def test_a_place_of_another_class_is_another_place() -> None:
     labels[4, 3:6] = -1
     after = topological_map(floor_grid(labels), labels, NAMES, known=before.known_places)
     assert [(r.id, r.name) for r in after.regions if r.label == "corridor"] == [
-        (6, "corridor 1"),
-        (8, "corridor 2"),
+        (4, "corridor 4"),
+        (8, "corridor 8"),
     ]
 
 
@@ -163,7 +163,7 @@ def test_confidence_is_the_mean_belief_in_the_final_label(factor: int) -> None:
     beliefs = np.tile([0.2, 0.7, 0.1], (len(layout.cells_rc), 1))
     found = topological_map(grid, labels, NAMES, beliefs=beliefs, layout=layout)
     assert found.place("room 1").confidence == pytest.approx(0.7)
-    assert found.place("corridor 1").confidence == pytest.approx(0.2)
+    assert found.place("corridor 4").confidence == pytest.approx(0.2)
     with pytest.raises(InputError, match="pass layout as well"):
         topological_map(grid, labels, NAMES, beliefs=beliefs)
 
@@ -189,6 +189,6 @@ def test_a_hole_in_a_wall_connects_nothing_where_a_width_is_asked_for() -> None:
     labels[4, 7] = 1  # room 1 reaches the corridor through a hole of one cell
     grid = floor_grid(labels)
     holed = topological_map(grid, labels, NAMES)
-    assert {r.name for r in holed.neighbours("room 1")} == {"corridor 1", "doorway 1"}
+    assert {r.name for r in holed.neighbours("room 1")} == {"corridor 4", "doorway 5"}
     sealed = topological_map(grid, labels, NAMES, min_width_m=0.6)
-    assert [r.name for r in sealed.neighbours("room 1")] == ["doorway 1"]
+    assert [r.name for r in sealed.neighbours("room 1")] == ["doorway 5"]

@@ -34,7 +34,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
         assert one.anchor_m == other.anchor_m
         for ring, again in zip(one.polygons[0], other.polygons[0], strict=True):
             np.testing.assert_allclose(again, ring, rtol=0, atol=1e-6)
-    assert [r.name for r in after.path("room 1", "room 2")][1] == "doorway 1"
+    assert [r.name for r in after.path("room 1", "room 2")][1] == "doorway 5"
 
 
 def test_gates_are_written_and_read_back(tmp_path: Path) -> None:
@@ -42,7 +42,7 @@ def test_gates_are_written_and_read_back(tmp_path: Path) -> None:
     save_topology(tmp_path, before)
     [one] = [region for region in before.regions if region.gate is not None]
     [other] = [region for region in load_topology(tmp_path).regions if region.gate is not None]
-    assert (one.name, one.confidence) == (other.name, other.confidence) == ("doorway 1", 0.9)
+    assert (one.name, one.confidence) == (other.name, other.confidence) == ("doorway 3", 0.9)
     assert one.gate is not None
     assert other.gate is not None
     np.testing.assert_allclose(other.gate.corners_m, one.gate.corners_m, rtol=0, atol=2e-6)
@@ -83,7 +83,7 @@ def test_features_carry_what_a_map_viewer_shows(tmp_path: Path) -> None:
     assert features["crs"]["properties"]["name"].endswith("EPSG::3857")
     first = features["features"][0]
     assert first["geometry"]["type"] == "Polygon"
-    assert first["properties"]["neighbours"] == [4]
+    assert first["properties"]["neighbours"] == [5]
     assert first["properties"]["area_m2"] == pytest.approx(35 * 0.25)
     assert "confidence" not in first["properties"]
     diagonal = np.array([[1, -1], [-1, 1]], np.int16)
