@@ -25,7 +25,7 @@ from pgm_places.persistence.unary import (
     load_list,
     load_sensor,
 )
-from pgm_places.spaces.space_spec import GATE_FEATURES, space_features_hash
+from pgm_places.spaces.space_spec import EARLIER_SPACE_FEATURES, GATE_FEATURES, space_features_hash
 from pgm_places.unary.map_model import UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_model import N_SPACE_COLUMNS, SpaceModel
@@ -156,7 +156,7 @@ def _load_space(
 ) -> SpaceModel | None:
     if record is None:  # as in all models saved by earlier versions
         return None
-    if record["feature_set"] != space_features_hash():
+    if record["feature_set"] not in (space_features_hash(), *EARLIER_SPACE_FEATURES):
         raise ModelFileError(
             "it was trained with another definition of the features of spaces; train it again with "
             "this version"

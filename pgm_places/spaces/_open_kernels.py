@@ -53,15 +53,14 @@ def _join(parent: NDArray[np.int32], a: int, b: int) -> None:
 
 
 @njit
-def _flip_small(
-    runs: Runs, width: int, side: bool, corners: int, least: float, parent: NDArray[np.int32]
+def _number_pieces(
+    runs: Runs, width: int, side: bool, corners: int, parent: NDArray[np.int32]
 ) -> None:
-    """Give the pieces of one side with less than ``least`` cells to the other.
+    """Write a run of the same piece for each run of one side; one run of a piece is its own.
 
     Runs of adjacent rows are connected if they share a column, or with ``corners`` = 1 a corner.
     """
     first, begin, is_open = runs
-    size = np.zeros(len(is_open), np.int64)
     for i in range(len(is_open)):
         parent[i] = i
     for r in range(len(first) - 1):
@@ -79,13 +78,51 @@ def _flip_small(
                 if is_open[j] == side:
                     _join(parent, i, j)
                 j += 1
+    for i in range(len(is_open)):
+        parent[i] = root(parent, i)
+
+
+@njit
+def _drop_spaces(runs: Runs, width: int, least: float, piece: NDArray[np.int32]) -> None:
+    """Close the open pieces of less than ``least`` cells."""
+    first, begin, is_open = runs
+    size = np.zeros(len(is_open), np.int64)
     for r in range(len(first) - 1):
         for i in range(first[r], first[r + 1]):
-            parent[i] = root(parent, i)
-            size[parent[i]] += _end(runs, i, first[r + 1], width) - begin[i]
+            size[piece[i]] += _end(runs, i, first[r + 1], width) - begin[i]
     for i in range(len(is_open)):
-        if is_open[i] == side and size[parent[i]] < least:
-            is_open[i] = not side
+        if is_open[i] and size[piece[i]] < least:
+            is_open[i] = False
+
+
+@njit
+def _fill_furniture(
+    runs: Runs, width: int, least: float, longest: float, piece: NDArray[np.int32]
+) -> None:
+    """Open the obstacles of less than ``least`` cells that are shorter than ``longest``.
+
+    The length is the diagonal of the box around a piece, which is that of a thin one at any angle.
+    """
+    first, begin, is_open = runs
+    size = np.zeros(len(is_open), np.int64)
+    bottom = np.empty(len(is_open), np.int32)
+    top = np.empty(len(is_open), np.int32)
+    left = np.full(len(is_open), width, np.int32)
+    right = np.zeros(len(is_open), np.int32)
+    for r in range(len(first) - 1):
+        for i in range(first[r], first[r + 1]):
+            of, end = piece[i], _end(runs, i, first[r + 1], width)
+            if size[of] == 0:
+                bottom[of] = r
+            top[of] = r + 1
+            left[of] = min(left[of], begin[i])
+            right[of] = max(right[of], end)
+            size[of] += end - begin[i]
+    for i in range(len(is_open)):
+        of = piece[i]
+        height, across = float(top[of] - bottom[of]), float(right[of] - left[of])
+        if not is_open[i] and size[of] < least and height**2 + across**2 < longest**2:
+            is_open[i] = True
 
 
 @inlined
@@ -99,19 +136,23 @@ def open_cells(
     cells: NDArray[np.int8],
     free: int,
     least_obstacle: float,
+    longest_obstacle: float,
     least_space: float,
     is_open: NDArray[np.bool_],
 ) -> None:
-    """Write which cells are free or in an obstacle of fewer than ``least_obstacle`` cells.
+    """Write which cells are free or in an obstacle that is small and short.
 
-    Pieces of fewer than ``least_space`` are left out. Obstacles are connected by sides and corners,
-    open space by sides.
+    These have fewer than ``least_obstacle`` cells in a box with a diagonal under
+    ``longest_obstacle``. Pieces of fewer than ``least_space`` are left out. Obstacles are connected
+    by sides and corners, open space by sides.
     """
     width = cells.shape[1]
     runs = _runs(cells, free)
-    parent = np.empty(len(runs.is_open), np.int32)
-    _flip_small(runs, width, False, 1, least_obstacle, parent)
-    _flip_small(runs, width, True, 0, least_space, parent)
+    piece = np.empty(len(runs.is_open), np.int32)
+    _number_pieces(runs, width, False, 1, piece)
+    _fill_furniture(runs, width, least_obstacle, longest_obstacle, piece)
+    _number_pieces(runs, width, True, 0, piece)
+    _drop_spaces(runs, width, least_space, piece)
     for r in range(cells.shape[0]):
         for i in range(runs.first[r], runs.first[r + 1]):
             value = runs.is_open[i]

@@ -5,10 +5,14 @@ from numpy.typing import NDArray
 
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 
-__all__ = ["FURNITURE_M2", "SMALLEST_SPACE_M2", "open_space"]
+__all__ = ["FURNITURE_M", "FURNITURE_M2", "SMALLEST_SPACE_M2", "open_space"]
 
 FURNITURE_M2 = 0.35
 """Smaller obstacles, whether occupied or unknown, are filled: table legs, chairs, specks."""
+
+FURNITURE_M = 1.3
+"""Small obstacles that are longer are pieces of wall, such as a thin one between two doors; chosen
+on training buildings (docs/spaces.md)."""
 
 SMALLEST_SPACE_M2 = 1.0
 """Smaller pieces of free space are dropped: glimpses through gaps."""
@@ -17,8 +21,9 @@ SMALLEST_SPACE_M2 = 1.0
 def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """(H, W) which cells are open: free space with small obstacles filled, small pieces dropped.
 
-    Obstacles are connected by sides and corners, free space by sides. Obstacles within a dropped
-    piece are dropped with it.
+    Small obstacles have an area under 0.35 m2 and a length, the diagonal of the box around them,
+    under 1.3 m. Obstacles are connected by sides and corners, free space by sides. Obstacles within
+    a dropped piece are dropped with it.
 
     Examples
     --------
@@ -31,5 +36,6 @@ def open_space(grid: OccupancyGrid) -> NDArray[np.bool_]:
 
     found = np.empty(grid.shape, np.bool_)
     cell_m2 = grid.resolution_m**2
-    open_cells(grid.cells, FREE, FURNITURE_M2 / cell_m2, SMALLEST_SPACE_M2 / cell_m2, found)
+    furniture = (FURNITURE_M2 / cell_m2, FURNITURE_M / grid.resolution_m)
+    open_cells(grid.cells, FREE, *furniture, SMALLEST_SPACE_M2 / cell_m2, found)
     return found

@@ -193,7 +193,7 @@ class Segmentation:
     def of(cls, grid: OccupancyGrid, ratios: tuple[float, ...] = RATIOS) -> Self:
         """The segments of a map.
 
-        Obstacles under 0.35 m2 are filled and free pieces under 1 m2 dropped (``open_space``); the
+        Small obstacles are filled and free pieces under 1 m2 dropped (``open_space``); the
         distance to the walls, smoothed by one cell, is cut into basins by a watershed; basins are
         merged over passes wider than a share of the smaller one's radius, the widest passes first.
         Time and memory are linear in the cells: about 20 bytes a cell at most, 8 of them kept.

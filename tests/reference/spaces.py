@@ -10,11 +10,13 @@ UNIT = 9 * 1024
 
 
 def open_cells(free: np.ndarray, resolution_m: float) -> np.ndarray:
-    """Obstacles under 0.35 m2 filled (corners count), then pieces under 1 m2 dropped."""
+    """Obstacles under 0.35 m2 and 1.3 m filled (corners count), pieces under 1 m2 dropped."""
     pieces, count = ndimage.label(~free, np.ones((3, 3)))
     found = free.copy()
     for k in range(1, count + 1):
-        if (pieces == k).sum() * resolution_m**2 < 0.35:
+        rows, columns = np.nonzero(pieces == k)
+        sides = np.ptp(rows) + 1, np.ptp(columns) + 1
+        if len(rows) * resolution_m**2 < 0.35 and np.hypot(*sides) * resolution_m < 1.3:
             found |= pieces == k
     pieces, count = ndimage.label(found)
     for k in range(1, count + 1):

@@ -125,6 +125,30 @@ def test_a_pillar_parts_a_double_door_into_two_gates() -> None:
     assert features_of(gates)["gates_near"].tolist() == [1, 1]
 
 
+def two_doors(thick: int, *, between: int = 52) -> np.ndarray:
+    """Two rooms 5 m wide in cells of 5 cm, a wall with two doors of 1 m, and wall between them."""
+    free = np.zeros((208 + thick, 120), np.bool_)
+    free[8:103, 10:110] = free[103 + thick : 198 + thick, 10:110] = True
+    for first in (60 - between // 2 - 20, 60 + between // 2):
+        free[103 : 103 + thick, first : first + 20] = True
+    return free
+
+
+@pytest.mark.parametrize("thick", [1, 2, 3])
+def test_a_thin_wall_between_two_doors_is_no_furniture(thick: int) -> None:
+    """2.6 m of it have an area of 0.13 to 0.39 m2."""
+    for free in (two_doors(thick), two_doors(thick).T):
+        gates = gates_of(free, 0.05)
+        assert gates.width_m == pytest.approx([1.0, 1.0], abs=1e-3)
+        assert gates.segments.tolist() == [[0, 1], [0, 1]]
+
+
+def test_a_bench_of_that_area_is_furniture() -> None:
+    free = np.ones((100, 100), np.bool_)
+    free[40:52, 40:50] = False  # 0.6 m x 0.5 m
+    assert Segmentation.of(grid_of(free, 0.05)).scales[0].count == 1
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (20, 20)])
 def test_maps_without_open_space_have_no_gates(shape: tuple[int, int]) -> None:
     gates = gates_of(np.zeros(shape, np.bool_))
