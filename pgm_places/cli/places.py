@@ -82,12 +82,21 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
 
     with named_as_flags({"split_rooms_m": "--propose-splits"}):
         found = propose_splits(topology, narrower_than_m)
-    lines = [
-        f"possible split: {split.region} ({split.areas_m2[0]:.1f} and {split.areas_m2[1]:.1f} m²) "
-        f"at ({split.middle_m[0]:.2f}, {split.middle_m[1]:.2f}), {split.width_m:.2f} m wide"
-        for split in found
+    lines = []
+    for split in found:
+        openings = [
+            f"({x:.2f}, {y:.2f}), {width:.2f} m wide"
+            for (x, y), width in zip(split.middles_m, split.widths_m, strict=True)
+        ]
+        larger, smaller = split.areas_m2
+        lines.append(
+            f"possible split: {split.region} ({larger:.1f} and {smaller:.1f} m²) at "
+            + " and ".join(openings)
+        )
+    return lines or [
+        f"no split proposed: no place is divided by constrictions under {narrower_than_m:g} m, "
+        "alone or two or three together"
     ]
-    return lines or [f"no split proposed: no constriction is narrower than {narrower_than_m:g} m"]
 
 
 def export(

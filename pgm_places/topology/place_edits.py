@@ -8,19 +8,29 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names, sealed
 from pgm_places.errors import InputError
-from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.components import Components
 from pgm_places.spaces.gate import Gate
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.connections import connections_of
+from pgm_places.topology.cuts import (
+    Line,
+    Parts,
+    cut_along,
+    joint_cuts,
+    line_width_m,
+    narrowest_line,
+)
 from pgm_places.topology.naming import name_places
 from pgm_places.topology.regions import Region, describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["doorways_between", "merged", "renamed", "split_across", "split_at"]
 
-_N_DIRECTIONS = 24
-_LEAST_PART_M2 = 0.1
-"""Smaller crumbs beside a line join the part next to them."""
+_WIDER_M = 0.5
+"""Other openings that are cut with one may be wider than it by so much."""
+
+_SAME_OPENING_M = 0.5
+"""Lines whose middles are no farther apart lie in the same opening."""
 
 
 def renamed(topology: TopologicalMap, names: Mapping[int, str]) -> TopologicalMap:
@@ -103,92 +113,72 @@ def split_across(
         The place is unknown, or the line does not part it.
     """
     place = topology.place(key)
-    cells = topology.cells(place.id)
-    away = _distance_to_line(
-        topology.grid.cell_centres_m(cells), np.asarray(start_m), np.asarray(end_m)
-    )
-    # Wide enough that no step from cell to cell, along a side or a corner, crosses the line.
-    cut = away <= 0.75 * topology.grid.resolution_m
-    origin = cells.min(axis=0)
-    window = np.full(cells.max(axis=0) - origin + 1, -1, np.int16)
-    kept = cells[~cut] - origin
-    window[kept[:, 0], kept[:, 1]] = 0
-    parts = connected_components(window)
-    large = np.flatnonzero(parts.size * topology.grid.resolution_m**2 >= _LEAST_PART_M2)
-    if len(large) < 2:
+    parts = cut_along(topology, place, [(_point(start_m), _point(end_m))])
+    if len(parts) < 2:
         raise InputError(
             f"the line from ({start_m[0]:g}, {start_m[1]:g}) to ({end_m[0]:g}, {end_m[1]:g}) "
             f"does not divide {place.name!r}; draw it from wall to wall"
         )
-    biggest = large[parts.size[large].argmax()]
-    number = _nearest_part(parts, large, cells - origin)
-    region = topology.region.copy()
-    new: dict[int, Region] = {}
-    for part in large[large != biggest].tolist():
-        identity = topology.next_id + len(new)
-        members = cells[number == part]
-        region[members[:, 0], members[:, 1]] = identity
-        new[identity] = place
-    return _described(topology, region, new)
+    return _split(topology, place, parts)
 
 
 def split_at(topology: TopologicalMap, key: int | str, at_m: Sequence[float]) -> TopologicalMap:
     """The map with a place split at a point, across its narrowest way there.
 
+    If this divides nothing because one can go around by another opening or two, such as the second
+    door between a room and a corridor, all of them are cut together.
+
     Raises
     ------
     InputError
-        The place is unknown, the point is not in it, or nothing is parted there.
+        The place is unknown, the point is not in it, or nothing is divided there.
     """
-    place = topology.place(key)
-    if topology.region_at(*at_m) != place:
-        raise InputError(f"({at_m[0]:g}, {at_m[1]:g}) is not in {place.name!r}")
-    middle, best = np.asarray(at_m, np.float64), None
-    for angle in np.arange(_N_DIRECTIONS) * np.pi / _N_DIRECTIONS:
-        way = np.array([np.cos(angle), np.sin(angle)])
-        ends = [
-            middle + side * _reach(topology, place.id, middle, side * way) * way for side in (-1, 1)
-        ]
-        length = float(np.hypot(*(ends[1] - ends[0])))
-        if best is None or length < best[0]:
-            best = (length, ends)
-    assert best is not None
-    return split_across(topology, key, best[1][0].tolist(), best[1][1].tolist())
+    place, here = topology.place(key), topology.region_at(*at_m)
+    point = f"({at_m[0]:g}, {at_m[1]:g})"
+    if here != place:
+        other = "no place is there" if here is None else f"that is {here.name!r}"
+        raise InputError(f"{point} is not in {place.name!r}; {other}")
+    line = narrowest_line(topology, place, at_m)
+    parts = cut_along(topology, place, [line])
+    if len(parts) < 2:
+        parts = _cut_together(topology, place, line) or parts
+    if len(parts) < 2:
+        raise InputError(
+            f"cutting {place.name!r} at {point}, across its narrowest way there, does not divide "
+            "it, because one can go around; choose a point in a doorway or where the place is "
+            "narrow, or give both ends of a line from wall to wall"
+        )
+    return _split(topology, place, parts)
 
 
-def _reach(
-    topology: TopologicalMap, number: int, start: NDArray[np.float64], way: NDArray[np.float64]
-) -> float:
-    """How far one gets from a point in a direction before the region ends, a cell beyond it."""
-    step = topology.grid.resolution_m / 4
-    far = float(np.hypot(*topology.grid.shape)) * topology.grid.resolution_m
-    along = np.arange(0.0, far, step)
-    cells = topology.grid.cells_at_m(start + along[:, None] * way)
-    inside = ((cells >= 0) & (cells < topology.grid.shape)).all(axis=1)
-    here = np.zeros(len(along), np.bool_)
-    here[inside] = topology.region[tuple(cells[inside].T)] == number
-    return float(along[np.argmin(here)]) + topology.grid.resolution_m
+def _cut_together(topology: TopologicalMap, place: Region, line: Line) -> Parts | None:
+    """The parts that a cut leaves together with those of other openings; None if it needs more."""
+    middle = np.mean(line, axis=0)
+    for lines in joint_cuts(topology, place, line_width_m(line) + _WIDER_M):
+        away = [float(np.hypot(*(np.mean(other, axis=0) - middle))) for other in lines]
+        nearest = int(np.argmin(away))
+        if away[nearest] <= _SAME_OPENING_M:
+            parts = cut_along(topology, place, [*lines[:nearest], line, *lines[nearest + 1 :]])
+            if len(parts) > 1:
+                return parts
+    return None
 
 
-def _distance_to_line(
-    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    along = end - start
-    share = (points - start) @ along / max(float(along @ along), 1e-12)
-    nearest = start + np.clip(share, 0, 1)[:, None] * along
-    return np.asarray(np.hypot(*(points - nearest).T))
+def _split(topology: TopologicalMap, place: Region, parts: Parts) -> TopologicalMap:
+    """The map with the parts of a place as places; the largest keeps the id."""
+    region = topology.region.copy()
+    new: dict[int, Region] = {}
+    for part in range(1, len(parts)):
+        identity = topology.next_id + len(new)
+        members = parts.cells[parts.number == part]
+        region[members[:, 0], members[:, 1]] = identity
+        new[identity] = place
+    return _described(topology, region, new)
 
 
-def _nearest_part(
-    parts: Components, large: NDArray[np.int64], cells: NDArray[np.int64]
-) -> NDArray[np.int32]:
-    """(n,) the large part that each cell is in, or nearest to."""
-    from scipy.ndimage import distance_transform_edt
-
-    outside = ~np.isin(parts.piece, large)
-    rows, columns = distance_transform_edt(outside, return_distances=False, return_indices=True)
-    near = parts.piece[rows, columns]
-    return np.asarray(near[cells[:, 0], cells[:, 1]])
+def _point(at_m: Sequence[float]) -> tuple[float, float]:
+    x, y = at_m
+    return float(x), float(y)
 
 
 def _described(

@@ -1,13 +1,14 @@
-"""Proposed splits for a person to decide on: rooms joined by a missed doorway (paper, Fig. 9)."""
+"""Proposed splits for a person to decide on: rooms joined by missed doorways (paper, Fig. 9)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from pgm_places.errors import InputError
 from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.corrections import CorrectionRules
+from pgm_places.topology.cuts import Line, cut_along, joint_cuts, line_width_m
 from pgm_places.topology.refinements import find_splits
+from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["ProposedSplit", "propose_splits"]
@@ -21,35 +22,35 @@ class ProposedSplit:
     ----------
     region : str
         Name of the place.
-    start_m, end_m : (float, float)
-        Ends of the line from wall to wall, in the map frame.
+    lines_m : tuple of ((float, float), (float, float))
+        Ends of each line from wall to wall, in the map frame: one, or several that divide the place
+        only together, such as two doors between the same two rooms.
     areas_m2 : (float, float)
         Areas of the larger and the smaller part.
     """
 
     region: str
-    start_m: tuple[float, float]
-    end_m: tuple[float, float]
+    lines_m: tuple[Line, ...]
     areas_m2: tuple[float, float]
 
     @property
-    def width_m(self) -> float:
-        """Length of the line."""
-        return float(np.hypot(*np.subtract(self.end_m, self.start_m)))
+    def widths_m(self) -> tuple[float, ...]:
+        """Length of each line."""
+        return tuple(map(line_width_m, self.lines_m))
 
     @property
-    def middle_m(self) -> tuple[float, float]:
-        """The midpoint of the line."""
-        (x0, y0), (x1, y1) = self.start_m, self.end_m
-        return ((x0 + x1) / 2, (y0 + y1) / 2)
+    def middles_m(self) -> tuple[tuple[float, float], ...]:
+        """The midpoint of each line."""
+        return tuple(((x0 + x1) / 2, (y0 + y1) / 2) for (x0, y0), (x1, y1) in self.lines_m)
 
 
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0
 ) -> list[ProposedSplit]:
-    """Constrictions of places, except doorways, between two wide parts, widest part first.
+    """Constrictions that divide places, except doorways, into two wide parts.
 
-    ``split_rooms_m`` of ``CorrectionRules`` would put a doorway there.
+    First those that divide a place alone, widest part first: ``split_rooms_m`` of
+    ``CorrectionRules`` would put a doorway there. Then two or three that divide one together.
 
     Parameters
     ----------
@@ -69,6 +70,15 @@ def propose_splits(
         raise InputError(
             f"narrower_than_m must be a positive length in metres, got {narrower_than_m}"
         )
+    return [
+        *_single_splits(topology, narrower_than_m, min_part_m2),
+        *_joint_splits(topology, narrower_than_m, min_part_m2),
+    ]
+
+
+def _single_splits(
+    topology: TopologicalMap, narrower_than_m: float, min_part_m2: float
+) -> list[ProposedSplit]:
     rules = CorrectionRules(
         doorway_label=topology.doorway_label,
         split_rooms_m=narrower_than_m,
@@ -83,5 +93,29 @@ def propose_splits(
         ends = grid.cell_centres_m([split.chord.start_rc, split.chord.end_rc]).tolist()
         name = topology.place(int(topology.region[row, column])).name
         (x0, y0), (x1, y1) = ends
-        found.append(ProposedSplit(name, (x0, y0), (x1, y1), split.areas_m2))
+        found.append(ProposedSplit(name, (((x0, y0), (x1, y1)),), split.areas_m2))
     return found
+
+
+def _joint_splits(
+    topology: TopologicalMap, narrower_than_m: float, min_part_m2: float
+) -> list[ProposedSplit]:
+    found = []
+    for place in topology.regions:
+        if place.label == topology.doorway_label or place.area_m2 < 2 * min_part_m2:
+            continue
+        for lines in joint_cuts(topology, place, narrower_than_m):
+            larger, smaller = _parts_m2(topology, place, lines)
+            fewer = ([*lines[:k], *lines[k + 1 :]] for k in range(len(lines)))
+            alone = max(_parts_m2(topology, place, some)[1] for some in fewer)
+            if smaller >= min_part_m2 > alone:
+                found.append(ProposedSplit(place.name, lines, (larger, smaller)))
+    return found
+
+
+def _parts_m2(
+    topology: TopologicalMap, place: Region, lines: Sequence[Line]
+) -> tuple[float, float]:
+    """Areas of the two largest parts between lines, 0 where there is no second."""
+    areas_m2 = [*cut_along(topology, place, lines).area_m2.tolist(), 0.0]
+    return areas_m2[0], areas_m2[1]

@@ -1,0 +1,191 @@
+"""Cuts: lines from wall to wall across a place, alone or together, and the parts they leave."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places.maps.components import connected_components
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
+from pgm_places.spaces.joining import join
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.topology.chords import shortest_chords
+from pgm_places.topology.regions import Region
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["Line", "Parts", "cut_along", "joint_cuts", "line_width_m", "narrowest_line"]
+
+Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+"""The two ends of a line in the map frame."""
+
+MOST_TOGETHER = 3
+"""Openings that are cut together: more lead around furniture, not from one room to another."""
+
+_LEAST_PART_M2 = 0.1
+"""Smaller crumbs beside a line join the part next to them."""
+
+_NEAR_M = 0.2
+"""Lines through cells up to this far from the middle of an opening are tried."""
+
+_N_DIRECTIONS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What cuts leave of a place.
+
+    Parameters
+    ----------
+    cells : (n, 2) int64
+        Row and column of the cells of the place.
+    number : (n,) int64
+        The part of each cell, 0 for the largest.
+    area_m2 : (P,) float64
+        Descending.
+    """
+
+    cells: NDArray[np.int64]
+    number: NDArray[np.int64]
+    area_m2: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.area_m2)
+
+
+def cut_along(topology: TopologicalMap, place: Region, lines: Iterable[Line]) -> Parts:
+    """The parts of a place between lines; a single one where they do not divide it."""
+    from scipy.ndimage import distance_transform_edt
+
+    grid, cells = topology.grid, topology.cells(place.id)
+    centres = grid.cell_centres_m(cells)
+    # Wide enough that no step from cell to cell, along a side or a corner, crosses a line.
+    away = [_distance_to_line(centres, *line) for line in lines]
+    cut = np.min(away, axis=0) <= 0.75 * grid.resolution_m
+    origin = cells.min(axis=0)
+    window = np.full(cells.max(axis=0) - origin + 1, -1, np.int16)
+    kept = cells[~cut] - origin
+    window[kept[:, 0], kept[:, 1]] = 0
+    parts = connected_components(window)
+    large = np.flatnonzero(parts.size * grid.resolution_m**2 >= _LEAST_PART_M2)
+    if not len(large):
+        return Parts(cells, np.zeros(len(cells), np.int64), np.array([place.area_m2]))
+    order = large[np.argsort(-parts.size[large], kind="stable")]
+    outside = ~np.isin(parts.piece, large)
+    near = distance_transform_edt(outside, return_distances=False, return_indices=True)
+    rank = np.zeros(parts.count, np.int64)
+    rank[order] = np.arange(len(order))
+    number = rank[parts.piece[tuple(near)][tuple((cells - origin).T)]]
+    area_m2 = np.bincount(number).astype(np.float64) * grid.resolution_m**2
+    return Parts(cells, number, area_m2)
+
+
+def narrowest_line(topology: TopologicalMap, place: Region, at_m: Sequence[float]) -> Line:
+    """The shortest line through a point of a place that ends where the place does."""
+    middle = np.asarray(at_m, np.float64)
+    lines = []
+    for angle in np.arange(_N_DIRECTIONS) * np.pi / _N_DIRECTIONS:
+        way = np.array([np.cos(angle), np.sin(angle)])
+        start, end = (
+            middle + side * _reach(topology, place.id, middle, side * way) * way for side in (-1, 1)
+        )
+        lines.append(_line(start, end))
+    return min(lines, key=line_width_m)
+
+
+def line_width_m(line: Line) -> float:
+    """The length of a line."""
+    return float(np.hypot(*np.subtract(*line)))
+
+
+def joint_cuts(
+    topology: TopologicalMap, place: Region, narrower_than_m: float
+) -> list[tuple[Line, ...]]:
+    """Lines across two or three openings each that can divide a place together.
+
+    A room that opens into a corridor by two doors is one place with it until both are cut. Openings
+    are the gate candidates within the place that are narrow enough; of all sets of them that part
+    two neighbouring segments, the one with the smallest total width is taken.
+    """
+    alone = _alone(topology, place)
+    gates = gate_candidates(Segmentation.of(alone))
+    every = (
+        [_across(alone, gates.openings.centre_rc[g], narrower_than_m) for g in chosen]
+        for chosen in _smallest_sets(gates, narrower_than_m)
+    )
+    return [tuple(line for line in lines if line) for lines in every if all(lines)]
+
+
+def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
+    """The map of a place and nothing else."""
+    grid, (rows, columns) = topology.grid, topology.window(place.id)
+    cells = np.where(topology.region[rows, columns] == place.id, FREE, OCCUPIED)
+    [(x, y)] = grid.cell_centres_m([[rows.start - 0.5, columns.start - 0.5]]).tolist()
+    return OccupancyGrid(cells.astype(np.int8), grid.resolution_m, (x, y), grid.yaw_rad)
+
+
+def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
+    """Sets of two or three gates that part neighbouring segments, by their numbers."""
+    import networkx as nx
+
+    finest = gates.segmentation.scales[0]
+    narrow = gates.width_m <= narrower_than_m
+    wide = finest.openings.half_width_m >= MOST_HALF_WIDTH_M
+    joined = np.concatenate([finest.openings.segments[wide], gates.segments[~narrow]])
+    group = join(finest.count, joined, np.full(len(joined), np.inf))
+    graph: nx.Graph[int] = nx.Graph()
+    for (a, b), width in zip(group[gates.segments].tolist(), gates.width_m.tolist(), strict=True):
+        if a != b:
+            before = graph.get_edge_data(a, b, {"capacity": 0.0})["capacity"]
+            graph.add_edge(a, b, capacity=before + width)
+    found = set()
+    for a, b in graph.edges:
+        side = list(nx.minimum_cut(graph, a, b)[1][0])
+        inside = np.isin(group[gates.segments], side)
+        found.add(tuple(np.flatnonzero(inside[:, 0] != inside[:, 1]).tolist()))
+    return [list(chosen) for chosen in sorted(found) if 2 <= len(chosen) <= MOST_TOGETHER]
+
+
+def _across(
+    grid: OccupancyGrid, middle_rc: NDArray[np.float64], narrower_than_m: float
+) -> Line | None:
+    """The shortest line across an opening, from wall to wall; None if all are too long."""
+    reach = max(1, round(_NEAR_M / grid.resolution_m))
+    low = np.maximum(np.rint(middle_rc).astype(np.int64) - reach, 0)
+    near = np.argwhere(grid.free[low[0] : low[0] + 2 * reach + 1, low[1] : low[1] + 2 * reach + 1])
+    longest = narrower_than_m / grid.resolution_m + 1  # chords end in the middle of a wall's cell
+    chords = shortest_chords(~grid.free, near + low, longest)
+    if not chords:
+        return None
+    start, end = grid.cell_centres_m([chords[0].start_rc, chords[0].end_rc])
+    return _line(start, end)
+
+
+def _line(start: NDArray[np.float64], end: NDArray[np.float64]) -> Line:
+    (x0, y0), (x1, y1) = start.tolist(), end.tolist()
+    return (x0, y0), (x1, y1)
+
+
+def _reach(
+    topology: TopologicalMap, number: int, start: NDArray[np.float64], way: NDArray[np.float64]
+) -> float:
+    """How far one gets from a point in a direction before the region ends, a cell beyond it."""
+    step = topology.grid.resolution_m / 4
+    far = float(np.hypot(*topology.grid.shape)) * topology.grid.resolution_m
+    along = np.arange(0.0, far, step)
+    cells = topology.grid.cells_at_m(start + along[:, None] * way)
+    inside = ((cells >= 0) & (cells < topology.grid.shape)).all(axis=1)
+    here = np.zeros(len(along), np.bool_)
+    here[inside] = topology.region[tuple(cells[inside].T)] == number
+    return float(along[np.argmin(here)]) + topology.grid.resolution_m
+
+
+def _distance_to_line(
+    points: NDArray[np.float64], start: ArrayLike, end: ArrayLike
+) -> NDArray[np.float64]:
+    along = np.subtract(end, start)
+    share = (points - np.asarray(start)) @ along / max(float(along @ along), 1e-12)
+    nearest = np.asarray(start) + np.clip(share, 0, 1)[:, None] * along
+    return np.asarray(np.hypot(*(points - nearest).T))

@@ -1,0 +1,71 @@
+"""Openings that part a place only together: proposed together, and cut together."""
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.place_edits import split_at
+from pgm_places.topology.proposals import propose_splits
+from pgm_places.topology.topological_map import TopologicalMap
+
+NAMES = ("corridor", "room", "doorway")
+ROOM = 1
+FIRST_ROWS = (4, 26, 48, 70)
+
+
+def two_rooms(doors: int, *, shift: int = 0) -> TopologicalMap:
+    """Rooms of 8.8 x 3 m side by side with doors of 0.8 m; the second ones lie ``shift`` away."""
+    labels = np.full((90, 64 + shift), -1, np.int16)
+    labels[1:89, 1:31] = labels[1:89, 33 : 63 + shift] = ROOM
+    for first in FIRST_ROWS[:doors]:
+        labels[first : first + 8, 31:33] = ROOM
+    cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
+    return topological_map(OccupancyGrid(cells, 0.1, (3.0, -2.0), 0.7), labels, NAMES)
+
+
+def in_door(found: TopologicalMap, number: int) -> list[float]:
+    return found.grid.cell_centres_m([[FIRST_ROWS[number] + 4, 31.5]])[0].tolist()
+
+
+@pytest.mark.parametrize("doors", [2, 3])
+def test_doors_that_part_two_rooms_together_are_proposed_together(doors: int) -> None:
+    found = two_rooms(doors)
+    [split] = propose_splits(found, 1.0)
+    assert split.region == "room 1"
+    assert split.widths_m == pytest.approx([0.8] * doors, abs=0.11)
+    rows, columns = found.grid.cells_at_m(split.middles_m).T
+    assert sorted(rows.tolist()) == pytest.approx([r + 4 for r in FIRST_ROWS[:doors]], abs=1)
+    assert ((columns >= 30) & (columns <= 33)).all()
+    assert split.areas_m2 == pytest.approx((26.4, 26.4), abs=0.3)
+    assert propose_splits(found, 0.6) == []
+    assert propose_splits(found, 1.0, min_part_m2=27.0) == []
+
+
+def test_many_openings_are_no_doors() -> None:
+    assert propose_splits(two_rooms(4), 1.0) == []
+
+
+def test_a_single_door_is_proposed_once() -> None:
+    [split] = propose_splits(two_rooms(1), 1.0)
+    assert len(split.lines_m) == 1
+
+
+@pytest.mark.parametrize("door", [0, 1])
+def test_a_point_in_one_of_two_doors_cuts_both(door: int) -> None:
+    before = two_rooms(2, shift=10)
+    found = split_at(before, "room 1", in_door(before, door))
+    assert [region.name for region in found.regions] == ["room 1", "room 2"]
+    assert {found.region[30, 10], found.region[30, 50]} == {1, 2}
+    assert found.place(1).area_m2 > found.place(2).area_m2  # the larger part keeps the id
+    [connection] = found.connections
+    assert connection.width_m == pytest.approx(0.8, abs=0.11)
+
+
+def test_a_point_where_nothing_is_divided_is_answered_in_its_terms() -> None:
+    found = two_rooms(4)
+    with pytest.raises(InputError, match="one can go around; choose a point in a doorway"):
+        split_at(found, "room 1", in_door(found, 0))
+    with pytest.raises(InputError, match=r"is not in 'room 1'; no place is there"):
+        split_at(found, "room 1", [-100.0, 0.0])
