@@ -7,7 +7,8 @@ over all k, or nothing where that is negative: the more nodes differ the less, u
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +20,17 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.decoding import Decoder, DecodingOptions, decode, decode_as
+from pgm_places.models.decoding import (
+    DECODERS,
+    Decoder,
+    DecodingAnswer,
+    DecodingOptions,
+    DecodingTask,
+    converged,
+    decode_as,
+    decode_by,
+    require_decoder,
+)
 from pgm_places.solvers.set_nodes import SetNodes
 from pgm_places.solvers.set_terms import SetTerms
 
@@ -106,13 +117,22 @@ def decode_with_cliques(
         The sets.
     method : str
         A decoder of :mod:`pgm_places.models.decoding`; not ``exact``, since sets close cycles.
-        With two labels ``graph-cut`` finds the best labelling of all.
+        With two labels ``graph-cut`` finds the best labelling of all. Beliefs are those of
+        ``p ~ exp(score)``, what sets earn included.
     weight : float or (C, K) float
         What a set in which all nodes agree earns for each of them, or that by set and label.
     dissent : float
         The share of its nodes, above 0 and up to 1, that may differ before a set earns nothing.
     certify, max_iterations, on_iteration
         As of :func:`pgm_places.models.decoding.decode`.
+
+    Raises
+    ------
+    ConfigError
+        No such method.
+    InputError
+        A weight below 0; a dissent that is not a share above 0, or for ``sum-product`` and
+        ``mean-field`` one above 1/2 where there are three labels or more.
 
     Examples
     --------
@@ -123,11 +143,18 @@ def decode_with_cliques(
     >>> found.labels.tolist(), found.score, found.status
     ([0, 0, 0, 0], 5.0, <Status.EXACT: 'exact'>)
     """
+    require_decoder(method)
     whole, extended = with_set_nodes(graph, potentials, cliques, weight=weight, dissent=dissent)
-    found = decode(
+    decoder = DECODERS[method]
+    if method in ("sum-product", "mean-field"):
+        sets = SetNodes(cliques, graph.n_nodes, potentials.n_labels, dissent)
+        arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
+        decoder = partial(_beliefs, method, sets, _rewards(sets, weight), arrays)
+    found = decode_by(
+        decoder,
+        method,
         whole,
         extended,
-        method,
         certify=certify,
         max_iterations=max_iterations,
         on_iteration=on_iteration,
@@ -140,6 +167,29 @@ def decode_with_cliques(
     bound = None if found.bound is None else max(found.bound, total)
     status = Status.CONVERGED if found.status is Status.EXACT and bound is None else found.status
     return replace(found, labels=labels, beliefs=beliefs, score=total, bound=bound, status=status)
+
+
+def _beliefs(
+    method: str,
+    sets: SetNodes,
+    rewards: NDArray[np.float64],
+    arrays: tuple[Any, ...],
+    task: DecodingTask,
+) -> DecodingAnswer:
+    """The beliefs under the pairwise part of a model and its sets, not under the nodes of these."""
+    from pgm_places.solvers.belief_propagation import BeliefPropagation, belief_propagation
+    from pgm_places.solvers.mean_field import MeanField, mean_field
+    from pgm_places.solvers.set_beliefs import set_tables
+
+    solve: Callable[..., BeliefPropagation | MeanField]
+    solve = belief_propagation if method == "sum-product" else mean_field
+    found = solve(*arrays, sets=set_tables(sets, rewards), **task.limited())
+    labels = sets.lift(found.labels, rewards)
+    beliefs = np.eye(sets.n_whole_labels)[labels]  # whose rows of the sets' nodes nobody gets
+    beliefs[: sets.n_nodes] = np.pad(
+        found.beliefs, ((0, 0), (0, sets.n_whole_labels - sets.n_labels))
+    )
+    return DecodingAnswer(labels, converged(found.converged), beliefs=beliefs)
 
 
 class _Options(DecodingOptions, Protocol):

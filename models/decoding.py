@@ -26,8 +26,12 @@ __all__ = [
     "FOREST_DECODERS",
     "GIVING_BELIEFS",
     "Decoder",
+    "DecodingAnswer",
+    "DecodingTask",
+    "converged",
     "decode",
     "decode_as",
+    "decode_by",
     "require_decoder",
 ]
 
@@ -118,6 +122,28 @@ def decode(
     potentials.check_fits(graph)
     if known is not None:
         potentials = potentials.with_known(known)
+    return decode_by(
+        DECODERS[method],
+        method,
+        graph,
+        potentials,
+        certify=certify,
+        max_iterations=max_iterations,
+        on_iteration=on_iteration,
+    )
+
+
+def decode_by(
+    decoder: "Callable[[DecodingTask], DecodingAnswer]",
+    name: str,
+    graph: LabelGraph,
+    potentials: Potentials,
+    *,
+    certify: bool,
+    max_iterations: int | None,
+    on_iteration: Callable[[int, float], None] | None,
+) -> Labeling:
+    """What a function finds that is called ``name``; all else as of :func:`decode`."""
     started = time.perf_counter()
     history: list[float] = []
 
@@ -127,12 +153,12 @@ def decode(
             on_iteration(iteration, value)
 
     limit = {} if max_iterations is None else {"limit": max_iterations}
-    answer = DECODERS[method](_Problem(graph, potentials, record, **limit))
+    answer = decoder(DecodingTask(graph, potentials, record, **limit))
     total = score(graph, potentials, answer.labels)
     if total == -np.inf:
         answer = _repaired(graph, potentials, answer)
         total = score(graph, potentials, answer.labels)
-    info: dict[str, Any] = {"decoder": method, "iterations": len(history)}
+    info: dict[str, Any] = {"decoder": name, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
     info.update(answer.info)
     bound = answer.bound
@@ -179,7 +205,7 @@ def require_decoder(method: str) -> None:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class DecodingTask:
     """What a decoder gets; it reports each iteration to ``record``."""
 
     graph: LabelGraph
@@ -202,7 +228,9 @@ class _Problem:
 
 
 @dataclass(frozen=True)
-class _Answer:
+class DecodingAnswer:
+    """What a decoder finds; its score is worked out from the labels."""
+
     labels: NDArray[np.int64]
     status: Status
     bound: float | None = None
@@ -210,50 +238,50 @@ class _Answer:
     info: Mapping[str, Any] = field(default_factory=dict)
 
 
-def _graph_cut(problem: _Problem) -> _Answer:
+def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.expansion import alpha_expansion
 
     found = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
     bound = found.score if found.exact else None
-    status = Status.EXACT if found.exact else _converged(found.converged)
-    return _Answer(found.labels, status, bound, info={"moves": found.n_moves})
+    status = Status.EXACT if found.exact else converged(found.converged)
+    return DecodingAnswer(found.labels, status, bound, info={"moves": found.n_moves})
 
 
-def _lp(problem: _Problem) -> _Answer:
+def _lp(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.marginal_lp import solve_marginal_lp
 
     found = solve_marginal_lp(*problem.arrays)
     # an integral solution is the best only as far as the solver is exact: its bound proves it
     status = Status.CONVERGED if found.integral else Status.RELAXED
     info = {"integral": found.integral, "node_marginals": found.node_marginals}
-    return _Answer(found.labels, status, found.bound, info=info)
+    return DecodingAnswer(found.labels, status, found.bound, info=info)
 
 
-def _trws(problem: _Problem) -> _Answer:
+def _trws(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.trws import trws
 
     found = trws(*problem.arrays, **problem.limited())
     info = {"score_history": tuple(found.history[:, 0].tolist())}
-    return _Answer(found.labels, _converged(found.converged), found.bound, info=info)
+    return DecodingAnswer(found.labels, converged(found.converged), found.bound, info=info)
 
 
-def _icm(problem: _Problem) -> _Answer:
+def _icm(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.local_search import iterated_conditional_modes
 
     found = iterated_conditional_modes(*problem.arrays, **problem.limited())
-    return _Answer(found.labels, _converged(found.converged))
+    return DecodingAnswer(found.labels, converged(found.converged))
 
 
-def _mean_field(problem: _Problem) -> _Answer:
+def _mean_field(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.mean_field import mean_field
 
     found: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
     if found is None:
         found = mean_field(*problem.arrays, **problem.limited())
-    return _Answer(found.labels, _converged(found.converged), beliefs=found.beliefs)
+    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
 
 
-def _mean_field_on_raster(problem: _Problem) -> "GridMeanField | None":
+def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
     """Mean field without a list of the edges, where one table holds for all edges of a raster."""
     links, known = problem.graph.links, problem.potentials
     one_table = known.agreement is None and (known.pairwise is None or known.pairwise.ndim == 2)
@@ -270,28 +298,28 @@ def _mean_field_on_raster(problem: _Problem) -> "GridMeanField | None":
     )
 
 
-def _max_product(problem: _Problem) -> _Answer:
+def _max_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation
 
     found = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
     if found.exact:
-        return _Answer(found.labels, Status.EXACT, found.score)
-    return _Answer(found.labels, _converged(found.converged))
+        return DecodingAnswer(found.labels, Status.EXACT, found.score)
+    return DecodingAnswer(found.labels, converged(found.converged))
 
 
-def _sum_product(problem: _Problem) -> _Answer:
+def _sum_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation
 
     found = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
-    return _Answer(found.labels, _converged(found.converged), beliefs=found.beliefs)
+    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
 
 
-def _exact(problem: _Problem) -> _Answer:
+def _exact(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.forest import forest_marginals, forest_maximum
 
     best = forest_maximum(*problem.arrays)
     whole = forest_marginals(*problem.arrays)
-    return _Answer(
+    return DecodingAnswer(
         best.labels,
         Status.EXACT,
         best.score,
@@ -300,7 +328,7 @@ def _exact(problem: _Problem) -> _Answer:
     )
 
 
-DECODERS: Mapping[str, Callable[[_Problem], _Answer]] = {
+DECODERS: Mapping[str, Callable[[DecodingTask], DecodingAnswer]] = {
     "graph-cut": _graph_cut,
     "lp": _lp,
     "trw-s": _trws,
@@ -313,8 +341,9 @@ DECODERS: Mapping[str, Callable[[_Problem], _Answer]] = {
 """Decoders by name; ``docs/inference.md`` says which to take when."""
 
 
-def _converged(converged: bool) -> Status:
-    return Status.CONVERGED if converged else Status.STOPPED
+def converged(is_converged: bool) -> Status:
+    """The status of a local method that came to rest, or was stopped."""
+    return Status.CONVERGED if is_converged else Status.STOPPED
 
 
 def _model(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
@@ -324,7 +353,7 @@ def _model(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
     return pairwise_model(*arrays)
 
 
-def _repaired(graph: LabelGraph, potentials: Potentials, answer: _Answer) -> _Answer:
+def _repaired(graph: LabelGraph, potentials: Potentials, answer: DecodingAnswer) -> DecodingAnswer:
     """The answer with labels that break no rule, where the search finds such."""
     from pgm_places.solvers.feasibility import allowed_labels
 

@@ -7,7 +7,7 @@ from pgm_places.kernels.jit import fused, njit
 from pgm_places.solvers._adjacency_kernels import Arcs
 from pgm_places.solvers._pairwise_kernels import Terms, add_edge, table_at
 
-__all__ = ["mean_field_pass", "modes_pass"]
+__all__ = ["add_expected", "mean_field_pass", "modes_pass"]
 
 _ONE = np.uint32(1)
 _ROUNDING = 1e-12
@@ -40,7 +40,7 @@ def modes_pass(terms: Terms, arcs: Arcs, labels: NDArray[np.int32]) -> int:
 
 
 @fused
-def _add_expected(
+def add_expected(
     pairwise: NDArray[np.float64],
     arc: np.uint32,
     theirs: NDArray[np.float64],
@@ -76,7 +76,7 @@ def mean_field_pass(
         for k in range(n_labels):
             value[k] = terms.unary[i, k]
         for slot in range(start[i], start[i + 1]):
-            _add_expected(terms.pairwise, arc[slot], beliefs[head[slot]], value)
+            add_expected(terms.pairwise, arc[slot], beliefs[head[slot]], value)
         top = value[0]
         for k in range(1, n_labels):
             if value[k] > top:

@@ -21,6 +21,7 @@ from pgm_places.solvers._belief_kernels import (
 from pgm_places.solvers.forest_order import is_forest, rooted_forest
 from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.set_beliefs import SetMessages, SetTables, set_unit
 
 __all__ = ["BeliefPropagation", "belief_propagation"]
 
@@ -46,7 +47,7 @@ class BeliefPropagation:
         labelling, also where several are. For ``"sum-product"`` the most probable label of each
         node by itself; ties are decided in that way, so that they fit together.
     score : float
-        The labels' log-potential.
+        The labels' log-potential, without what sets earn.
     beliefs : (N, K) float
         For ``"sum-product"`` the approximate marginals, for ``"max-product"`` the normalised
         max-marginals; rows sum to one.
@@ -58,8 +59,8 @@ class BeliefPropagation:
     history : (n_iterations,) float
         Largest change of a log-message in each sweep.
     exact : bool
-        Whether the graph has no cycle: beliefs are then the model's own, and the labels of
-        ``"max-product"`` the best of all.
+        Whether there are no cycles and no sets: beliefs are then the model's own, and the labels
+        of ``"max-product"`` the best of all.
     """
 
     labels: NDArray[np.int64]
@@ -78,6 +79,7 @@ def belief_propagation(
     pairwise: ArrayLike | None = None,
     *,
     kind: Literal["sum-product", "max-product"] = "sum-product",
+    sets: SetTables | None = None,
     damping: float = 0.0,
     tolerance: float = 1e-4,
     max_iterations: int = 100,
@@ -102,6 +104,9 @@ def belief_propagation(
         down to some value.
     kind : {"sum-product", "max-product"}
         Marginals, or the labelling.
+    sets : SetTables, optional
+        Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`), for
+        ``"sum-product"``. O(K n^2) a sweep for a set of n nodes.
     damping : float
         Share of the old log-message that is kept in an update, at least 0 and less than 1.
     tolerance : float
@@ -127,14 +132,19 @@ def belief_propagation(
     """
     if kind not in ("sum-product", "max-product"):
         raise InputError(f"kind must be 'sum-product' or 'max-product', got {kind!r}")
+    if sets is not None and kind == "max-product":
+        raise InputError("sets are for kind 'sum-product'; decode_with_cliques takes either")
     check_schedule(damping, tolerance, max_iterations)
     model = pairwise_model(unary, edges, agreement, pairwise)
     message = np.zeros((2 * model.around.n_edges, model.n_labels))
     rule = Rule(kind == "max-product", float(damping))
-    exact = is_forest(model.around)
-    sweep = _sweeper(model, rule, message)
-    still = tolerance * (model.unit if kind == "max-product" else min(model.unit, 1.0))
-    still = max(still, ROUNDING * model.unit)
+    unit = set_unit(model, sets)
+    still = max(tolerance * (unit if rule.maximise else min(unit, 1.0)), ROUNDING * unit)
+    exact = sets is None and is_forest(model.around)
+    if sets is None:
+        sweep = _sweeper(model, rule, message)
+    else:
+        model, sweep = _with_sets(model, sets, rule, message)
     if exact:
         sweep, still, max_iterations = _forest_sweeper(model, rule.maximise, message), -1.0, 2
     history: list[float] = []
@@ -146,7 +156,7 @@ def belief_propagation(
         if change <= still:
             break
     beliefs = beliefs_from_messages(model, message)
-    labels = _decoded(model, message, np.inf if rule.maximise else TIE * model.unit)
+    labels = _decoded(model, message, np.inf if rule.maximise else TIE * unit)
     return BeliefPropagation(
         labels=frozen(labels),
         score=total_score(model, labels),
@@ -178,6 +188,20 @@ def _sweeper(
         return lambda upwards: message_sweep(upwards, rule, terms, arcs, message)
     gain = np.zeros((0, model.n_labels)) if rule.maximise else np.expm1(agreement)
     return lambda upwards: agreement_sweep(upwards, rule, terms, gain, arcs, message)
+
+
+def _with_sets(
+    model: PairwiseModel, sets: SetTables, rule: Rule, message: NDArray[np.float64]
+) -> tuple[PairwiseModel, Callable[[bool], float]]:
+    """The model whose unaries hold what sets say, and what renews that after all messages."""
+    told = SetMessages(model, sets)
+    among_nodes = _sweeper(told.model, rule, message)
+
+    def sweep(upwards: bool) -> float:
+        change = among_nodes(upwards)
+        return max(change, told.renew(heard_from_all(told.model, message)))
+
+    return told.model, sweep
 
 
 def _forest_sweeper(

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import frozen
 from pgm_places.errors import InputError
 from pgm_places.solvers._local_kernels import mean_field_pass
-from pgm_places.solvers.pairwise import pairwise_model, total_score
+from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
+from pgm_places.solvers.set_beliefs import SetTables, set_unit, set_updates
 
 __all__ = ["MeanField", "mean_field"]
 
@@ -23,7 +24,7 @@ class MeanField:
     labels : (N,) int
         The most probable label per node.
     score : float
-        The labels' log-potential.
+        The labels' log-potential, without what sets earn.
     beliefs : (N, K) float
         Probability of each label; rows sum to one.
     n_iterations : int
@@ -48,6 +49,7 @@ def mean_field(
     agreement: ArrayLike | None = None,
     pairwise: ArrayLike | None = None,
     *,
+    sets: SetTables | None = None,
     damping: float = 0.0,
     tolerance: float = 1e-4,
     max_iterations: int = 100,
@@ -69,6 +71,8 @@ def mean_field(
     pairwise : (K, K) or (E, K, K) float, optional
         Log-potential of each pair of labels instead. A node whose neighbours together forbid every
         label (-inf) keeps its beliefs.
+    sets : SetTables, optional
+        Sets of nodes that want one label (:func:`pgm_places.solvers.set_beliefs.set_tables`).
     damping : float
         Share of the old belief that is kept in an update, at least 0 and less than 1.
     tolerance : float
@@ -95,9 +99,10 @@ def mean_field(
     model = pairwise_model(unary, edges, agreement, pairwise)
     beliefs = normalised(model.unary)
     history: list[float] = []
-    still = tolerance * min(model.unit, 1.0)
+    still = tolerance * min(set_unit(model, sets), 1.0)
+    update = _updates(model) if sets is None else set_updates(model, sets)
     while len(history) < max_iterations:
-        history.append(mean_field_pass(damping, model.terms, model.around.arcs, beliefs))
+        history.append(update(damping, beliefs))
         if on_iteration is not None:
             on_iteration(len(history), history[-1])
         if history[-1] <= still:
@@ -110,6 +115,12 @@ def mean_field(
         n_iterations=len(history),
         converged=history[-1] <= still,
         history=frozen(np.array(history)),
+    )
+
+
+def _updates(model: PairwiseModel) -> Callable[[float, NDArray[np.float64]], float]:
+    return lambda damping, beliefs: mean_field_pass(
+        damping, model.terms, model.around.arcs, beliefs
     )
 
 

@@ -126,6 +126,15 @@ class SetNodes:
         links = self.link_rewards(rewards)[:, :, None] * np.eye(self.n_whole_labels)
         return np.concatenate([np.pad(tables, ((0, 0), wider, wider)), links])
 
+    def lift(self, labels: NDArray[np.int64], rewards: NDArray[np.float64]) -> NDArray[np.int64]:
+        """A labelling (N,) with that of the nodes of sets, which earns them the most."""
+        k = self.n_labels
+        member, end = self.links.T
+        earned = self.unary(np.zeros((self.n_nodes, k)), rewards)
+        reward = self.link_rewards(rewards)[np.arange(len(end)), labels[member]]
+        np.add.at(earned, (end, labels[member]), reward)
+        return np.concatenate([labels, earned[self.n_nodes :].argmax(axis=1)])
+
     def agreed(self, labels: NDArray[np.integer]) -> NDArray[np.float64]:
         """(C, K) ``max(0, n - d_k / q)`` for a labelling (N,): what a reward is multiplied by.
 

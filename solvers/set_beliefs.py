@@ -1,0 +1,103 @@
+"""What sets of nodes say of their members' labels where beliefs are wanted, not one labelling.
+
+Nodes that stand for sets, as :mod:`pgm_places.solvers.set_nodes` makes them, are right for the best
+labelling: there the best label of such a node counts. In a sum over labellings all of its labels
+would, which is another distribution. Beliefs therefore take the sets themselves, as functions of
+how many of their nodes have each label.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import sealed
+from pgm_places.errors import InputError
+from pgm_places.solvers._set_belief_kernels import SetTables, pass_from_sets, set_mean_field_pass
+from pgm_places.solvers.pairwise import PairwiseModel
+from pgm_places.solvers.set_nodes import SetNodes
+
+__all__ = ["SetMessages", "SetTables", "set_tables", "set_unit", "set_updates"]
+
+
+def set_tables(sets: SetNodes, rewards: NDArray[np.float64]) -> SetTables:
+    """What sets earn, as a sum over labels of a worth by the number of nodes with the label.
+
+    Parameters
+    ----------
+    sets : SetNodes
+    rewards : (C, K) float
+        What a set in which all nodes agree earns for each of them.
+
+    Raises
+    ------
+    InputError
+        With three labels or more and a dissent above 1/2 several labels of a set may earn
+        something, of which the most counts: that is no sum over labels.
+    """
+    k, dissent = sets.n_labels, sets.dissent
+    if k > 2 and dissent > 0.5:
+        raise InputError(
+            f"beliefs with cliques need a dissent of at most 0.5 or two labels, got {dissent:g} "
+            f"and {k} labels; lower it, or use a decoder that gives labels only"
+        )
+    parts = [np.zeros((k, 0))]
+    for size, reward in zip(sets.cliques.sizes, rewards, strict=True):
+        differing = size - np.arange(size + 1.0)
+        earned = reward[:, None] * np.maximum(size - differing / dissent, 0.0)
+        if k == 2:  # the number of nodes with one label is that of those without the other
+            earned = np.stack([np.zeros(size + 1), np.maximum(earned[0][::-1], earned[1])])
+        parts.append(earned)
+    worth = np.concatenate(parts, axis=1)
+    log_gain = np.full(worth.shape, -np.inf)
+    some = worth > 0
+    log_gain[some] = worth[some] + np.log(-np.expm1(-worth[some]))
+    start, members = sets.cliques.start, sets.cliques.members
+    return SetTables(sealed(start), sealed(members), sealed(worth), sealed(log_gain))
+
+
+class SetMessages:
+    """What sets tell their members, and the model whose unaries include it.
+
+    Parameters
+    ----------
+    model : PairwiseModel
+        Without the sets.
+    tables : SetTables
+    """
+
+    def __init__(self, model: PairwiseModel, tables: SetTables) -> None:
+        self._tables = tables
+        self._message = np.zeros((len(tables.member), model.n_labels))
+        self._field = model.unary.copy()
+        shown = self._field.view()
+        shown.setflags(write=False)  # kernels are compiled for unaries that they cannot write
+        self.model = replace(model, unary=shown)
+
+    def renew(self, heard: NDArray[np.float64]) -> float:
+        """Renew all messages from what the nodes hear (N, K), which follows; the largest change."""
+        return float(pass_from_sets(self._tables, heard, self._field, self._message))
+
+
+def set_updates(
+    model: PairwiseModel, tables: SetTables
+) -> Callable[[float, NDArray[np.float64]], float]:
+    """The pass of mean field over a model with sets: of a damping and beliefs (N, K) to update."""
+    set_of = np.repeat(np.arange(len(tables.start) - 1), np.diff(tables.start))
+    slots = np.argsort(tables.member, kind="stable")
+    slot_start = np.searchsorted(tables.member[slots], np.arange(model.n_nodes + 1))
+
+    def update(damping: float, beliefs: NDArray[np.float64]) -> float:
+        arguments = (tables, set_of, slot_start, slots, beliefs)
+        return float(set_mean_field_pass(damping, model.terms, model.around.arcs, *arguments))
+
+    return update
+
+
+def set_unit(model: PairwiseModel, tables: SetTables | None) -> float:
+    """The unit of a model's potentials; with sets, the smaller of it and of what a node changes."""
+    steps = np.zeros(0) if tables is None else np.diff(tables.worth, axis=1)
+    steps = steps[steps > 0]
+    units = [model.unit, float(np.median(steps)) if len(steps) else 0.0]
+    return min((unit for unit in units if unit > 0), default=0.0)
