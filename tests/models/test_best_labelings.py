@@ -99,7 +99,8 @@ def check(model: Model, n_best: int, *, always_exact: bool) -> None:
 
 def test_a_triangle_whose_nodes_must_agree() -> None:
     graph = LabelGraph.from_edges(3, [(0, 1), (1, 2), (0, 2)])
-    alike = Potentials([[1, 0], [0, 0], [0, 0.5]], pairwise=[[0, -np.inf], [-np.inf, 0]])
+    unary = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.5]])
+    alike = Potentials(unary, pairwise=np.where(np.eye(2) > 0, 0.0, -np.inf))
     found = best_labelings(graph, alike, 3)
     assert found.labels.tolist() == [[0, 0, 0], [1, 1, 1]]
     assert found.scores.tolist() == [1.0, 0.5]

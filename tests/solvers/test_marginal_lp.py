@@ -99,17 +99,19 @@ def test_fractional_solutions_are_rounded_to_labellings_that_no_single_node_impr
 ) -> None:
     rng = np.random.default_rng(13)
     graph = LabelGraph.from_lattice((6, 6))
-    shape = (graph.n_edges, 3) if kind == "agreement" else (graph.n_edges, 3, 3)
-    unary, terms = rng.normal(size=(36, 3)), {kind: 2.0 * rng.normal(size=shape)}
-    found = solve_marginal_lp(unary, graph.edges, **terms)
+    unary, edges = rng.normal(size=(36, 3)), graph.edges.astype(np.int64)
+    if kind == "agreement":
+        model = Model(unary, edges, 2.0 * rng.normal(size=(len(edges), 3)))
+    else:
+        model = Model(unary, edges, pairwise=2.0 * rng.normal(size=(len(edges), 3, 3)))
+    found = solve_marginal_lp(*model.arrays)
     assert not found.integral
     plain = found.node_marginals.argmax(axis=1)
-    model = Model(unary, graph.edges.astype(np.int64), **terms)
-    again = iterated_conditional_modes(unary, graph.edges, initial=plain, **terms)
+    again = iterated_conditional_modes(*model.arrays, initial=plain)
     assert score(model, tuple(plain.tolist())) < again.score <= found.score + 1e-9
-    more = iterated_conditional_modes(unary, graph.edges, initial=found.labels, **terms)
+    more = iterated_conditional_modes(*model.arrays, initial=found.labels)
     assert more.score == pytest.approx(found.score)
-    tree = BucketTree.of(pairwise_model(unary, graph.edges, **terms))
+    tree = BucketTree.of(pairwise_model(*model.arrays))
     assert tree is not None
     best = float(tree.solved(unary)[1].max())
     assert found.score <= best + 1e-9
