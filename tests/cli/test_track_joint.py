@@ -93,7 +93,7 @@ def test_a_finer_map_is_labelled_at_the_resolution_of_the_model() -> None:
     found = label_map_and_drive(joint(), refine(grid, grid.resolution_m / 2), path)
     expected = joint().label(grid, path)
     assert expected.cells is not None and expected.steps is not None
-    assert "coarsened by 2 and painted back" in found.map.warnings[0]
+    assert "coarsened by 2, from" in found.map.warnings[0]
     np.testing.assert_array_equal(found.map.labels[::2, ::2][grid.free], expected.cells.labels)
     np.testing.assert_array_equal(found.steps.labels, expected.steps.labels)
 
