@@ -445,10 +445,22 @@ def test_flags_are_made_from_options() -> None:
         command(path="x", **given | {"min_part_m2": "-0.5"})
 
 
+def test_flags_that_are_not_given_leave_what_others_say() -> None:
+    command = option_flags("rules", TopologyOptions, only_given=True)(_command)
+    shown = inspect.signature(command).parameters
+    given = {name: item.default for name, item in shown.items() if name != "path"}
+    assert set(given.values()) == {None, False}
+    command(path="x", **given | {"min_area_m2": "1", "correct": True})
+    stored = TopologyOptions(min_area_m2=3.0, min_width_m=0.3, correct=False)
+    assert _called["rules"].over(stored) == TopologyOptions(min_width_m=0.3)
+    with pytest.raises(OptionError, match=re.escape("--min-part must be a number of at least 0")):
+        command(path="x", **given | {"min_part_m2": "-0.5"})
+
+
 _called: dict[str, Any] = {}
 
 
-def _command(path: str, *, rules: TopologyOptions, quiet: bool = False) -> None:
+def _command(path: str, *, rules: Any, quiet: bool = False) -> None:
     _called.update(path=path, rules=rules, quiet=quiet)
 
 

@@ -5,7 +5,8 @@ import inspect
 import typing
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any, Generic, TypeVar
 
 from pgm_places.cli.declarations import Option
 from pgm_places.options import (
@@ -14,9 +15,12 @@ from pgm_places.options import (
     option_fields,
     option_hints,
     option_lines,
+    option_values,
 )
 
-__all__ = ["flag_of", "named_as_flags", "option_flags"]
+__all__ = ["GivenOptions", "flag_of", "named_as_flags", "option_flags"]
+
+T = TypeVar("T")
 
 UNITS = ("_m2", "_m_s", "_m", "_s")
 """Endings of options' names that flags leave out: their help says the unit."""
@@ -34,12 +38,36 @@ def flag_of(option: str) -> str:
     return "--" + option.removesuffix(unit).replace("_", "-")
 
 
+@dataclass(frozen=True)
+class GivenOptions(Generic[T]):
+    """Options that were given by flags, and nothing of those that were not.
+
+    Parameters
+    ----------
+    cls : dataclass
+        Whose options they are.
+    values : mapping of str to value
+    flags : mapping of str to str
+        The flag of each option of the class.
+    """
+
+    cls: type[T]
+    values: Mapping[str, Any]
+    flags: Mapping[str, str]
+
+    def over(self, others: T) -> T:
+        """The options of an object, those that were given in their place."""
+        with named_as_flags(self.flags):
+            return from_mapping(self.cls, {**option_values(others), **self.values})
+
+
 def option_flags(
     parameter: str,
     cls: type[Any],
     flags: Mapping[str, str] | None = None,
     *,
     without: Collection[str] = (),
+    only_given: bool = False,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """A decorator that gives a command a flag for each option of a class.
 
@@ -53,6 +81,9 @@ def option_flags(
         Flags that are not called as :func:`flag_of` would call them.
     without : collection of str
         Options that mean nothing to the command: they keep their defaults.
+    only_given : bool
+        The parameter takes :class:`GivenOptions` rather than an object of the class: the defaults
+        are for the command to choose.
     """
     hints = {name: hint for name, hint in option_hints(cls).items() if name not in without}
     names = {name: flag_of(name) for name in hints} | dict(flags or {})
@@ -60,15 +91,19 @@ def option_flags(
     def decorated(command: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(command)
         def call(**given: Any) -> None:
-            values = {name: _value(given.pop(name), hints[name]) for name in names}
+            texts = {name: given.pop(name) for name in names}
+            values = {
+                name: _value(text, hints[name]) for name, text in texts.items() if text is not None
+            }
             with named_as_flags(names):
-                options = from_mapping(cls, values)
-            command(**{parameter: options}, **given)
+                options = from_mapping(cls, values)  # what is wrong shows before the work
+            asked = GivenOptions(cls, values, names) if only_given else options
+            command(**{parameter: asked}, **given)
 
         signature = inspect.signature(command)
         parameters: list[inspect.Parameter] = []
         for item in signature.parameters.values():
-            parameters += _parameters(cls, names) if item.name == parameter else [item]
+            parameters += _parameters(cls, names, only_given) if item.name == parameter else [item]
         vars(call)["__signature__"] = signature.replace(parameters=parameters)
         call.__annotations__ = {item.name: item.annotation for item in parameters}
         return call
@@ -85,7 +120,9 @@ def named_as_flags(flags: Mapping[str, str]) -> Iterator[None]:
         raise OptionError(flags.get(error.option, error.option), error.problem) from None
 
 
-def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parameter]:
+def _parameters(
+    cls: type[Any], flags: Mapping[str, str], only_given: bool
+) -> list[inspect.Parameter]:
     """A parameter per option: a switch, or text that the class itself reads and checks."""
     lines, hints = option_lines(cls), option_hints(cls)
     found = []
@@ -95,16 +132,26 @@ def _parameters(cls: type[Any], flags: Mapping[str, str]) -> list[inspect.Parame
         flag, is_switch = flags[item.name], hints[item.name] is bool
         if is_switch:
             flag += f"/--no-{flag.removeprefix('--')}"
-        option = Option(flag, help=lines[item.name], metavar=_metavar(item.default))
+        words = lines[item.name]
+        if only_given and item.default is not False:
+            usual = flag.split("/")[0] if is_switch else _text(item.default)
+            words += f" [default: {usual}]"
+        option = Option(flag, help=words, metavar=_metavar(item.default))
         found.append(
             inspect.Parameter(
                 item.name,
                 inspect.Parameter.KEYWORD_ONLY,
-                default=item.default if is_switch else _text(item.default),
+                default=_default(item.default, only_given),
                 annotation=Annotated[bool, option] if is_switch else Annotated[str, option],
             )
         )
     return found
+
+
+def _default(default: Any, only_given: bool) -> bool | str | None:
+    if only_given:
+        return None
+    return default if isinstance(default, bool) else _text(default)
 
 
 def _metavar(default: Any) -> str | None:

@@ -7,21 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.flags import named_as_flags, option_flags
+from pgm_places.cli.flags import GivenOptions, named_as_flags, option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
-from pgm_places.options import AtLeastZero
+from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
+    from pgm_places.spaces.doorways import Doorways
     from pgm_places.topology.regions import Region
     from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["export", "topology", "where"]
 
 
-@option_flags("rules", TopologyOptions, {"doorway_label": "--doorway"}, without=("doorways",))
+@option_flags("given", TopologyOptions, {"doorway_label": "--doorway"}, only_given=True)
 def topology(
     labels_png: Annotated[
         Path,
@@ -34,12 +35,12 @@ def topology(
         Option("--names", help="Names file; LABELS.yaml or labels.yaml by default."),
     ] = None,
     *,
-    rules: TopologyOptions,
+    given: GivenOptions[TopologyOptions],
     propose_splits_m: Annotated[
         AtLeastZero,
         Option(
             "--propose-splits",
-            help="List the places that --split-rooms would split at this width (m), without "
+            help="List where places could be split at openings narrower than this (m), without "
             "splitting them.",
         ),
     ] = 0.0,
@@ -47,12 +48,17 @@ def topology(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the places in a labelled map and their connections."""
+    """Find the places in a labelled map and their connections.
+
+    For labels that 'label' wrote, the settings and gates that it left beside them are used instead
+    of the defaults. Flags override both.
+    """
     from pgm_places.io.maps.label_image import load_labels
     from pgm_places.io.maps.label_values import listed_names
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.io.output_set import output_set
-    from pgm_places.report.file_names import PLACES
+    from pgm_places.io.places.place_settings import SETTINGS_FILE, PlaceSettings, load_settings
+    from pgm_places.report.file_names import PLACES, SETTINGS
     from pgm_places.report.topology_output import places_summary, write_places
 
     progress = make_progress(quiet=quiet)
@@ -60,20 +66,43 @@ def topology(
         loaded = load_map(map_yaml, unknown_value=unknown_value)
         names = listed_names(labels_png, names_file)
         labels = load_labels(labels_png, names, grid=loaded.grid, names_path=names_file)
+        settings = load_settings(labels_png.parent) or PlaceSettings(TopologyOptions())
+        rules = given.over(settings.rules)
+        doorways = settings.doorways if rules.doorways == "gates" else None
     for message in loaded.warnings:
         progress.warn(message)
+    if (labels_png.parent / SETTINGS_FILE).exists():
+        say(_settings_line(labels_png.parent / SETTINGS_FILE, rules, doorways))
+    elif given.values.get("doorways") == "gates":
+        progress.warn(f"--doorways gates: there is no {SETTINGS_FILE} with gates beside the labels")
     with (
-        output_set(out, "topology", names=PLACES, force=force) as files,
+        output_set(out, "topology", names=(*PLACES, *SETTINGS), force=force) as files,
         progress.stage("places"),
     ):
         found = write_places(
-            files, loaded.name, rules, grid=loaded.grid, labels=labels, label_names=names
+            files,
+            loaded.name,
+            rules,
+            grid=loaded.grid,
+            labels=labels,
+            label_names=names,
+            doorways=doorways,
         )
     say(places_summary(found))
     if propose_splits_m:
         for line in _proposals(found, propose_splits_m):
             say(line)
     say_written(files)
+
+
+def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | None") -> str:
+    """Where the settings are from, and which of them depart from the defaults."""
+    usual = option_values(TopologyOptions())
+    changed = [
+        f"{key} = {value}" for key, value in option_values(rules).items() if value != usual[key]
+    ]
+    gates = f"; {len(doorways)} gates" if doorways else ""
+    return f"settings of {path}: {', '.join(changed) or 'the defaults'}{gates}"
 
 
 def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:

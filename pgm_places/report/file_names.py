@@ -2,17 +2,18 @@
 
 from collections.abc import Iterable
 
-__all__ = ["COMPARISON", "DEMO", "LIVE", "PLACES", "TRACK", "label_names"]
+__all__ = ["COMPARISON", "DEMO", "LIVE", "PLACES", "SETTINGS", "TRACK", "label_names"]
 
 COMPARISON = ("results.json", "report.html")
 DEMO = ("map.yaml", "map.png", "labels.png", "labels.yaml", "demo.toml", *COMPARISON)
 PLACES = ("topology.json", "regions.png", "regions.geojson", "topology.png")
 TRACK = ("beliefs.csv", "path.png", "beliefs.png", "report.html")
 LIVE = ("places.jsonl", "check.csv", *PLACES)
+SETTINGS = ("places.json", "gate_places.png")
 
 
 def label_names(labels: Iterable[str]) -> tuple[str, ...]:
     """The files of a labelled map with these labels, its places included."""
     probabilities = [f"probability_{label}.png" for label in labels]
     files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
-    return (*files, *probabilities, *PLACES)
+    return (*files, *probabilities, *PLACES, *SETTINGS)

@@ -5,6 +5,7 @@ from typing import Any
 
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
+from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import (
     TOPOLOGY_FILE,
     load_topology,
@@ -32,8 +33,12 @@ def write_places(
 ) -> TopologicalMap:
     """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
 
-    ``inputs`` are those of ``topological_map``, the grid among them.
+    ``inputs`` are those of ``topological_map``, the grid among them. The rules and the gates are
+    written as well, so that the same places can be found from the labels again.
     """
+    doorways = inputs.get("doorways")
+    gates = doorways if doorways is not None and len(doorways) else None
+    save_settings(files.stage, PlaceSettings(rules, gates))  # first: a huge map has room for it now
     earlier = (files.folder / TOPOLOGY_FILE).exists()
     found = topological_map(
         rules=rules,

@@ -107,14 +107,23 @@ class Doorways:
         Raises
         ------
         InputError
-            The map is in another frame.
+            The map is in another frame, or of another size.
         """
-        if grid.shape == self.grid.shape and grid.resolution_m == self.grid.resolution_m:
-            return self.place
         if grid.origin_xy_m != self.grid.origin_xy_m or grid.yaw_rad != self.grid.yaw_rad:
             raise InputError(
                 f"doorways were found in a map with its origin at {self.grid.origin_xy_m} and yaw "
                 f"{self.grid.yaw_rad:g}, but the map has {grid.origin_xy_m} and {grid.yaw_rad:g}"
+            )
+        if grid.shape == self.grid.shape and grid.resolution_m == self.grid.resolution_m:
+            return self.place
+        sizes_m = np.multiply(
+            [self.grid.shape, grid.shape], [[self.grid.resolution_m], [grid.resolution_m]]
+        )
+        coarser_m = max(self.grid.resolution_m, grid.resolution_m)
+        if (np.abs(sizes_m[0] - sizes_m[1]) > 1.5 * coarser_m).any():
+            raise InputError(
+                f"doorways were found in a map of {sizes_m[0, 0]:g} x {sizes_m[0, 1]:g} m, but the "
+                f"map has {sizes_m[1, 0]:g} x {sizes_m[1, 1]:g} m"
             )
         factor = factor_between(grid.resolution_m, self.grid.resolution_m)
         # Only cells of the last blocks stick out: they take the nearest row and column.

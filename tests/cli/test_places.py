@@ -26,7 +26,7 @@ def places(building: Path, run: Run) -> Path:
 
 def test_topology_writes_files_and_a_picture(places: Path) -> None:
     names = {path.name for path in places.iterdir()}
-    assert names == {RECORD_FILE, *PLACES}
+    assert names == {RECORD_FILE, *PLACES, "places.json"}
     found = json.loads((places / "topology.json").read_text())
     assert {region["label"] for region in found["regions"]} == {"corridor", "room", "doorway"}
     assert found["connections"]
@@ -125,6 +125,52 @@ def test_label_writes_places_with_the_models_rules(building: Path, run: Run) -> 
     assert all(region["confidence"] is not None for region in found["regions"])
     assert {"regions.geojson", "regions.png", "topology.png"} <= {p.name for p in out.iterdir()}
     assert sum(region["label"] != "doorway" for region in found["regions"]) <= 1
+
+
+def test_topology_takes_the_settings_and_gates_of_the_labels_folder(
+    building: Path, run: Run
+) -> None:
+    config = building / "config.toml"
+    config.write_text(config.read_text() + "\n[topology]\nmin_width_m = 0.3\nmin_area_m2 = 2.0\n")
+    assert run("train", config, "-o", building / "model", "-q")[0] == 0
+    labelled = building / "labelled"
+    words = ("label", building / "map.yaml", "-m", building / "model", "-o", labelled, "-q")
+    assert run(*words)[0] == 0
+
+    def regions(*options: object, out: Path) -> tuple[list[dict[str, object]], str]:
+        words = ("topology", labelled / "labels.png", building / "map.yaml", "--out", out, "-q")
+        code, text, error = run(*words, *options)
+        assert code == 0, error
+        found = json.loads((out / "topology.json").read_text())["regions"]
+        unknown = {"confidence": None, "probabilities": None}  # labels come without probabilities
+        return [each if "gate" in each else each | unknown for each in found], text
+
+    before = json.loads((labelled / "topology.json").read_text())["regions"]
+    n_gates = sum("gate" in each for each in before)
+    assert n_gates > 5
+    again, text = regions(out=building / "again")
+    line = f"settings of {labelled / 'places.json'}: min_area_m2 = 2.0, min_width_m = 0.3; "
+    assert any(said.startswith(line) and said.endswith(" gates") for said in text.splitlines())
+    assert [(r["id"], r["name"], r["area_m2"]) for r in again] == [
+        (r["id"], r["name"], r["area_m2"]) for r in before
+    ]
+    assert [r.get("gate") for r in again] == [r.get("gate") for r in before]
+    assert (building / "again/regions.png").read_bytes() == (labelled / "regions.png").read_bytes()
+    fewer, _ = regions("--min-area", "1e6", out=building / "fewer")
+    assert len(fewer) < len(before)
+    painted, _ = regions("--doorways", "labels", out=building / "painted")
+    assert not any("gate" in each for each in painted)
+    same, _ = regions(out=labelled)  # over what label wrote
+    assert [each["name"] for each in same] == [each["name"] for each in before]
+
+
+def test_gates_that_are_not_known_are_said_to_be(building: Path, run: Run) -> None:
+    code, _, error = run(
+        *("topology", building / "labels.png", building / "map.yaml"),
+        *("--out", building / "gated", "--doorways", "gates"),
+    )
+    assert code == 0
+    assert "there is no places.json with gates beside the labels" in error
 
 
 def test_label_takes_gates_as_doorways_unless_told_otherwise(building: Path, run: Run) -> None:

@@ -27,6 +27,7 @@ from pgm_places.io.maps.label_values import listed_names
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.maps.regions import load_regions
 from pgm_places.io.output_set import RECORD_FILE, claim
+from pgm_places.io.places.place_settings import load_settings
 from pgm_places.io.places.topology_files import load_topology, read_own_names
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.map_prior import read_labelled_map
@@ -212,6 +213,8 @@ READERS: dict[str, Reader] = {
     ),
     "topology.json": Reader(_of_folder(load_topology), "topology.json", JSON),
     "regions.png": Reader(_of_folder(load_topology), "regions.png", BYTES),
+    "places.json": Reader(_of_folder(load_settings), "places.json", JSON),
+    "gate_places.png": Reader(_of_folder(load_settings), "gate_places.png", BYTES),
     "place_names.yaml": Reader(_of_folder(read_own_names), "place_names.yaml"),
     "record of outputs": Reader(_of_folder(claim, "outputs"), f"outputs/{RECORD_FILE}", JSON),
     "interrupted swap": Reader(finished, "removed.json", JSON),

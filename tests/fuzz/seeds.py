@@ -21,6 +21,7 @@ from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.output_set import RECORD_FILE
+from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import save_topology
 from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -29,6 +30,7 @@ from pgm_places.persistence.stored import load, save
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Painting
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder
 from pgm_places.trajectories.scan import ScanGeometry
 from tests.fuzz.mutation import json_bytes
@@ -42,7 +44,7 @@ from tests.io.logs.log_files import (
     packed_files,
     robotlaser,
 )
-from tests.topology.floors import gated_floor_map
+from tests.topology.floors import gated_floor_map, gates_of
 
 __all__ = ["MODELS", "NAMES", "seeds"]
 
@@ -170,6 +172,7 @@ def seeds(folder: Path) -> None:
     record = {"t_s": 1.5, "counts": {"cup": 2, "person": 1}}
     (folder / "counts.json").write_bytes(json_bytes([record, record]))
     save_topology(folder, gated_floor_map())
+    save_settings(folder, PlaceSettings(TopologyOptions(), gates_of(gated_floor_map().grid)))
     (folder / "place_names.yaml").write_text("1: kitchen\n2: lab\n")
     detection_bag(folder / "detections", [("/left", 10.1, [("62", 0.9)]), ("/right", 10.2, [])])
     record = {"by": "label", "sha256": "0" * 64}

@@ -55,6 +55,11 @@ def test_a_map_elsewhere_is_refused() -> None:
     other = OccupancyGrid(np.zeros((4, 4), np.int8), 0.2, (1.0, 0.0))
     with pytest.raises(InputError, match=r"found in a map with its origin at \(0.0, 0.0\)"):
         found.place_on(other)
+    moved = OccupancyGrid(found.grid.cells, 0.1, (1.0, 0.0))
+    with pytest.raises(InputError, match=r"but the map has \(1.0, 0.0\)"):
+        found.place_on(moved)
+    with pytest.raises(InputError, match=r"a map of 4.3 x 8.3 m, but the map has 0.8 x 0.8 m"):
+        found.place_on(OccupancyGrid(np.zeros((4, 4), np.int8), 0.2))
 
 
 def test_probabilities_and_places_must_fit() -> None:

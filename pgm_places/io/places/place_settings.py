@@ -1,0 +1,178 @@
+"""places.json: the rules and gates by which a folder's places were found, to find them again."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._option_marks import Ge, Le
+from pgm_places.errors import InputError, OutputError, shown
+from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.json_file import read_json
+from pgm_places.io.maps.raster_image import MAX_PIXELS, open_image
+from pgm_places.io.raster_png import raster_png
+from pgm_places.maps.number_type import number_type
+from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
+from pgm_places.options import from_mapping, plain_values
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.gate import Gate
+from pgm_places.topology.rules import TopologyOptions
+
+__all__ = ["GATES_FILE", "SETTINGS_FILE", "PlaceSettings", "load_settings", "save_settings"]
+
+SETTINGS_FILE, GATES_FILE = "places.json", "gate_places.png"
+_FORMAT, _SCHEMA = "pgm-places settings of places", 1
+_MAX_BYTES = 64 << 20
+_MOST_PLACES = 65535
+_WANTED = "the settings of places, as 'pgm-places label' and 'pgm-places topology' write them"
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceSettings:
+    """How the places of a folder were found.
+
+    Parameters
+    ----------
+    rules : TopologyOptions
+    doorways : Doorways or None
+        The gates of the map that counted as doorways; None where labels said what is one.
+    """
+
+    rules: TopologyOptions
+    doorways: Doorways | None = None
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """The raster of the gates, which may have other cells than the map."""
+
+    rows: Annotated[int, Ge(1)]
+    columns: Annotated[int, Ge(1)]
+    resolution_m: float
+    origin_xy_m: tuple[float, float]
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class _GateRecord:
+    """A gate with every digit: rounded, cells on the edge of its rectangle might fall out."""
+
+    centre_m: tuple[float, float]
+    heading_rad: float
+    width_m: Annotated[float, Ge(0)]
+    depth_m: Annotated[float, Ge(0)]
+    probability: Annotated[float, Ge(0), Le(1)]
+
+    @property
+    def gate(self) -> Gate:
+        """The rectangle."""
+        return Gate(self.centre_m, self.heading_rad, self.width_m, self.depth_m)
+
+
+def save_settings(folder: Path, settings: PlaceSettings) -> list[Path]:
+    """Write the settings into a folder; the paths written.
+
+    ``places.json`` holds the rules and the gates, ``gate_places.png`` the place between gates at
+    each cell (16 bits, counted from 1, 0 for none, the top row first), if there are gates.
+
+    Raises
+    ------
+    OutputError
+        Where a file cannot be written, or there are more than 65535 places between gates.
+    """
+    record: dict[str, Any] = {
+        "format": _FORMAT,
+        "schema": _SCHEMA,
+        "settings": plain_values(settings.rules),
+    }
+    written = []
+    if settings.doorways is not None:
+        grid = settings.doorways.grid
+        frame = _Frame(*grid.shape, grid.resolution_m, grid.origin_xy_m, grid.yaw_rad)
+        record["map"] = plain_values(frame)
+        record["gates"] = [plain_values(item) for item in _gate_records(settings.doorways)]
+        written.append(write_bytes(folder / GATES_FILE, _png(folder, settings.doorways)))
+    text = json.dumps(record, indent=1, allow_nan=False)
+    return [write_text(folder / SETTINGS_FILE, text + "\n"), *written]
+
+
+def _gate_records(doorways: Doorways) -> list[_GateRecord]:
+    return [
+        _GateRecord(gate.centre_m, gate.heading_rad, gate.width_m, gate.depth_m, float(p))
+        for gate, p in zip(doorways.gates, doorways.probability, strict=True)
+    ]
+
+
+def _png(folder: Path, doorways: Doorways) -> bytes:
+    from PIL import Image
+
+    place = doorways.place
+    count = int(place.max(initial=-1)) + 1
+    if count > _MOST_PLACES:
+        raise OutputError(
+            f"{folder / GATES_FILE}: the gates part {count} places, but the image holds only "
+            f"{_MOST_PLACES}; cut the map into parts"
+        )
+    return raster_png(Image.fromarray((place[::-1] + 1).astype(np.uint16)))
+
+
+def load_settings(folder: Path, *, max_pixels: int = MAX_PIXELS) -> PlaceSettings | None:
+    """The settings in a folder; None where there are none.
+
+    Raises
+    ------
+    InputError
+        Where a file is damaged, or they do not fit each other.
+    """
+    path = folder / SETTINGS_FILE
+    if not path.exists():
+        return None
+    record = read_json(path, InputError, _WANTED, max_bytes=_MAX_BYTES)
+    if not isinstance(record, dict) or (record.get("format"), record.get("schema")) != (
+        _FORMAT,
+        _SCHEMA,
+    ):
+        raise InputError(f"{path} does not hold {_WANTED}; label the map again")
+    try:
+        rules = from_mapping(TopologyOptions, record["settings"], path="settings")
+        doorways = _doorways(folder, record, max_pixels) if "gates" in record else None
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path} is damaged ({shown(error)}); label the map again") from None
+    return PlaceSettings(rules, doorways)
+
+
+def _doorways(folder: Path, record: dict[str, Any], max_pixels: int) -> Doorways:
+    frame = from_mapping(_Frame, record["map"], path="map")
+    gates = [
+        from_mapping(_GateRecord, item, path=f"gates[{k}]")
+        for k, item in enumerate(record["gates"])
+    ]
+    place = _read_places(folder / GATES_FILE, (frame.rows, frame.columns), max_pixels)
+    cells = np.where(place >= 0, FREE, UNKNOWN).astype(np.int8)
+    grid = OccupancyGrid(cells, frame.resolution_m, frame.origin_xy_m, frame.yaw_rad)
+    for k, item in enumerate(gates):
+        _require_on_map(f"gates[{k}]", item.gate, grid)
+    probability = np.array([item.probability for item in gates], np.float64)
+    return Doorways(grid, tuple(item.gate for item in gates), probability, place)
+
+
+def _require_on_map(path: str, gate: Gate, grid: OccupancyGrid) -> None:
+    longest_m = float(np.hypot(*grid.shape)) * grid.resolution_m
+    away_m = float(np.hypot(*np.subtract(gate.centre_m, grid.origin_xy_m)))
+    if max(gate.width_m, gate.depth_m, away_m) > longest_m:
+        raise InputError(f"{path} does not lie on the map; label the map again")
+
+
+def _read_places(
+    path: Path, shape: tuple[int, int], max_pixels: int
+) -> NDArray[np.int16] | NDArray[np.int32]:
+    with open_image(path, InputError, max_pixels=max_pixels) as image:
+        if image.shape != shape or not image.is_deep:
+            raise InputError(f"{path}: expected 16-bit numbers of shape {shape}, got {image.shape}")
+        place = image.stored()[::-1].astype(np.int32) - 1
+    return place.astype(number_type(int(place.max()) + 1))

@@ -1,0 +1,106 @@
+"""The settings of places as files: written, read back, and damaged."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pgm_places.errors import InputError
+from pgm_places.io.places.place_settings import (
+    GATES_FILE,
+    SETTINGS_FILE,
+    PlaceSettings,
+    load_settings,
+    save_settings,
+)
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.doorways import Doorways
+from pgm_places.topology.rules import TopologyOptions
+from tests.spaces.floors import grid_of, two_rooms
+from tests.topology.floors import gates_of
+
+RULES = TopologyOptions(min_width_m=0.3, doorways_join_two=False)
+
+
+def gates() -> Doorways:
+    grid = grid_of(two_rooms())
+    return gates_of(OccupancyGrid(grid.cells, 0.1, (5.0, -3.0), 0.4), 0.9)
+
+
+def test_without_a_file_there_are_no_settings(tmp_path: Path) -> None:
+    assert load_settings(tmp_path) is None
+
+
+def test_settings_are_written_and_read_back(tmp_path: Path) -> None:
+    before = gates()
+    paths = save_settings(tmp_path, PlaceSettings(RULES, before))
+    assert [path.name for path in paths] == [SETTINGS_FILE, GATES_FILE]
+    after = load_settings(tmp_path)
+    assert after is not None and after.doorways is not None
+    assert after.rules == RULES
+    assert after.doorways.gates == before.gates  # with every digit
+    np.testing.assert_array_equal(after.doorways.probability, before.probability)
+    np.testing.assert_array_equal(after.doorways.place, before.place)
+    assert after.doorways.place.dtype == before.place.dtype
+    for name in ("shape", "resolution_m", "origin_xy_m", "yaw_rad"):
+        assert getattr(after.doorways.grid, name) == getattr(before.grid, name)
+
+
+def test_settings_without_gates_are_one_file(tmp_path: Path) -> None:
+    assert len(save_settings(tmp_path, PlaceSettings(RULES))) == 1
+    after = load_settings(tmp_path)
+    assert after is not None
+    assert (after.rules, after.doorways) == (RULES, None)
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        ({"schema": 2}, "does not hold the settings of places"),
+        ({"settings": {"min_area": 1}}, "unknown key 'settings.min_area'. Did you mean"),
+        ({"settings": {"min_area_m2": -1.0}}, "settings.min_area_m2 must be a number of at least"),
+        ({"settings": None}, "is damaged"),
+        ({"gates": [{}]}, r"'gates\[0\].centre_m' is missing"),
+        ({"map": {"rows": 3}}, "'map.columns' is missing"),
+    ],
+)
+def test_damaged_settings_are_said_in_one_line(
+    damage: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    save_settings(tmp_path, PlaceSettings(RULES, gates()))
+    path = tmp_path / SETTINGS_FILE
+    path.write_text(json.dumps(json.loads(path.read_text()) | damage))
+    with pytest.raises(InputError, match=words):
+        load_settings(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("probability", 1.5, "probability must be a number from 0 to 1"),
+        ("width_m", 1e300, r"gates\[0\] does not lie on the map"),
+        ("centre_m", [500.0, 0.0], r"gates\[0\] does not lie on the map"),
+    ],
+)
+def test_impossible_gates_are_refused(
+    field: str, value: object, words: str, tmp_path: Path
+) -> None:
+    save_settings(tmp_path, PlaceSettings(RULES, gates()))
+    path = tmp_path / SETTINGS_FILE
+    record = json.loads(path.read_text())
+    record["gates"][0][field] = value
+    path.write_text(json.dumps(record))
+    with pytest.raises(InputError, match=words):
+        load_settings(tmp_path)
+
+
+def test_a_raster_of_another_size_is_refused(tmp_path: Path) -> None:
+    save_settings(tmp_path, PlaceSettings(RULES, gates()))
+    path = tmp_path / SETTINGS_FILE
+    record = json.loads(path.read_text())
+    record["map"]["rows"] += 1
+    path.write_text(json.dumps(record))
+    with pytest.raises(InputError, match="expected 16-bit numbers of shape"):
+        load_settings(tmp_path)
