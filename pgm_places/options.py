@@ -154,6 +154,10 @@ def from_mapping(cls: type[T], values: Mapping[str, Any], *, path: str = "") -> 
     ConfigError
         An unknown key (the nearest is offered), a missing one, or a value that is refused.
     """
+    if not isinstance(values, Mapping):
+        raise ConfigError(
+            f"{path or 'the options'} must be a table of options, got {shown(values)}"
+        )
     hints = option_hints(cls)
     for key in values:
         if key not in hints:
