@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.spaces.components import components, neighbour_lists
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates
+from pgm_places.spaces.joining import join
 from pgm_places.spaces.segment_features import segment_features
 from pgm_places.spaces.segmentation import Segments, divided
 from pgm_places.spaces.space_spec import SEGMENT_FEATURES
@@ -17,13 +17,16 @@ from pgm_places.spaces.space_spec import SEGMENT_FEATURES
 __all__ = ["Places", "place_features", "places_between"]
 
 
+_SURE = 1e-6
+"""Probabilities of gates are kept this far from 0 and 1, unless they are 0 or 1 exactly."""
+
 _SLIVER_M2 = 2.0
 """Smaller segments behind an impassable gap are corners of a place, not places."""
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """The segments of the finest scale, joined wherever no accepted gate separates them.
+    """The segments of the finest scale, joined wherever no gate that is a doorway separates them.
 
     Parameters
     ----------
@@ -58,20 +61,25 @@ class Places:
 
 
 def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5) -> Places:
-    """The places of a map between accepted gates.
+    """The places of a map between the gates that are doorways.
 
     Two segments of the finest scale belong to one place if an opening between them is too wide for
-    a gate, or if there are candidates between them and none is accepted. Gaps under 0.2 m, such as
-    cracks in a wall or between chairs in a row, are not candidates and join nothing; but segments
+    a gate. Between all others there are candidates, the most probable of which counts for the pair:
+    its log-odds speak for two places if they are positive, and otherwise for one. Where candidates
+    disagree, because one can go around a doorway through another opening, :func:`join` weighs them:
+    either all openings between two places are doorways, or none is. Gaps under 0.2 m, such as
+    cracks in a wall or between chairs in a row, are no candidates and join nothing; but segments
     under 2 m2 without another way out join the neighbour behind their widest gap.
 
     Parameters
     ----------
     gates : Gates
     accepted : (G,) bool or float
-        Which gates are doorways, or the probability that each is.
+        Which gates are doorways, or the probability that each is. Booleans, and probabilities of
+        exactly 0 and 1, are certain: what is certainly no doorway joins the segments on its sides
+        whatever other gates say, unless another gate between these two segments is a doorway.
     threshold : float
-        Probabilities above it are accepted.
+        The probability that speaks neither for nor against a doorway, above 0 and below 1.
 
     Examples
     --------
@@ -85,12 +93,16 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     >>> places_between(gates, [True]).count, places_between(gates, [0.2]).count
     (2, 1)
     """
-    taken = _accepted(accepted, len(gates), threshold)
+    if not 0 < threshold < 1:
+        raise InputError(f"threshold must lie between 0 and 1, got {threshold}")
+    probability = _probability(accepted, len(gates))
     finest = gates.segmentation.scales[0]
     n_basins = finest.watershed.basins.count
-    home = _joined(finest, gates, taken)
+    home = join(finest.count, *_weighed_pairs(finest, gates, _log_odds(probability, threshold)))
     segments = divided(finest.watershed, home[finest.segment_of[:n_basins]][None])[0]
-    return Places(gates, sealed(taken), segments, home[gates.segments])
+    sides = home[gates.segments]
+    taken = (sides[:, 0] != sides[:, 1]) & (probability > 0) | (probability == 1)
+    return Places(gates, sealed(taken), segments, sides)
 
 
 def place_features(places: Places) -> NDArray[np.float64]:
@@ -113,34 +125,45 @@ def place_features(places: Places) -> NDArray[np.float64]:
     return np.concatenate([own, np.stack(extra, axis=1)], axis=1)
 
 
-def _accepted(accepted: ArrayLike, n_gates: int, threshold: float) -> NDArray[np.bool_]:
+def _probability(accepted: ArrayLike, n_gates: int) -> NDArray[np.float64]:
     values = np.asarray(accepted)
     if values.shape != (n_gates,) or not (values.dtype.kind in "bf" or not values.size):
         raise InputError(
             "accepted must contain one boolean or probability per gate "
             f"({n_gates}), got {values.dtype} of shape {values.shape}"
         )
-    if values.dtype == np.bool_:
-        return values.copy()
     if values.size and not (values.min() >= 0 and values.max() <= 1):
         raise InputError(
             f"accepted must hold probabilities from 0 to 1, got {values.min()} to {values.max()}"
         )
-    return np.asarray(values > threshold)
+    return np.asarray(values, np.float64)
 
 
-def _joined(finest: Segments, gates: Gates, taken: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """(S,) place of each segment of the finest scale."""
-    count, openings = finest.count, finest.openings
-    if not count:
-        return np.zeros(0, np.int32)
-    weights = np.array([count, 1])
+def _log_odds(probability: NDArray[np.float64], threshold: float) -> NDArray[np.float64]:
+    """(G,) log-odds of each gate against those of the threshold, infinite if it is certain."""
+    p = np.clip(probability, _SURE, 1 - _SURE)
+    found = np.log(p / (1 - p)) - np.log(threshold / (1 - threshold))
+    found[probability == 0], found[probability == 1] = -np.inf, np.inf
+    return found
+
+
+def _weighed_pairs(
+    finest: Segments, gates: Gates, log_odds: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """(E, 2) neighbouring segments, and (E,) how much speaks for their being one place."""
+    openings = finest.openings
+    weights = np.array([finest.count, 1])
     key, with_gate = openings.segments @ weights, gates.segments @ weights
     wide = openings.half_width_m >= MOST_HALF_WIDTH_M
-    passable = wide | np.isin(key, with_gate)
-    kept = wide | (passable & ~np.isin(key, with_gate[taken]))
-    kept |= _ways_out_of_slivers(finest, passable)
-    return components(*neighbour_lists(openings.segments[kept], count))
+    wide |= _ways_out_of_slivers(finest, wide | np.isin(key, with_gate))
+    pairs, of = np.unique(with_gate, return_inverse=True)
+    most = np.full(len(pairs), -np.inf)
+    np.maximum.at(most, of.reshape(-1), log_odds)
+    apart = np.stack(np.divmod(pairs, max(finest.count, 1)), axis=1).astype(np.int32)
+    return (
+        np.concatenate([openings.segments[wide], apart]),
+        np.concatenate([np.full(int(wide.sum()), np.inf), -most]),
+    )
 
 
 def _ways_out_of_slivers(finest: Segments, passable: NDArray[np.bool_]) -> NDArray[np.bool_]:

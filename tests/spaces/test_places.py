@@ -125,9 +125,50 @@ def test_wrong_acceptance_is_refused(gates: Gates, accepted: list[float], messag
         places_between(gates, accepted)
 
 
+@pytest.mark.parametrize("threshold", [0.0, 1.0, np.nan])
+def test_a_threshold_is_a_doubtful_probability(gates: Gates, threshold: float) -> None:
+    with pytest.raises(InputError, match="threshold must lie between 0 and 1"):
+        places_between(gates, np.full(3, 0.5), threshold=threshold)
+
+
 def test_maps_without_gates_have_places_too() -> None:
     empty = gate_candidates(Segmentation.of(grid_of(np.zeros((9, 9), np.bool_))))
     assert places_between(empty, []).count == 0
     assert place_features(places_between(empty, [])).shape == (0, 43)
     room = gate_candidates(Segmentation.of(grid_of(two_rooms()[:, :42])))
     assert place_features(places_between(room, [])).shape == (1, 43)
+
+
+def ring() -> Gates:
+    """A room with a door to each half of a corridor that is narrow in its middle."""
+    free = np.zeros((70, 100), np.bool_)
+    free[2:40, 10:90] = True
+    free[46:68, 2:98] = True
+    free[46:68, 49:51] = False
+    free[52:62, 49:51] = True  # 1 m between the halves
+    free[40:46, 20:29] = free[40:46, 70:79] = True
+    return gate_candidates(Segmentation.of(grid_of(free)))
+
+
+@pytest.mark.parametrize(
+    ("doors", "middle", "accepted"),
+    [
+        ((0.9, 0.9), 0.01, [True, True, False]),
+        ((0.9, 0.4), 0.01, [True, True, False]),  # the doubtful door is cut with the sure one
+        ((0.9, 0.02), 0.01, [False, False, False]),  # two openings say that it is one place
+        ((0.6, 0.3), 0.01, [False, False, False]),
+        ((0.9, 0.4), 0.0, [True, True, False]),
+        ((0.9, 0.0), 0.0, [False, False, False]),  # what is certain is not weighed
+        ((1.0, 0.0), 0.0, [True, False, False]),  # a certain doorway, though it parts nothing
+    ],
+)
+def test_all_gates_between_two_places_are_cut_together(
+    doors: tuple[float, float], middle: float, accepted: list[bool]
+) -> None:
+    gates = ring()
+    left, across, right = np.argsort(gates.centre_m[:, 0]).tolist()
+    probability = np.empty(3)
+    probability[[left, right, across]] = *doors, middle
+    found = places_between(gates, probability)
+    assert found.accepted[[left, right, across]].tolist() == accepted
+    assert found.count == 1 + found.parting.any()
