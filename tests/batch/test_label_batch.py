@@ -42,11 +42,12 @@ Batch = Callable[..., LabelledBatch]
 
 @pytest.fixture
 def batch(model: Path, maps: Path) -> Batch:
-    def run(workers: Any = None, **changes: Any) -> LabelledBatch:
-        found = find_maps([str(maps)], maps.parent / "out")
+    def run(workers: Any = None, *, force: bool = False, **changes: Any) -> LabelledBatch:
+        out = maps.parent / "out"
+        found = find_maps([str(maps)], out)
         options = LabelOptions(model=str(model), **changes)
         return label_batch(
-            found.maps, maps.parent / "out", options, workers or Here(), progress=Silent()
+            found.maps, out, options, workers or Here(), force=force, progress=Silent()
         )
 
     return run
@@ -108,13 +109,15 @@ def test_what_has_changed_is_labelled_again(batch: Batch, maps: Path, change: st
     assert labelled_now(batch()) == []
 
 
-def test_a_manifest_changed_by_hand_is_not_overwritten(batch: Batch, maps: Path) -> None:
+def test_a_manifest_changed_by_hand_is_overwritten_only_by_force(batch: Batch, maps: Path) -> None:
     batch()
     manifest = maps.parent / "out" / "floor1" / "manifest.json"
     manifest.write_text("{}")
     assert "manifest.json: it was changed" in batch().failures[0].message
     manifest.unlink()
     assert labelled_now(batch()) == ["floor1"]
+    manifest.write_text("{}")
+    assert labelled_now(batch(force=True)) == ["floor1"]
 
 
 def test_other_options_label_again(batch: Batch) -> None:
@@ -151,12 +154,13 @@ def test_any_error_is_a_failure_of_its_map(batch: Batch, monkeypatch: pytest.Mon
     assert messages["floor1"].message.startswith("list index out of range (test_label_batch.py:")
 
 
-def test_a_full_disk_ends_the_batch_and_keeps_what_is_done(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("reason", [errno.ENOSPC, errno.EDQUOT])
+def test_a_full_disk_or_quota_ends_the_batch_and_keeps_what_is_done(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch, reason: int
 ) -> None:
     def until_full(model: Any, source: MapFile, files: OutputSet, **options: Any) -> LabelledFile:
         if files.folder.name == "floor2":
-            error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            error = OSError(reason, os.strerror(reason))
             raise OutputError(f"cannot write {files.folder}") from error
         return label_file(model, source, files, **options)
 
@@ -172,3 +176,10 @@ def test_a_folder_of_somebody_else_is_refused(batch: Batch, maps: Path) -> None:
     (maps.parent / "out" / "thesis.tex").write_text("\\begin")
     with pytest.raises(OutputError, match="holds files that pgm-places did not write"):
         batch()
+
+
+def test_a_map_may_not_be_called_like_the_list_of_all_maps(batch: Batch, maps: Path) -> None:
+    (maps / "torn.yaml").rename(maps / "Index.html.yaml")
+    with pytest.raises(OutputError, match=r"Index.html, which is reserved for the list of all"):
+        batch()
+    assert not list((maps.parent / "out").glob("floor*"))

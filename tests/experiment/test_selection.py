@@ -14,7 +14,13 @@ from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import train_steps
-from pgm_places.experiment.selection import Sources, held_out_splits, select
+from pgm_places.experiment.selection import (
+    Candidate,
+    Selection,
+    Sources,
+    held_out_splits,
+    select,
+)
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
@@ -165,6 +171,12 @@ def test_every_combination_is_tried_and_the_best_is_chosen() -> None:
     assert found.chosen.score == max(item.score for item in found.candidates)
     assert found.to_dict()["chosen"] == found.chosen.options
     assert all(len(item.by_fold) == 2 for item in found.candidates)
+
+
+def test_of_equal_scores_the_first_is_chosen() -> None:
+    scores = (0.5, 0.75, 0.75)
+    tried = tuple(Candidate({"n": n}, score, (score,)) for n, score in enumerate(scores))
+    assert Selection("potts", "accuracy", tried).chosen.options == {"n": 1}
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 
 from pgm_places.io import folder_swap
 from pgm_places.io.atomic import atomic_folder, write_text
+from pgm_places.studio.journal import Journal
 from tests.faults.sets import write_set
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="folders are flushed on POSIX systems")
@@ -86,3 +87,15 @@ def test_a_power_cut_loses_nothing_that_was_moved_into_place(
         write(target)
     assert (disk.lost, disk.waiting) == ([], {})
     assert (target / "a.txt").read_text() == "new"
+
+
+def test_an_entry_of_a_journal_is_on_the_disk_before_it_takes_effect(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed = []
+    monkeypatch.setattr(os, "fsync", lambda number: flushed.append(os.fstat(number).st_size))
+    path = tmp_path / "journal.jsonl"
+    journal = Journal(path, {"map": "a"})
+    journal.append({"op": "undo"})
+    assert flushed[-1] == path.stat().st_size
+    journal.close()

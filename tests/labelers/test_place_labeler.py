@@ -52,6 +52,16 @@ def test_labels_the_map_it_learned_from(
     assert evaluate(truth, labeling.labels, NAMES).balanced_accuracy > 0.75
 
 
+def test_the_score_counts_the_window_alone(labeler: PlaceLabeler, known: LabelledMap) -> None:
+    half = np.arange(known.grid.shape[1]) < known.grid.shape[1] // 2
+    labels = np.where(half, known.labels, (known.labels + 1) % 3)  # wrong outside of the window
+    window = np.broadcast_to(half, known.grid.shape)
+    part = dataclasses.replace(known, labels=labels, window=window)
+    found = labeler.label(known.grid, mask=part.cells, method="adaboost").labels
+    wanted = evaluate(part.truth(part.graph()), found, NAMES).accuracy
+    assert labeler.score([part], method="adaboost") == wanted > 0.7
+
+
 def test_held_out_scores_calibrate_the_beliefs_of_a_potts_field(
     labeler: PlaceLabeler, known: LabelledMap
 ) -> None:

@@ -13,6 +13,7 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import SpaceOptions
 from tests.live.loop_closure import bent
 
@@ -70,6 +71,17 @@ def test_labels_are_those_of_each_map_by_itself(
         assert found.map_seq == number
         assert found.update is not None
         assert number == 1 or found.update.n_cast < found.update.n_cells
+
+
+def test_rules_and_names_of_places_are_those_that_were_given(
+    labeler: PlaceLabeler, building: OccupancyGrid
+) -> None:
+    rules = TopologyOptions(min_width_m=100.0, correct=False, doorways="labels")
+    live = LiveMap(labeler, method="list", rules=rules, own_names={1: "Reception"})
+    found = live.on_map(building).topology
+    assert (found.connections, found.corrections) == ((), ())
+    assert all(region.gate is None for region in found.regions)
+    assert found.place(1).name == "Reception"
 
 
 def test_ids_and_anchors_stay_where_chairs_are_moved(

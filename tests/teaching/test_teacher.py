@@ -17,6 +17,7 @@ from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
 
 NAMES = ("corridor", "room", "doorway")
@@ -58,6 +59,24 @@ def test_painted_cells_keep_their_labels_and_ids_stay() -> None:
     assert (second.labels[paint.painted] == NAMES.index(other)).all()
     unchanged = {r.id: r.label for r in first.topology.regions if r.label == "doorway"}
     assert unchanged.items() <= {r.id: r.label for r in second.topology.regions}.items()
+
+
+def test_a_place_that_is_painted_another_class_gets_an_id_that_no_place_has_had() -> None:
+    first = teacher().label(teacher().blank())
+    place = max(first.topology.regions, key=lambda region: region.area_m2)
+    other = "room" if place.label == "corridor" else "corridor"
+    paint = first.paint.with_cells(first.topology.cells(place.id), other)
+    found = teacher().label(paint).topology.region_at(*place.anchor_m)
+    assert found is not None and found.label == other
+    assert found.id >= first.topology.next_id
+
+
+def test_the_rules_of_places_are_those_that_were_given() -> None:
+    rules = TopologyOptions(min_width_m=100.0, correct=False, doorways="labels")
+    strict = Teacher(building().grid, trained_labeler(), rules=rules)
+    found = strict.label(strict.blank()).topology
+    assert (found.connections, found.corrections) == ((), ())
+    assert all(region.gate is None for region in found.regions)
 
 
 def test_learning_from_nothing_but_paint() -> None:

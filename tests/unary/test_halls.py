@@ -1,5 +1,6 @@
 """Halls: folded into corridors for whatever is learned, and split off again as one wants them."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,9 @@ import pytest
 from pgm_places import LabelledMap, PlaceLabeler, evaluate, load, save, trained_labeler
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.config import parse_config
+from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.runs import compare_fitted
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.label_map import label_map
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -89,6 +93,22 @@ def test_the_shipped_model_knows_halls_and_labels_them_as_corridors_by_default(
     for halls in ("corridor", "room"):
         np.testing.assert_array_equal(by_name[halls][~hall], by_name["hall"][~hall])
     np.testing.assert_array_equal(label_map(labeler, foyer.grid).labels, by_name["corridor"])
+
+
+def test_a_comparison_takes_true_halls_for_what_they_are_to_be_labelled(
+    foyer: LabelledMap,
+) -> None:
+    labeler = trained_labeler("generated").with_options(halls="room")
+    config = parse_config(
+        {
+            "labels": {"names": ["corridor", "room", "doorway", "hall"]},
+            "train": [{"generated": 1}],
+            "methods": [{"name": "potts"}],
+        }
+    )
+    *_, found = compare_fitted(Experiment(config, Path()), labeler, [foyer]).methods
+    assert found.evaluation.label_names == labeler.label_names_
+    assert found.evaluation.accuracy > 0.9
 
 
 def test_a_labeler_that_learns_halls_keeps_its_choice_when_it_is_saved(tmp_path: Any) -> None:
