@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.cli import entry, warm_up
+from pgm_places.cli import app, entry, warm_up
 from pgm_places.cli.terminal import complain, say
 from tests.cli.conftest import Run
 
@@ -47,6 +47,16 @@ def test_a_full_standard_output_is_one_line(arguments: list[str]) -> None:
     assert ended.returncode == 2
     assert ended.stderr.count("\n") == 1
     assert "No space left on device" in ended.stderr
+
+
+def test_too_little_memory_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(app, "run", fill)
+    code, _, error = run("doctor")
+    assert code == entry.EXIT_OUT_OF_MEMORY
+    assert error == ("pgm-places: out of memory; use a coarser resolution_m or a smaller window\n")
 
 
 def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:

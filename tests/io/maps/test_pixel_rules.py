@@ -33,7 +33,10 @@ def test_occupancy_is_that_of_the_reference(
     channels = rng.integers(0, 256, (3, 4, 3 if colours else 1), np.uint8)
     alpha = rng.choice([0, 100, 254, 255], (3, 4)).astype(np.uint8) if with_alpha else None
     rules = PixelRules(mode, negate, *limits, compat)
-    found, _ = rules.read(channels, alpha)
+    found, cells = rules.read(channels, alpha)
+    if compat == "nav2" and mode != "raw":
+        trinary = PixelRules("trinary", negate, *limits).read(channels, alpha)
+        np.testing.assert_array_equal(cells, trinary[0])
     for index in np.ndindex(3, 4):
         pixel = channels[index].tolist()
         if compat == "nav2":

@@ -1,0 +1,41 @@
+"""Places that are written into a folder follow their rules and what stood there before."""
+
+from pathlib import Path
+
+import numpy as np
+
+from pgm_places.io.output_set import output_set
+from pgm_places.report.topology_output import write_places
+from pgm_places.topology.rules import TopologyOptions
+from pgm_places.topology.topological_map import TopologicalMap
+from tests.topology.floors import NAMES, floor_grid, floor_labels
+
+
+def written(folder: Path, labels: np.ndarray, rules: TopologyOptions) -> TopologicalMap:
+    with output_set(folder, "test") as files:
+        return write_places(
+            files, "a floor", rules, grid=floor_grid(labels), labels=labels, label_names=NAMES
+        )
+
+
+def test_places_follow_their_rules(tmp_path: Path) -> None:
+    labels = floor_labels()
+    labels[5, 3] = 0  # a speck
+    found = written(tmp_path / "out", labels, TopologyOptions())
+    assert len(found.connections) == 6 and len(found.corrections) == 1
+    strict = TopologyOptions(min_width_m=100.0, correct=False)
+    found = written(tmp_path / "strict", labels, strict)
+    assert (found.connections, found.corrections) == ((), ())
+
+
+def test_places_keep_the_ids_that_they_had_in_the_folder_and_the_users_names(
+    tmp_path: Path,
+) -> None:
+    labels = floor_labels()
+    written(tmp_path / "out", labels, TopologyOptions())
+    (tmp_path / "out" / "place_names.yaml").write_text("3: kitchen\n")
+    labels[5:10, 1:8] = labels[4, 3:6] = -1  # the first room is gone
+    found = written(tmp_path / "out", labels, TopologyOptions())
+    assert [place.id for place in found.regions] == [2, 3, 5, 6, 7]
+    assert found.place(3).name == "kitchen"
+    assert found.next_id == 8
