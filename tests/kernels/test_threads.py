@@ -1,5 +1,6 @@
 """Tasks over threads: each done once, errors raised, bad counts refused."""
 
+import os
 import threading
 from collections.abc import Callable
 
@@ -84,6 +85,15 @@ def test_threads_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> N
         resolve_threads()
     with pytest.raises(InputError, match="from 1 to 1024, got 0"):
         resolve_threads(0)
+
+
+def test_no_more_threads_than_the_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PGM_PLACES_NUM_THREADS", raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 3, 5}, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    assert resolve_threads() == 3
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert resolve_threads() == 64
 
 
 def test_an_interrupt_as_a_round_begins_leaves_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
