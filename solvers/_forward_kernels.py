@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pgm_places.kernels.jit import fused, njit
 from pgm_places.kernels.registers import blank, replaced
 
-SMALLEST_TOTAL = 1e-280  # below, scaled products have lost digits: that step is done in logarithms
+SMALLEST_TOTAL = 1e-200  # below, beliefs of 1e-108 lose digits: that step is done in logarithms
 SMALL_TOTAL = 1e-100  # below, what is carried is scaled up again
 LOW_SCORE = -1e3  # of the best path: below, scores are counted from it anew, so that digits remain
 

@@ -12,11 +12,14 @@ from pgm_places.solvers.chain_tables import Chain
 
 __all__ = ["beliefs_in_logs", "exceeds_floats"]
 
-LEAST_ARRIVAL = 1e-200
-"""If all transitions are as probable as that, a label's former belief of 1e-308 does not count."""
+RARE_BELIEF = 1e-100
+"""Beliefs above are floats in full, since the sum that they are divided by is at least 1e-200."""
 
-RARE_ARRIVAL, RARE_BELIEF = 1e-50, 1e-150
-"""Their product, times the smallest sum of beliefs in the filter, 1e-100, is a float in full."""
+LEAST_ARRIVAL = 1e-90
+"""If all transitions are as probable as that, a label's former belief of 1e-107 does not count."""
+
+RARE_ARRIVAL = 1e-50
+"""Beliefs above the former, times such transitions and the sum of 1e-100, are floats in full."""
 
 STEPS_AT_ONCE = 8192
 

@@ -88,13 +88,16 @@ def test_everything_is_the_full_enumeration(
     st.integers(1, 4),
     st.sampled_from([2, 3, 6]),
     st.sampled_from([0.0, 0.5, 0.8]),
+    st.sampled_from([1.0, 1e-60, 1e-180]),
     st.sampled_from([300.0, 700.0, 5e4]),
 )
 def test_likelihoods_may_differ_by_any_factor(
-    seed: int, n_steps: int, k: int, zeros: float, scale: float
+    seed: int, n_steps: int, k: int, zeros: float, rare: float, scale: float
 ) -> None:
-    """Also where a label that fell behind turns out to be right, and no other leads to it."""
+    """Also where a label that fell behind turns out to be right, and hardly any leads to it."""
     initial, transition, likelihood, actions = a_chain(seed, n_steps, k, 2, zeros=zeros)
+    transition[..., 1:] *= np.where(transition[..., :1] > 0, rare, 1.0)
+    transition /= transition.sum(axis=-1, keepdims=True)
     observed = np.random.default_rng(seed).choice([-2.5, -1.0, -0.1, 0.0, 2.0], (n_steps, k))
     observed = scale * observed + logs(likelihood)
     table = log_joint(initial, transition, observed, actions)
@@ -109,6 +112,16 @@ def test_likelihoods_may_differ_by_any_factor(
     wanted = marginals(np.exp(table - table.max()))
     np.testing.assert_allclose(smoothed.beliefs, wanted, rtol=0, atol=1e-9)
     np.testing.assert_allclose(filtered.beliefs[-1], wanted[-1], rtol=0, atol=1e-9)
+
+
+def test_rare_transitions_count_where_likelihoods_rule_out_the_rest() -> None:
+    rare = np.array([[1e-181, 1.0], [1.0, 1e-130]])
+    observed = np.array([[945.0, -1312.0], [771.0, 36.0], [137.0, -207.0]])
+    found = smoothed_beliefs([1e-101, 1.0], rare, observed)
+    table = log_joint(np.array([1e-101, 1.0]), rare[None], observed, [0, 0])
+    assert found.log_evidence == pytest.approx(np.logaddexp.reduce(table, axis=None), rel=1e-12)
+    wanted = marginals(np.exp(table - table.max()))
+    np.testing.assert_allclose(found.beliefs, wanted, rtol=0, atol=1e-12)
 
 
 def test_a_label_that_fell_far_behind_while_standing_still_may_be_the_right_one() -> None:
