@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line, text_table
 from pgm_places.cli.terminal import say
-from pgm_places.errors import MapError
+from pgm_places.errors import MapError, OutputError
 
 if TYPE_CHECKING:
     from pgm_places.batch.forecast import Forecast, Speed
@@ -27,11 +27,16 @@ def check_map(
     Raises
     ------
     MapError
-        It cannot be read.
+        It cannot be read, or its file not corrected in place.
+    OutputError
+        Its file cannot be written, or one that is kept would be lost.
     """
+    from pgm_places.io.maps.map_server import load_map
     from pgm_places.labelers.model_resolution import at_model_resolution
 
-    loaded = _loaded(path, unknown_value, fix=fix)
+    loaded = load_map(path, unknown_value=unknown_value)
+    if fix:
+        loaded = _corrected(path, loaded)
     grid = loaded.grid
     height, width = grid.shape
     size = f"{width * grid.resolution_m:.1f} m x {height * grid.resolution_m:.1f} m"
@@ -140,33 +145,41 @@ def _row(
     fix: bool,
 ) -> _Row:
     from pgm_places.batch.forecast import Forecast
+    from pgm_places.io.maps.map_server import load_map
     from pgm_places.labelers.model_resolution import at_model_resolution
 
+    problems = []
     try:
-        loaded = _loaded(path, unknown_value, fix=fix)
+        loaded = load_map(path, unknown_value=unknown_value)
     except MapError as error:
         return _Row(name, problems=(str(error),))
+    if fix:
+        try:
+            loaded = _corrected(path, loaded)
+        except (MapError, OutputError) as error:  # the other maps may be corrected all the same
+            problems.append(str(error))
+    problems += loaded.warnings
     grid = loaded.grid
     free_m2 = float(loaded.fractions.free * grid.cells.size * grid.resolution_m**2)
+    forecast = None
     try:
         used, notes = at_model_resolution(labeler, grid)
+        # A finer map is coarsened as a matter of course; one that is split is the larger for it.
+        problems += notes if used.resolution_m < grid.resolution_m else []
+        forecast = Forecast(grid.cells.size, int(used.free.sum()))
     except MapError as error:
-        return _Row(name, grid.resolution_m, free_m2, None, (*loaded.warnings, str(error)))
-    # A finer map is coarsened as a matter of course; one that is split is the larger for it.
-    split = notes if used.resolution_m < grid.resolution_m else []
-    forecast = Forecast(grid.cells.size, int(used.free.sum()))
-    return _Row(name, grid.resolution_m, free_m2, forecast, (*loaded.warnings, *split))
+        problems.append(str(error))
+    return _Row(name, grid.resolution_m, free_m2, forecast, tuple(problems))
 
 
-def _loaded(path: Path, unknown_value: "UnknownGrey | None", *, fix: bool) -> "MapFile":
-    """A map, corrected before if that is wanted and its thresholds call unknown cells free."""
+def _corrected(path: Path, loaded: "MapFile") -> "MapFile":
+    """The map with another threshold in its file, if its own calls unknown cells free."""
     from pgm_places.io.maps.map_correction import correct_free_thresh
     from pgm_places.io.maps.map_pixels import FREE_THRESH
     from pgm_places.io.maps.map_server import load_map
 
-    loaded = load_map(path, unknown_value=unknown_value)
-    if fix and loaded.corrects_free_thresh:
-        kept = correct_free_thresh(path)
-        say(f"corrected {path}: free_thresh {FREE_THRESH}; the file as it was is {kept.name}")
-        loaded = load_map(path, unknown_value=unknown_value)
-    return loaded
+    if not loaded.corrects_free_thresh:
+        return loaded
+    kept = correct_free_thresh(path)
+    say(f"corrected {path}: free_thresh {FREE_THRESH}; the file as it was is {kept.name}")
+    return load_map(path, unknown_value=loaded.unknown_value)
