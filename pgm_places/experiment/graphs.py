@@ -139,14 +139,16 @@ def _translated(nodes: Table, given: GraphConfig, where: str) -> Table:
         otherwise = classes.get("*", "")
         found[column] = ["" if is_empty(v) else classes.get(str(v), otherwise) for v in values]
     if all(is_empty(value) for value in found.get(given.label, [])):
-        said = sorted({str(v) for v in nodes[given.label] if not is_empty(v)})[:5]
-        raise LabelError(f"{where}: classes translates none of {said} in column {given.label!r}")
+        said = sorted({str(v) for v in nodes[given.label] if not is_empty(v)})
+        raise LabelError(
+            f"{where}: classes translates none of {shown(said)} in column {given.label!r}"
+        )
     return found
 
 
 def _column(table: Table, name: str) -> list[Any]:
     if name not in table:
-        raise InputError(f"there is no column {name!r}, only {', '.join(map(repr, table))}")
+        raise InputError(f"there is no column {name!r}, only {', '.join(map(shown, table))}")
     return table[name]
 
 
@@ -173,8 +175,8 @@ def _features(
             found.append(column)
         else:
             experiment.warn(
-                f"{where}: column {column!r} holds {shown(odd[0])}, which is not a number, and "
-                "is left out of the features"
+                f"{where}: column {shown(column)} holds {shown(odd[0])}, which is not a finite "
+                "number, and is left out of the features"
             )
     return tuple(found)
 
@@ -185,7 +187,7 @@ def _odd_value(values: Sequence[Any]) -> tuple[Any] | None:
         try:
             if np.isfinite(float(value)):
                 continue
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):  # of 400 digits
             pass
         return (value,)
     return None

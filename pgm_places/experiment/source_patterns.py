@@ -12,7 +12,9 @@ from pgm_places.io.csv_table import open_table
 
 __all__ = ["without_patterns"]
 
-_WILDCARD = re.compile(r"\*\*/?|\*|\?|\[[^\]]+\]")
+_WILDCARD = re.compile(r"\*\*/?|\*|\?|\[(?:![^\]]+|[^!\]][^\]]*)\]")
+"""A bracket that is not closed, or holds nothing, is a character like any other."""
+
 _BESIDE = ("labels", "regions", "corrections")
 _MAX_BYTES = 16 << 20
 
@@ -57,7 +59,7 @@ def without_patterns(content: Mapping[str, Any], folder: Path, where: str) -> di
 def _tables(table: dict[str, Any], folder: Path, where: str) -> list[dict[str, Any]]:
     """The tables of the maps that one table names."""
     pattern = table["map"]
-    many = glob.has_magic(pattern) and not resolved_path(pattern, folder).exists()
+    many = _has_wildcards(pattern) and not resolved_path(pattern, folder).exists()
     if not many and "buildings" not in table:
         return [table]
     rest = {key: value for key, value in table.items() if key != "buildings"}
@@ -76,9 +78,8 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
     pattern = table["map"]
     base = resolved_path(_before_wildcards(pattern), folder)
     rest = pattern[len(_before_wildcards(pattern)) :]
-    matcher = re.compile(_regex(rest))
     beside = {key: table[key] for key in _BESIDE if isinstance(table.get(key), str)}
-    if not glob.has_magic(beside.get("corrections", "*")):
+    if not _has_wildcards(beside.get("corrections", "*")):
         del beside["corrections"]  # one file in the frame of all maps
     n_wildcards = len(_WILDCARD.findall(rest))
     for key, other in beside.items():
@@ -93,7 +94,7 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
     if not names:
         raise ConfigError(f"{where}: no file matches map = {pattern!r} in {folder}")
     for name in names:
-        match = matcher.fullmatch(Path(name).as_posix())
+        match = _match(rest, Path(name).as_posix())
         if match is None:
             raise ConfigError(
                 f"{where}: cannot tell what the wildcards of {pattern!r} are in {name!r}"
@@ -102,11 +103,22 @@ def _matches(table: dict[str, Any], folder: Path, where: str) -> Iterator[dict[s
         yield {**table, "map": _before_wildcards(pattern) + name, **filled}
 
 
+def _has_wildcards(pattern: str) -> bool:
+    return _WILDCARD.search(pattern) is not None
+
+
 def _before_wildcards(pattern: str) -> str:
     """The folders before the first wildcard, with the slash."""
     match = _WILDCARD.search(pattern)
     assert match is not None  # it was found to be a pattern
     return pattern[: pattern.rfind("/", 0, match.start()) + 1]
+
+
+def _match(pattern: str, name: str) -> re.Match[str] | None:
+    try:
+        return re.fullmatch(_regex(pattern), name)
+    except re.error:  # a range that ends before it begins
+        return None
 
 
 def _regex(pattern: str) -> str:
@@ -118,10 +130,17 @@ def _regex(pattern: str) -> str:
         if text.startswith("**"):
             found += "((?:.*/)?)" if text.endswith("/") else "(.*)"
         elif text.startswith("["):
-            found += "([" + text[1:-1].replace("!", "^", 1 if text[1] == "!" else 0) + "])"
+            found += _one_of(text[1:-1])
         else:
             found += "([^/]*)" if text == "*" else "([^/])"
     return found + re.escape(pattern[end:])
+
+
+def _one_of(listed: str) -> str:
+    """A group for the characters between brackets; ``!`` before them stands for all others."""
+    others = listed.startswith("!")
+    escaped = re.sub(r"([\\\[^&~|])", r"\\\1", listed[1:] if others else listed)
+    return f"([{'^' if others else ''}{escaped}])"
 
 
 def _filled(pattern: str, parts: tuple[str, ...]) -> str:

@@ -73,8 +73,10 @@ def iter_window_means(
     slice, (n, W * K) float32
         A range of nodes and their means, the same bits as in one piece.
     """
-    radii = [max(1, round(width / resolution_m)) for width in half_widths_m]
     height, width = layout.shape
+    # A window may be as wide as it likes: beyond the map there is nothing to average.
+    widest = max(height, width)
+    radii = [max(1, round(min(half / resolution_m, widest))) for half in half_widths_m]
     first_of_row = layout.cells.row_start
     sums = _RollingIntegral(1 + n_labels, width)
     for bottom in range(0, height, ROWS_AT_ONCE):

@@ -48,6 +48,13 @@ def _read_parquet(path: Path, error: type[InputError]) -> Table:
             found: Table = parquet.read_table(raw).to_pydict()
         except (arrow.ArrowException, OSError) as problem:
             raise error(f"{path} is not a Parquet table: {_line(problem)}") from None
+        except UnicodeDecodeError:
+            raise error(
+                f"{path}: a name or a value is not UTF-8, which texts in Parquet must be; write "
+                "the table anew, with texts decoded, or bytes as a binary column"
+            ) from None
+        except (ValueError, OverflowError) as problem:  # a date beyond the year 9999
+            raise error(f"{path}: a value cannot be read: {_line(problem)}") from None
     if not found or not next(iter(found.values())):
         raise error(f"{path} has no rows")
     return found
@@ -88,4 +95,4 @@ def _columns(rows: list[dict[str, Any]], first: Table) -> Table:
 
 
 def _line(problem: Exception) -> str:
-    return (str(problem).strip().splitlines() or [type(problem).__name__])[0]
+    return (str(problem).strip().splitlines() or [type(problem).__name__])[0][:300]

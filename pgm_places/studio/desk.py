@@ -248,9 +248,9 @@ def _arguments(kind: str, values: dict[str, Any]) -> dict[str, Any]:
             numbers = isinstance(value, list) and len(value) == 2
             if not numbers or not all(type(part) in (int, float) for part in value):
                 raise InputError(f"{name} must be two numbers")
-            value = (float(value[0]), float(value[1]))
-            if not np.isfinite(value).all() or max(map(abs, value)) > 1e9:
+            if not all(abs(part) <= 1e9 for part in value):  # nor NaN
                 raise InputError(f"{name} must be two finite numbers")
+            value = (float(value[0]), float(value[1]))
         elif type(value) is not kind_of:
             raise InputError(f"{name} must be of the type {kind_of.__name__}")
         found[name] = value

@@ -127,9 +127,26 @@ def test_columns_without_numbers_are_left_out_with_a_word(tmp_path: Path) -> Non
     [found] = load_graphs(made, "train")
     assert found.features[0] == ("x", "y", "red", "green", "blue")
     assert made.warnings == [
-        "nodes5.csv: column 'owner' holds 'me', which is not a number, and is left out of the "
-        "features"
+        "nodes5.csv: column 'owner' holds 'me', which is not a finite number, and is left out of "
+        "the features"
     ]
+
+
+def test_a_number_of_400_digits_is_none_to_learn_from(tmp_path: Path) -> None:
+    graph: nx.Graph[str] = nx.Graph()
+    for node, size in enumerate((1, 10**400, 10**400)):
+        graph.add_node(f"n{node}", label="aba"[node], size=size, age=node)
+    nx.write_graphml(graph, tmp_path / "g.graphml")
+    labels = {"names": ["a", "b"]}
+    made = experiment(tmp_path, labels=labels, train=[{"graph": {"file": "g.graphml"}}], test=[])
+    [found] = load_graphs(made, "train")
+    assert found.features[0] == ("age",)
+    [warning] = made.warnings
+    assert "column 'size' holds 1000" in warning and "which is not a finite number" in warning
+    sizes = {"file": "g.graphml", "features": ["size"]}
+    made = experiment(tmp_path, labels=labels, train=[{"graph": sizes}], test=[])
+    with pytest.raises(InputError, match="column 'size' must hold numbers, got 1000"):
+        load_graphs(made, "train")
 
 
 def test_a_graphml_file_is_a_graph(tmp_path: Path) -> None:

@@ -45,6 +45,36 @@ def test_characters(folder: Path) -> None:
     assert [item["labels"] for item in found] == ["floors/north/b/labels.png"]
 
 
+@pytest.mark.parametrize("name", ["a[b.yaml", "a[!]b.yaml", "a[]b.yaml", "[", "]a["])
+def test_a_bracket_that_is_not_closed_is_part_of_a_name(folder: Path, name: str) -> None:
+    assert train(folder, map=name) == [{"map": name}]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "matched"),
+    [
+        ("[\\\\]", "\\"),
+        ("[^]", "^"),
+        ("[[x]", "["),
+        ("[a&&b]", "&"),
+        ("[!0-9&[^~|\\\\]", "]"),
+        ("*[z-a0]", None),
+    ],
+)
+def test_any_character_may_stand_between_brackets(
+    folder: Path, pattern: str, matched: str | None
+) -> None:
+    for name in "\\^[]&0":
+        (folder / name).touch()
+    if matched is None:
+        with pytest.raises(ConfigError, match="cannot tell what the wildcards of"):
+            train(folder, map=pattern, labels=pattern)
+    else:
+        assert train(folder, map=pattern, labels=f"drawn/{pattern}") == [
+            {"map": matched, "labels": f"drawn/{matched}"}
+        ]
+
+
 def test_a_variable_names_the_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FLOORS", str(folder / "floors"))
     found = train(folder, map="$FLOORS/north/*/map.yaml", labels="$FLOORS/north/*/labels.png")

@@ -33,6 +33,14 @@ def test_means_over_the_free_cells_of_a_window(free: np.ndarray, radius: int, se
     np.testing.assert_allclose(found[:, 2:], everything, rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("half_width_m", [1e6, 1e30, 1e308])
+def test_a_window_wider_than_any_map_holds_every_cell(half_width_m: float) -> None:
+    layout = GridLayout.of_mask(np.ones((3, 2), bool))
+    values = np.arange(6.0)[:, np.newaxis]
+    found = window_means(layout, values, [half_width_m, half_width_m], 0.05)
+    assert (found == 2.5).all()
+
+
 def test_wrong_rows_are_refused() -> None:
     layout = GridLayout((1, 2), np.array([[0, 0], [0, 1]], np.int32))
     with pytest.raises(InputError, match=r"values must have shape \(2, K\), got \(3, 1\)"):

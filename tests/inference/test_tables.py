@@ -56,6 +56,11 @@ def test_a_labelling_goes_back_to_names() -> None:
             EDGES,
             "nodes: column 'x' holds values that are not numbers",
         ),
+        (
+            {**NODES, "x": [1, 2, 3, 10**400]},
+            EDGES,
+            "nodes: column 'x' holds values that are not numbers",
+        ),
         ({**NODES, "label": [None] * 4}, EDGES, "nodes: no node has a label; give label_names"),
     ],
 )

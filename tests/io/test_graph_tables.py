@@ -42,6 +42,23 @@ def test_a_parquet_table_is_its_columns(tmp_path: Path) -> None:
         read_table(path)
 
 
+def test_parquet_that_cannot_be_read_is_refused_in_one_line(tmp_path: Path) -> None:
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "nodes.parquet"
+    offsets, latin = arrow.py_buffer(b"\0\0\0\0\2\0\0\0"), arrow.py_buffer(b"\xe4\xf6")
+    texts = arrow.Array.from_buffers(arrow.utf8(), 1, [None, offsets, latin])
+    dates = arrow.array([2**62], arrow.timestamp("us"))
+    for values, message in ((texts, "is not UTF-8"), (dates, "a value cannot be read: .*range")):
+        parquet.write_table(arrow.table({"node": values}), path)
+        with pytest.raises(InputError, match=rf"nodes\.parquet: .*{message}"):
+            read_table(path)
+    parquet.write_table(arrow.table({"node_ae": [1]}), path)
+    path.write_bytes(path.read_bytes().replace(b"node_ae", b"node_\xe4e"))
+    with pytest.raises(InputError, match=r"nodes\.parquet: a name or a value is not UTF-8"):
+        read_table(path)
+
+
 def test_parquet_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
     with pytest.raises(InputError, match=r'pip install --editable "\.\[tables\]"'):

@@ -107,6 +107,15 @@ def test_questions_that_make_no_sense_are_refused(client: Client, path: str) -> 
     assert client.get(path).status_code == 400
 
 
+def test_a_number_of_400_digits_is_refused(client: Client) -> None:
+    request = {"kind": "fill", "label": 0, "point": [10**400, 1]}
+    found = client.post("edit", json=request)
+    assert (found.status_code, found.json()) == (
+        400,
+        {"problem": "point must be two finite numbers"},
+    )
+
+
 @pytest.mark.parametrize("body", ["[]", "{", "null", '"x"', "[" * 100_000])
 def test_requests_that_are_no_objects_are_refused(client: Client, body: str) -> None:
     headers = {"content-type": "application/json"}
