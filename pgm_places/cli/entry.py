@@ -58,6 +58,7 @@ def main() -> None:
     """Run the command line; bad input is one line on standard error and exit code 2."""
     stops = _Stops()
     try:
+        _open_streams()
         with stops.heard():
             _prepare_streams()
             _run()
@@ -88,6 +89,20 @@ def _run() -> None:
         _end(str(error), EXIT_BAD_INPUT)
     except MemoryError:
         _end("out of memory; use a coarser resolution_m or a smaller window", EXIT_OUT_OF_MEMORY)
+
+
+def _open_streams() -> None:
+    """Let nobody read what goes to streams that were closed (``>&-``), as on ``/dev/null``.
+
+    Otherwise the first files that are opened would get their numbers, and whatever libraries and
+    other processes print there.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free: the stream's own
+            os.set_inheritable(number, True)
+            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115
+            setattr(sys, name, stream)
 
 
 def _prepare_streams() -> None:

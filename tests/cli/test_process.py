@@ -59,6 +59,42 @@ def test_too_little_memory_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch
     assert error == ("pgm-places: out of memory; use a coarser resolution_m or a smaller window\n")
 
 
+def closed(streams: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """A command without some of its streams, such as ``>&- 2>&-``."""
+    return subprocess.run(
+        ["sh", "-c", f'"$@" {streams}', "sh", *COMMAND, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        env=environment(),
+        check=False,
+    )
+
+
+@needs_posix
+@pytest.mark.parametrize("streams", [">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    ("arguments", "code"), [(["--version"], 0), (["--help"], 0), (["where", "none", "0", "0"], 2)]
+)
+def test_closed_streams_are_as_good_as_unread(
+    streams: str, arguments: list[str], code: int
+) -> None:
+    ended = closed(streams, *arguments)
+    assert ended.returncode == code
+    assert bool(ended.stdout) == (streams == "2>&-" and code == 0)
+    assert ended.stderr.count("\n") == (streams == ">&-" and code == 2)
+
+
+@needs_posix
+def test_without_streams_files_are_written_as_with_them(building: Path) -> None:
+    written = []
+    for number, streams in enumerate(("", "<&- >&- 2>&-")):
+        out = building / f"out{number}"
+        arguments = ("topology", building / "labels.png", building / "map.yaml", "-o", out)
+        assert closed(streams, *arguments).returncode == 0
+        written.append({path.name: path.read_bytes() for path in out.iterdir()})
+    assert written[0] == written[1]
+
+
 def test_no_file_of_the_current_folder_is_imported(tmp_path: Path) -> None:
     for name in ("numpy", "numba", "pydantic", "yaml"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('a stranger ran')")
