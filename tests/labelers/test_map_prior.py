@@ -46,6 +46,20 @@ def test_the_map_moves_the_belief_by_its_likelihood(kind: type[HiddenMarkovModel
     np.testing.assert_allclose(away, alone, rtol=1e-9)
 
 
+def test_within_a_segment_another_map_takes_the_place_of_the_one_before() -> None:
+    model = HiddenMarkovModel().with_counts(confusions=[[8, 2], [2, 8]], moves=[[9, 1], [1, 9]])
+    prior = MapPrior(GRID, TABLE, weight=1.0)
+    (x, y), log_z = GRID.cell_centres_m([[1, 2]])[0].tolist(), np.log([0.6, 0.4])
+    tracker = BeliefFilter(model, 10.0, MapPrior(GRID, TABLE[:, :, ::-1], weight=1.0))
+    tracker.step(x, y, log_z)
+    tracker.use_map(prior)
+    wanted = BeliefFilter(model, 10.0, prior).step(x, y, log_z)
+    np.testing.assert_allclose(tracker.step(x, y, log_z), wanted, rtol=1e-9)
+    tracker.use_map(None)
+    alone = BeliefFilter(model, 10.0).step(x, y, log_z)
+    np.testing.assert_allclose(tracker.step(x, y, log_z), alone, rtol=1e-9)
+
+
 def test_what_is_no_labelled_map_is_refused() -> None:
     with pytest.raises(InputError, match=r"probabilities must have shape \(2, 3, K\)"):
         MapPrior(GRID, TABLE[:1])

@@ -270,6 +270,14 @@ def test_a_search_that_gives_up_is_told(monkeypatch: pytest.MonkeyPatch) -> None
     assert (found.status, found.score) == (Status.INFEASIBLE, -np.inf)
 
 
+def test_a_labelling_that_had_to_be_repaired_is_called_so() -> None:
+    triangle = LabelGraph.from_edges(3, [(0, 1), (0, 2), (1, 2)])
+    unlike = np.where(np.eye(3, dtype=np.bool_), -np.inf, 0.0)
+    found = decode(triangle, Potentials(np.zeros((3, 3)), pairwise=unlike), "mean-field")
+    assert (found.status, found.score) == (Status.REPAIRED, 0.0)
+    assert sorted(found.labels.tolist()) == [0, 1, 2]
+
+
 def random_grid(scale: float) -> tuple[LabelGraph, dict[str, Potentials]]:
     """Potentials of every kind on a grid with frustrated cycles, times ``scale``."""
     rng = np.random.default_rng(3)

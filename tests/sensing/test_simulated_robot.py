@@ -112,6 +112,25 @@ def test_a_tour_ends_where_it_is_cut_and_begins_where_it_is_told(
     assert np.hypot(*(again.poses[0, :2] - start)) < 0.2
 
 
+def test_a_seed_draws_where_a_tour_begins(building: LabelledBuilding) -> None:
+    first, other, again = (
+        SimulatedRobot().explore(building.grid, max_length_m=1.0, seed=seed).poses
+        for seed in (0, 3, 0)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert np.hypot(*(first[0, :2] - other[0, :2])) > 0.5
+
+
+def test_a_robot_stays_away_from_walls_by_its_radius() -> None:
+    aisle = OccupancyGrid(np.zeros((10, 60), np.int8), 0.1)
+    stops = [[1.0, 0.5], [5.0, 0.5]]
+    assert len(SimulatedRobot(radius_m=0.4).drive(aisle, stops)) > 10
+    with pytest.raises(InputError, match="fit"):
+        SimulatedRobot(radius_m=0.6).drive(aisle, stops)
+    with pytest.raises(InputError, match="fit"):
+        SimulatedRobot(radius_m=0.6).explore(aisle)
+
+
 @pytest.mark.parametrize("field", ["radius_m", "speed_m_s", "turn_rad_s", "scan_every_s"])
 def test_sizes_and_speeds_are_positive(field: str) -> None:
     with pytest.raises(InputError, match=f"{field} must be a number above 0, got 0"):

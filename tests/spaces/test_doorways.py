@@ -27,6 +27,13 @@ def test_accepted_gates_come_with_their_probability_and_places() -> None:
     assert len(np.unique(found.place[found.place >= 0])) == 4
 
 
+def test_doorways_that_are_known_are_certain() -> None:
+    found = found_in(two_rooms(), 0.75)
+    more = found.with_known([found.gates[0], found.gates[0]])
+    assert more.probability.tolist() == [0.75, 1.0, 1.0]
+    assert len(more) == 3 and np.array_equal(more.place, found.place)
+
+
 def test_gates_that_are_refused_are_no_doorways() -> None:
     found = found_in(two_rooms(), 0.5)
     assert len(found) == 0
