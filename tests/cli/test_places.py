@@ -47,6 +47,17 @@ def test_a_second_run_keeps_ids_and_takes_the_users_names(
     assert (places / "place_names.yaml").read_text().endswith("my place\n")
 
 
+def test_topology_takes_other_names_and_another_grey_for_unknown(building: Path, run: Run) -> None:
+    names = (building / "labels.yaml").read_text().replace("room", "office")
+    (building / "other.yaml").write_text(names)
+    image, described, out = building / "labels.png", building / "map.yaml", building / "out"
+    assert run("topology", image, described, "-o", out, "--names", building / "other.yaml")[0] == 0
+    regions = json.loads((out / "topology.json").read_text())["regions"]
+    assert {region["label"] for region in regions} == {"corridor", "office", "doorway"}
+    free = run("topology", image, described, "-o", out, "--unknown-value", 254, "-q")
+    assert free[0] == 2 or "places: 0" in free[1]
+
+
 def test_where(places: Path, run: Run) -> None:
     region = json.loads((places / "topology.json").read_text())["regions"][0]
     code, text, _ = run("where", places, *region["anchor_m"])
@@ -87,6 +98,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
         (["export", "--to", "keepout", "--set", "rom=3"], "there is no place 'rom'"),
         (["export", "--to", "keepout", "--set", "room=101"], "must be 0 to 100, got 101"),
         (["export", "--to", "dot", "--set", "room=1"], "takes no values"),
+        (["export", "--to", "nav2-route", "--robot-radius", "50"], "no two regions are connected"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, run: Run) -> None:

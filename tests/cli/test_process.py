@@ -179,21 +179,27 @@ def test_an_interrupt_of_the_imports_ends_in_good_order(
     assert error == "pgm-places: interrupted; no file is left half-written\n"
 
 
-def test_a_signal_to_end_is_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = signal.getsignal(signal.SIGTERM)
+@needs_posix
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_signal_to_end_is_an_interrupt(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    number = getattr(signal, name)
+    before = signal.signal(number, signal.SIG_DFL)  # nohup may have it ignored
     cleaned = []
 
     def run() -> None:
         try:
-            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(number)
         finally:
             cleaned.append(True)
 
     monkeypatch.setattr(entry, "_run", run)
-    with pytest.raises(SystemExit) as ended:
-        entry.main()
-    assert (ended.value.code, cleaned) == (128 + signal.SIGTERM, [True])
-    assert signal.getsignal(signal.SIGTERM) == before
+    try:
+        with pytest.raises(SystemExit) as ended:
+            entry.main()
+        assert (ended.value.code, cleaned) == (128 + number, [True])
+        assert signal.getsignal(number) == signal.SIG_DFL
+    finally:
+        signal.signal(number, before)
 
 
 @needs_posix

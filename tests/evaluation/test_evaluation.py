@@ -215,6 +215,10 @@ def test_bootstrap_agrees_with_evaluate_and_repeats() -> None:
     assert len(np.unique(blocks)) == 8
     first = block_bootstrap(truth, predicted, blocks, n_labels=3, seed=9)
     assert first == block_bootstrap(truth, predicted, blocks, n_labels=3, seed=9)
+    assert first != block_bootstrap(truth, predicted, blocks, n_labels=3, seed=8)
+    likelier = block_bootstrap(truth, predicted, blocks, n_labels=3, seed=9, confidence=0.5)
+    assert first["accuracy"].low < likelier["accuracy"].low
+    assert likelier["accuracy"].high < first["accuracy"].high
     whole = evaluate(truth, predicted, NAMES[:3])
     assert first["balanced_accuracy"].estimate == pytest.approx(whole.balanced_accuracy)
     assert first["accuracy"].low <= whole.accuracy <= first["accuracy"].high

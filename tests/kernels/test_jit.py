@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places._version import __version__
 from pgm_places.kernels.cache import cache_folder
 from pgm_places.kernels.jit import fused, njit, ready
 
@@ -100,6 +101,16 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kept")
     assert run_kernels(folder) == ("6 9 0\n", "")
     return folder
+
+
+def test_each_version_has_a_cache_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variable in ("PGM_PLACES_CACHE_DIR", "NUMBA_CACHE_DIR"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert cache_folder() == tmp_path / "pgm_places" / f"kernels-{__version__}"
 
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from sklearn.tree import DecisionTreeClassifier
 
 from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
+from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.scoring import node_scorer
 from pgm_places.models.mrf import PottsField
@@ -185,6 +187,17 @@ def test_a_label_that_a_fold_has_not_met_gets_the_least_probability(
     met = [bool((np.exp(unary[:, 2]) > 0.01).any()) for unary in SEEN]
     assert met == [True, True, True, False]
     np.testing.assert_allclose(np.exp(SEEN[3][:, 2]), 1e-3, rtol=2e-3)
+
+
+@pytest.mark.parametrize("metric", ["accuracy", "balanced_accuracy", "macro_f1", "mcc"])
+def test_the_score_is_the_metric_that_was_chosen(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]], metric: Any
+) -> None:
+    labeler = StructuredLabeler("independent", LogisticRegression(C=0.01), metric=metric)
+    found = np.concatenate(labeler.fit(chains, truths).predict(chains))
+    whole = evaluate(np.concatenate(truths), found, NAMES)
+    assert labeler.score(chains, truths) == getattr(whole, metric)
+    assert whole.accuracy != whole.macro_f1
 
 
 def test_scorers_of_scikit_learn_work_over_nodes(

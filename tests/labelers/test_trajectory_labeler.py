@@ -97,6 +97,22 @@ def test_any_method_labels_the_chain(name: str) -> None:
         tool.online(path.geometry)  # type: ignore[arg-type]
 
 
+def test_options_of_learning_reach_the_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+
+    def learn(method: Any, *_: Any, **options: Any) -> Any:
+        asked.update(options, method=method)
+        return method
+
+    monkeypatch.setattr("pgm_places.labelers.trajectory_labeler.learn_method", learn)
+    tool = TrajectoryLabeler(
+        building()[1], "amn", every_m=0.7, classifier=QUICK, loop_m=1.5, n_runs=17, seed=4
+    )
+    tool.fit([], [drive(0)])
+    assert asked.pop("method").edge_features == ("constant", "kind")
+    assert asked == {"every_m": 0.7, "loop_m": 1.5, "n_runs": 17, "seed": 4}
+
+
 def test_maps_and_trajectories_are_learned_from_together() -> None:
     (known, names), path = building(), drive(0)
     tool = TrajectoryLabeler(names, classifier=QUICK, n_runs=200).fit([known], [path])

@@ -34,6 +34,26 @@ def test_a_newer_request_ends_a_running_one_and_all_that_wait() -> None:
     assert order == ["first ended", "third worked"]
 
 
+def test_a_request_that_was_superseded_while_it_waited_does_not_begin() -> None:
+    turns, order = Turns(), []
+
+    def wait() -> None:
+        try:
+            with turns.turn(Silent()):
+                order.append("began")
+        except SupersededError:
+            order.append("ended")
+
+    second = threading.Thread(target=wait)
+    with turns.turn(Silent()):
+        second.start()
+        while turns.is_newest(1):  # until the second has asked
+            second.join(0.001)
+        turns.cancel()
+    second.join(10)
+    assert order == ["ended"]
+
+
 def test_updates_end_a_stage_half_way() -> None:
     turns = Turns()
     with (
