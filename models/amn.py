@@ -32,15 +32,20 @@ from pgm_places.models.amn_learning import (
 from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
 from pgm_places.models.decoding import Decoder
-from pgm_places.models.learning_record import LearningRecord
+from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
-    Standardization,
     edge_feature_count,
     edge_features,
     node_features,
     parse_node_features,
 )
-from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.linear_model import (
+    LinearModel,
+    TermSizes,
+    learned_arrays,
+    require_edge_features,
+)
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
@@ -215,7 +220,7 @@ class AssociativeMarkovNetwork(LinearModel):
                 )
             return self._fit_completed(examples, on_iteration)
         known = labelled_parts(problems, labelings)
-        scaling, tasks = self._prepared(known)
+        scaling, sizes, tasks = self._prepared(known)
         if weights is not None:
             tasks = weighted(tasks, labelled_weights(weights, labelings))
         penalties = penalties_of(self.C, AUTO_PENALTIES)
@@ -227,12 +232,12 @@ class AssociativeMarkovNetwork(LinearModel):
                 tasks, graphs, penalties, self.n_validation_blocks, options
             )
             tasks = [replace(task, penalty=chosen) for task in tasks]
-        begin = self._weights_to_begin_with(joined(tasks))
+        begin = self._weights_to_begin_with(joined(tasks), sizes)
         start = time.perf_counter()
         solution = learn(tasks, options, start=begin, on_iteration=on_iteration)
         seconds = time.perf_counter() - start
         record = self._record(joined(tasks), solution, len(tasks), seconds)
-        return self._with_weights(scaling, tasks[0], solution, record, search)
+        return self._with_weights(scaling, sizes, tasks[0], solution, record, search)
 
     def _fit_completed(
         self,
@@ -248,7 +253,7 @@ class AssociativeMarkovNetwork(LinearModel):
         examples = [(problem, truth) for problem, truth in examples if (truth >= 0).any()]
         if not examples:
             raise InputError("no node of any training map has a label")
-        scaling, tasks = self._prepared(examples)
+        scaling, sizes, tasks = self._prepared(examples)
         truth = np.concatenate([labels for _, labels in examples])
         penalties = penalties_of(self.C, AUTO_PENALTIES)
         penalty, search = penalties[0], None
@@ -269,19 +274,22 @@ class AssociativeMarkovNetwork(LinearModel):
         seconds = time.perf_counter() - start
         solution = completed.solution
         record = self._record(replace(whole, penalty=penalty), solution, len(tasks), seconds)
-        found = self._with_weights(scaling, whole, solution, record, search)
+        found = self._with_weights(scaling, sizes, whole, solution, record, search)
         return replace(found, completion_objectives=completed.objectives)
 
     def _with_weights(
         self,
         scaling: Standardization,
+        sizes: TermSizes,
         task: MaxMarginProblem,
         solution: MaxMarginSolution,
         record: LearningRecord,
         search: NDArray[np.float64] | None,
     ) -> Self:
-        node_weights, edge_weights = split_weights(task, solution.weights)
-        of_cliques = None if task.sets is None else set_weights(task, solution.weights).copy()
+        warn_if_stalled(record, self.scale)
+        weights = solution.weights / sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
+        node_weights, edge_weights = split_weights(task, weights)
+        of_cliques = None if task.sets is None else set_weights(task, weights).copy()
         return replace(
             self,
             node_weights=node_weights.copy(),
@@ -298,16 +306,18 @@ class AssociativeMarkovNetwork(LinearModel):
 
         They have the first C where there are several.
         """
-        return self._prepared(labelled_parts(problems, labelings))[1]
+        return self._prepared(labelled_parts(problems, labelings))[2]
 
     def _prepared(
         self, known: Sequence[tuple[LabelingProblem, NDArray[np.int64]]]
-    ) -> tuple[Standardization, list[MaxMarginProblem]]:
+    ) -> tuple[Standardization, TermSizes, list[MaxMarginProblem]]:
         """The scaling, and one max-margin problem a map; unknown labels are 0, with a loss of 0."""
         parts = parse_node_features(self.node_features)
-        require_like_cliques([problem for problem, _ in known])
-        raw = [node_features(problem, parts) for problem, _ in known]
-        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw)
+        problems = [problem for problem, _ in known]
+        require_like_cliques(problems)
+        raw = [node_features(problem, parts) for problem in problems]
+        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
+        sizes = self._term_sizes(problems, self.edge_features)
         names = known[0][0].label_names
         class_weight = "none" if self.loss == "hamming" else self.class_weight
         labels = np.concatenate([truth for _, truth in known])
@@ -318,24 +328,27 @@ class AssociativeMarkovNetwork(LinearModel):
             MaxMarginProblem(
                 scaling.apply(features),
                 problem.graph.edges,
-                self._edge_features(problem),
+                self._edge_features(problem) / sizes.edges,
                 np.maximum(truth, 0),
                 len(names),
                 loss,
                 penalties_of(self.C, AUTO_PENALTIES)[0],
-                clique_terms(problem, self.clique_dissent),
+                clique_terms(problem, self.clique_dissent, sizes.cliques),
             )
             for (problem, truth), features, loss in zip(
                 known, raw, np.split(losses, ends), strict=True
             )
         ]
-        return scaling, tasks
+        return scaling, sizes, tasks
 
-    def _weights_to_begin_with(self, task: MaxMarginProblem) -> NDArray[np.float64] | None:
+    def _weights_to_begin_with(
+        self, task: MaxMarginProblem, sizes: TermSizes
+    ) -> NDArray[np.float64] | None:
         if not self._goes_on:
             return None
         parts = self._learned("node_weights", "edge_weights")
-        return self._flat_weights(parts, task.n_weights, task.n_labels)
+        flat_sizes = sizes.of_weights(task.n_weights, task.n_labels, task.n_labels)
+        return self._flat_weights(parts, flat_sizes, task.n_labels)
 
     def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         found = edge_features(problem, self.edge_features)

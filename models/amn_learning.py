@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import times_rows
 from pgm_places.errors import InputError, LabelError
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
@@ -19,6 +18,7 @@ from pgm_places.models.completion import (
     learn_completed,
     smooth_completion,
 )
+from pgm_places.models.held_out import best_value
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.max_margin import (
@@ -38,7 +38,6 @@ __all__ = [
     "ClassWeight",
     "Learner",
     "LearnerOptions",
-    "best_penalty",
     "choose_completed",
     "choose_penalty",
     "labelled_parts",
@@ -258,33 +257,7 @@ def choose_penalty(
             cuts = solution.cuts  # planes hold at any C
             labels = oracle(*potentials_of(held_out, solution.weights))
             found[number].append(labels[counts])
-    return best_penalty(penalties, truth, found)
-
-
-def best_penalty(
-    penalties: Sequence[float],
-    truth: Sequence[NDArray[np.int64]],
-    found: Sequence[Sequence[NDArray[np.int64]]],
-) -> tuple[float, NDArray[np.float64]]:
-    """The C whose labels of all held-out parts are best, and (P, 2) C and balanced accuracy.
-
-    Among equals the smaller C wins.
-
-    Parameters
-    ----------
-    penalties : sequence of P float
-    truth : sequence of (N_part,) int
-        The true labels of each part.
-    found : P sequences of (N_part,) int
-        The labels that each C gave these parts.
-    """
-    everywhere = np.concatenate(truth)
-    scores = [
-        float(balanced_accuracy(confusion_matrix(everywhere, np.concatenate(labels))))
-        for labels in found
-    ]
-    best = max(range(len(penalties)), key=lambda p: (scores[p], -penalties[p]))
-    return float(penalties[best]), np.column_stack([penalties, scores])
+    return best_value(penalties, truth, found)
 
 
 def learn_hidden(

@@ -31,6 +31,7 @@ from pgm_places.models.decoding import (
     decode_by,
     require_decoder,
 )
+from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.solvers.set_nodes import SetNodes
 from pgm_places.solvers.set_terms import SetTerms
 
@@ -38,6 +39,7 @@ __all__ = [
     "check_clique_weights",
     "clique_features",
     "clique_score",
+    "clique_sizes",
     "clique_terms",
     "decode_cliques_as",
     "decode_with_cliques",
@@ -230,12 +232,22 @@ def clique_features(problem: LabelingProblem) -> NDArray[np.float64]:
     return constant if given is None else np.concatenate([constant, given], axis=1)
 
 
-def clique_terms(problem: LabelingProblem, dissent: float) -> SetTerms | None:
-    """What a problem's cliques bring to learning their weights; None without any."""
+def clique_sizes(problems: Sequence[LabelingProblem]) -> NDArray[np.float64]:
+    """(1 + G,) the size of each clique feature over some problems, (0,) without cliques."""
+    return column_sizes(np.concatenate([clique_features(problem) for problem in problems]))
+
+
+def clique_terms(
+    problem: LabelingProblem, dissent: float, sizes: NDArray[np.float64]
+) -> SetTerms | None:
+    """What a problem's cliques bring to learning their weights; None without any.
+
+    Features are divided by their sizes (1 + G,).
+    """
     if problem.cliques is None:
         return None
     n, k = problem.graph.n_nodes, problem.n_labels
-    return SetTerms.of(problem.cliques, clique_features(problem), n, k, dissent)
+    return SetTerms.of(problem.cliques, clique_features(problem) / sizes, n, k, dissent)
 
 
 def learned_rewards(

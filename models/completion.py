@@ -12,11 +12,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.evaluation.confusion import balanced_accuracy, confusion_matrix
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import keep_known
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.held_out import best_value
 from pgm_places.solvers.adjacency import Adjacency, adjacency
 from pgm_places.solvers.expansion import alpha_expansion
 from pgm_places.solvers.hidden_labels import Solve, concave_convex
@@ -27,6 +27,7 @@ from pgm_places.solvers.table_field import TableField
 __all__ = [
     "Completed",
     "alone_completion",
+    "alone_weights",
     "best_of_hidden",
     "completes",
     "hidden_parts",
@@ -174,10 +175,33 @@ def _likely(
 ) -> NDArray[np.float64]:
     """(N, K) log-probabilities of single nodes, -inf for what the truth excludes."""
     known = truth >= 0
-    alone = adjacency(int(known.sum()), np.zeros((0, 2), np.int64))
-    field = TableField(features[known], alone, np.zeros((0, 0)), n_labels)
-    found = maximize_likelihood(field, truth[known], NODE_PRICE, kind="piecewise")
-    return keep_known(features @ field.split(found.weights)[0], truth)
+    weights = alone_weights(features[known], truth[known], n_labels, NODE_PRICE)
+    return keep_known(features @ weights, truth)
+
+
+def alone_weights(
+    features: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    n_labels: int,
+    penalty: float,
+    node_weight: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """(D, K) the weights of a classifier that sees each node by itself.
+
+    Parameters
+    ----------
+    features : (N, D) float
+    labels : (N,) int
+    n_labels : int
+    penalty : float
+        C, the price of the mean loss.
+    node_weight : (N,) float, optional
+        What each node counts.
+    """
+    no_edges = adjacency(len(labels), np.zeros((0, 2), np.int64))
+    field = TableField(features, no_edges, np.zeros((0, 0)), n_labels)
+    found = maximize_likelihood(field, labels, penalty, kind="piecewise", node_weight=node_weight)
+    return field.split(found.weights)[0]
 
 
 def hidden_parts(graph: LabelGraph, truth: NDArray[np.int64], n_parts: int) -> NDArray[np.int64]:
@@ -202,7 +226,7 @@ def best_of_hidden(
     labels_with : callable
         Labels (N,), fewer of them known -> for each candidate the labels (N,) it gives all nodes.
 
-    Among equals the first candidate wins.
+    Among equals the smallest wins; the first where no label can be hidden.
     """
     everywhere: list[NDArray[np.int64]] = []
     found: list[list[NDArray[np.int64]]] = [[] for _ in candidates]
@@ -214,10 +238,4 @@ def best_of_hidden(
         everywhere.append(truth[asked])
         for number, labels in enumerate(labels_with(rest)):
             found[number].append(labels[asked])
-    if not everywhere:
-        return float(candidates[0]), np.column_stack([candidates, np.full(len(candidates), np.nan)])
-    true = np.concatenate(everywhere)
-    scores = [
-        float(balanced_accuracy(confusion_matrix(true, np.concatenate(labels)))) for labels in found
-    ]
-    return float(candidates[int(np.argmax(scores))]), np.column_stack([candidates, scores])
+    return best_value(candidates, everywhere, found)

@@ -1,6 +1,7 @@
 """Conditional random field: scores of nodes and full tables of label pairs, all learned."""
 
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import finite_array
 from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen
-from pgm_places.errors import InputError
+from pgm_places.errors import InputError, LearningWarning
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
@@ -33,19 +34,25 @@ from pgm_places.models.crf_learning import (
     choose_by_hiding,
     choose_link_scale,
     choose_penalty,
+    damped,
     learn,
+    needs_damping,
     resolved,
-    scaled,
 )
 from pgm_places.models.decoding import Decoder
-from pgm_places.models.learning_record import LearningRecord
+from pgm_places.models.feature_scaling import Standardization
+from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
-    Standardization,
     edge_features,
     node_features,
     parse_node_features,
 )
-from pgm_places.models.linear_model import LinearModel, learned_arrays, require_edge_features
+from pgm_places.models.linear_model import (
+    LinearModel,
+    TermSizes,
+    learned_arrays,
+    require_edge_features,
+)
 from pgm_places.options import Positive, Whole
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.forest_order import is_forest
@@ -204,7 +211,7 @@ class ConditionalRandomField(LinearModel):
         hidden = self.unlabelled == "hidden"
         examples = labelled_parts(problems, labelings, with_unlabelled=hidden)
         require_like_cliques([problem for problem, _ in examples])
-        scaling, task = self._task(examples)
+        scaling, sizes, task = self._task(examples)
         if sample_weight is not None:
             given = weights_of(sample_weight, problems)
             kept = labelled_weights(given, labelings, with_unlabelled=hidden)
@@ -217,14 +224,18 @@ class ConditionalRandomField(LinearModel):
         else:
             penalty = penalties[0]
         start = time.perf_counter()
-        edge_scale = self._edge_scale(examples)
-        begin = self._weights_to_begin_with(task.field, edge_scale)
+        flat_sizes = sizes.of_weights(
+            task.field.n_weights, task.field.n_labels, task.field.n_labels**2
+        )
+        begin = self._weights_to_begin_with(task.field, flat_sizes)
         solution = learn(task, penalty, options, start=begin, on_iteration=on_iteration)
         weights, link_scales = solution.weights, None
-        if (task.labels < 0).any() and options.learner in ("pseudo-likelihood", "piecewise"):
-            parts = self._hidden_parts(examples)
-            link_scale, link_scales = choose_link_scale(task, parts, penalty, options)
-            weights = scaled(task.field, weights, link_scale)
+        if needs_damping(task, options.learner):
+            parts = self._parts_to_hold_out(examples)
+            share, link_scales = choose_link_scale(task, weights, parts, penalty, options)
+            [weights] = damped(task, weights, penalty, [share])
+            if not share:
+                _warn_of_links(options.learner)
         record = LearningRecord(
             status=solution.status,
             penalty=penalty,
@@ -238,12 +249,14 @@ class ConditionalRandomField(LinearModel):
             n_edges=task.field.around.n_edges,
             n_maps=len(examples),
         )
+        warn_if_stalled(record, self.scale)
+        weights = weights / flat_sizes
         node_weights, tables = task.field.split(weights)
         of_cliques = None if task.field.sets is None else task.field.set_weights(weights).copy()
         return replace(
             self,
             node_weights=node_weights.copy(),
-            tables=edge_scale * tables,
+            tables=tables.copy(),
             clique_weights=of_cliques,
             by_margin=np.array([options.learner == "max-margin"]),
             **learned_arrays(scaling, record, solution.history, search),
@@ -257,13 +270,12 @@ class ConditionalRandomField(LinearModel):
         return CHAIN_SCALE if chains and self.learner != "max-margin" else 1.0
 
     def _weights_to_begin_with(
-        self, field: TableField, edge_scale: float
+        self, field: TableField, sizes: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
         if not self._goes_on:
             return None
-        node_weights, tables = self._learned("node_weights", "tables")
-        parts = [node_weights, tables / edge_scale]
-        return self._flat_weights(parts, field.n_weights, field.n_labels)
+        parts = self._learned("node_weights", "tables")
+        return self._flat_weights(parts, sizes, field.n_labels)
 
     def _choose_penalty(
         self,
@@ -277,13 +289,21 @@ class ConditionalRandomField(LinearModel):
         parts = held_out_parts(examples, self.n_validation_blocks)
         return choose_penalty(task, parts, penalties, options)
 
+    def _parts_to_hold_out(self, examples: Sequence[Example]) -> NDArray[np.int64]:
+        if any((truth < 0).any() for _, truth in examples):
+            return self._hidden_parts(examples)
+        return held_out_parts(examples, self.n_validation_blocks)
+
     def _hidden_parts(self, examples: Sequence[Example]) -> NDArray[np.int64]:
         n = self.n_validation_blocks
         return np.concatenate([hidden_parts(p.graph, truth, n) for p, truth in examples])
 
-    def _task(self, examples: Sequence[Example]) -> tuple[Standardization, LearningTask]:
-        raw = [self._node_features(problem) for problem, _ in examples]
-        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw)
+    def _task(self, examples: Sequence[Example]) -> tuple[Standardization, TermSizes, LearningTask]:
+        problems = [problem for problem, _ in examples]
+        raw = [self._node_features(problem) for problem in problems]
+        scaling = self._scaling() if self._goes_on else Standardization.of_all(raw, self.scale)
+        sizes = self._term_sizes(problems, self._edge_names(problems[0]))
+        sizes = sizes._replace(edges=sizes.edges / self._edge_scale(examples))
         truth = np.concatenate([labels for _, labels in examples])
         known = truth >= 0
         names = examples[0][0].label_names
@@ -296,19 +316,18 @@ class ConditionalRandomField(LinearModel):
         loss[known] = loss_of(truth[known])
         chains = all(problem.graph.is_chain for problem, _ in examples)
         symmetric = not chains if self.tables_tell == "auto" else self.tables_tell == "pair"
-        edge_scale = self._edge_scale(examples)
         fields = [
             TableField(
                 scaling.apply(features),
                 adjacency(problem.graph.n_nodes, problem.graph.edges),
-                edge_scale * self._edge_features(problem),
+                edge_features(problem, self._edge_names(problem)) / sizes.edges,
                 len(names),
                 symmetric,
-                clique_terms(problem, self.clique_dissent),
+                clique_terms(problem, self.clique_dissent, sizes.cliques),
             )
             for (problem, _), features in zip(examples, raw, strict=True)
         ]
-        return scaling, LearningTask(beside(fields), truth, loss, loss_of)
+        return scaling, sizes, LearningTask(beside(fields), truth, loss, loss_of)
 
     def _node_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
         parts = parse_node_features(self.node_features)
@@ -317,12 +336,12 @@ class ConditionalRandomField(LinearModel):
             parts = tuple(dict.fromkeys([*(part for part in parts if part != "auto"), there]))
         return node_features(problem, parts)
 
-    def _edge_features(self, problem: LabelingProblem) -> NDArray[np.float64]:
+    def _edge_names(self, problem: LabelingProblem) -> tuple[str, ...]:
         names = tuple(self.edge_features)
-        if "auto" in names:
-            there = ["constant"] + ([] if problem.edge_features is None else ["given"])
-            names = tuple(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
-        return edge_features(problem, names)
+        if "auto" not in names:
+            return names
+        there = ["constant"] + ([] if problem.edge_features is None else ["given"])
+        return tuple(dict.fromkeys([*(name for name in names if name != "auto"), *there]))
 
     def _options(self, field: TableField) -> LearningOptions:
         return LearningOptions(
@@ -350,7 +369,7 @@ class ConditionalRandomField(LinearModel):
         node_weights, tables = self._learned("node_weights", "tables")
         self._require_labels(problem)
         nodes = self._scaling().apply(self._node_features(problem))
-        edges = self._edge_features(problem)
+        edges = edge_features(problem, self._edge_names(problem))
         require_edge_features(edges.shape[1], len(tables))
         around = adjacency(problem.graph.n_nodes, problem.graph.edges)
         field = TableField(nodes, around, edges, problem.n_labels)
@@ -384,6 +403,15 @@ class ConditionalRandomField(LinearModel):
         finite_array("tables", tables, ("F", n_labels, n_labels))
         if by_margin.shape != (1,):
             raise InputError("by_margin must hold one value")
+
+
+def _warn_of_links(learner: str) -> None:
+    warnings.warn(
+        f"the links learned by {learner} label held-out nodes no better than each node by itself, "
+        "and are left out; take learner='max-margin'",
+        LearningWarning,
+        stacklevel=3,
+    )
 
 
 def held_out_parts(examples: Sequence[Example], n_parts: int) -> NDArray[np.int64]:

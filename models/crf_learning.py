@@ -1,6 +1,6 @@
 """How a conditional random field is trained: learners by name, unknown labels, the choice of C."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import times_rows
 from pgm_places.errors import InputError
-from pgm_places.models.amn_learning import SEARCH_TOLERANCE, best_penalty
+from pgm_places.models.amn_learning import SEARCH_TOLERANCE
 from pgm_places.models.completion import (
     LossOf,
     alone_completion,
+    alone_weights,
     best_of_hidden,
     learn_completed,
     smooth_completion,
 )
+from pgm_places.models.held_out import best_value
 from pgm_places.solvers.adjacency import adjacency, part_means
 from pgm_places.solvers.cutting_plane import cutting_plane
 from pgm_places.solvers.likelihood import Likelihood, LikelihoodSolution, maximize_likelihood
@@ -36,9 +38,10 @@ __all__ = [
     "choose_by_hiding",
     "choose_link_scale",
     "choose_penalty",
+    "damped",
     "learn",
+    "needs_damping",
     "resolved",
-    "scaled",
 ]
 
 FieldLearner = Literal["likelihood", "pseudo-likelihood", "piecewise", "max-margin"]
@@ -50,7 +53,8 @@ _KINDS: dict[str, Likelihood] = {
 }
 
 LINK_SCALES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
-"""What tables may be multiplied by after a surrogate of the likelihood; among equals the first."""
+"""How much is taken of what a surrogate of the likelihood learned; the rest is a classifier of
+single nodes."""
 
 DECODING_PASSES = 100
 """Passes of TRW-S for held-out nodes and for unknown labels."""
@@ -257,32 +261,61 @@ def choose_by_hiding(
     return best_of_hidden(task.labels, parts, penalties, labels_with)
 
 
-def choose_link_scale(
-    task: LearningTask, parts: NDArray[np.int64], penalty: float, options: LearningOptions
-) -> tuple[float, NDArray[np.float64]]:
-    """By what to multiply the tables, and (S, 2) each factor and its accuracy.
+def needs_damping(task: LearningTask, learner: FieldLearner) -> bool:
+    """Whether learned links may be too strong for a decoder, see :func:`choose_link_scale`."""
+    if learner == "pseudo-likelihood":
+        return not task.field.is_forest or bool((task.labels < 0).any())
+    return learner == "piecewise" and bool((task.labels < 0).any())
 
-    Surrogates of the likelihood learn links beside the expected labels of unlabelled neighbours.
-    These are close to even, so that links must be strong to tell anything from them; a decoder,
-    whose neighbours have one label each, then lets all nodes take one label. How much of the links
-    is right for decoding is seen on labels that were hidden.
+
+def choose_link_scale(
+    task: LearningTask,
+    weights: NDArray[np.float64],
+    parts: NDArray[np.int64],
+    penalty: float,
+    options: LearningOptions,
+) -> tuple[float, NDArray[np.float64]]:
+    """How far to go from nodes alone to learned weights, and (S, 2) each share and its accuracy.
+
+    Pseudo-likelihood learns links beside the true labels of the neighbours, so that they say nearly
+    all and the nodes themselves little; a decoder, which has to guess the neighbours, then gives
+    all nodes one label. Beside the expected labels of unlabelled neighbours, which are close to
+    even, surrogates learn links that are too strong as well. How much of the links is right for
+    decoding is seen on labels that were held out, or hidden where some are not known; and where all
+    are known, the weights themselves must label the training nodes as well.
     """
     quick = replace(options, tolerance=SEARCH_TOLERANCE)
 
+    def candidates(rest: LearningTask) -> list[NDArray[np.float64]]:
+        return damped(rest, learn(rest, penalty, quick).weights, penalty, LINK_SCALES)
+
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-        weights = learn(replace(task, labels=labels), penalty, quick).weights
-        return [_labels_at(task.field, scaled(task.field, weights, s)) for s in LINK_SCALES]
+        return [_labels_at(task.field, w) for w in candidates(replace(task, labels=labels))]
 
-    return best_of_hidden(task.labels, parts, LINK_SCALES, labels_with)
+    if (task.labels < 0).any():
+        return best_of_hidden(task.labels, parts, LINK_SCALES, labels_with)
+    _, held_out = _best_held_out(task, parts, LINK_SCALES, candidates)
+    own = [[_labels_at(task.field, w)] for w in damped(task, weights, penalty, LINK_SCALES)]
+    _, in_training = best_value(LINK_SCALES, [task.labels], own)
+    lesser = np.fmin(held_out, in_training)
+    best = max(range(len(lesser)), key=lambda s: (lesser[s, 1], -lesser[s, 0]))
+    return float(lesser[best, 0]), lesser
 
 
-def scaled(
-    field: TableField, weights: NDArray[np.float64], link_scale: float
-) -> NDArray[np.float64]:
-    """Weights whose tables are multiplied."""
-    factors = np.ones(field.n_weights)
-    factors[field.n_node_weights :] = link_scale
-    return weights * factors
+def damped(
+    task: LearningTask, weights: NDArray[np.float64], penalty: float, shares: Sequence[float]
+) -> list[NDArray[np.float64]]:
+    """Weights on the way from a classifier of single nodes (share 0) to the given ones (1)."""
+    field, known = task.field, task.labels >= 0
+    alone = np.zeros(field.n_weights)
+    alone[: field.n_node_weights] = alone_weights(
+        field.node_features[known],
+        task.labels[known],
+        field.n_labels,
+        penalty,
+        None if task.weight is None else task.weight[known],
+    ).ravel()
+    return [(1.0 - share) * alone + share * weights for share in shares]
 
 
 def _labels_at(field: TableField, weights: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -302,15 +335,26 @@ def choose_penalty(
     part alone. Among equals the smaller C wins.
     """
     quick = replace(options, tolerance=SEARCH_TOLERANCE, certified_tolerance=None)
+    return _best_held_out(
+        task, parts, penalties, lambda rest: [learn(rest, C, quick).weights for C in penalties]
+    )
+
+
+def _best_held_out(
+    task: LearningTask,
+    parts: NDArray[np.int64],
+    values: Sequence[float],
+    weights_of: Callable[[LearningTask], Sequence[NDArray[np.float64]]],
+) -> tuple[float, NDArray[np.float64]]:
+    """The value whose weights, learned without each part (N,) in turn, label the parts best."""
     truth: list[NDArray[np.int64]] = []
-    found: list[list[NDArray[np.int64]]] = [[] for _ in penalties]
+    found: list[list[NDArray[np.int64]]] = [[] for _ in values]
     for part in np.unique(parts):
         rest, held_out = task.part(parts != part), task.part(parts == part)
         known = held_out.labels >= 0
         if not known.any() or not (rest.labels >= 0).any():
             continue
         truth.append(held_out.labels[known])
-        for number, penalty in enumerate(penalties):
-            weights = learn(rest, penalty, quick).weights
-            found[number].append(_labels_at(held_out.field, weights)[known])
-    return best_penalty(penalties, truth, found)
+        for labels, weights in zip(found, weights_of(rest), strict=True):
+            labels.append(_labels_at(held_out.field, weights)[known])
+    return best_value(values, truth, found)

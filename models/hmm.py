@@ -103,6 +103,7 @@ class HiddenMarkovModel:
 
     uses_node_features: ClassVar[bool] = False
     chains_only: ClassVar[bool] = True
+    labelling_options: ClassVar[tuple[str, ...]] = ("mode",)
 
     mode: Mode = "filter"
     observation: Observation = "posterior"

@@ -1,5 +1,6 @@
 """How learning went, as arrays that are stored with the model."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -7,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.errors import LearningWarning
 from pgm_places.solvers.max_margin import LearningStep, reached, relative_gap
 
-__all__ = ["LEARNING_STATUSES", "LearningRecord", "history_array"]
+__all__ = ["LEARNING_STATUSES", "LearningRecord", "history_array", "warn_if_stalled"]
 
 LEARNING_STATUSES = (
     "optimal",
@@ -101,6 +103,23 @@ class LearningRecord:
             named[name] = int(named[name])
         named["certified_gap"] = self.certified_gap
         return named
+
+
+def warn_if_stalled(record: LearningRecord, scale: str) -> None:
+    """Say that learning ended too early, and what to do with features scaled in that way."""
+    if record.status != "stalled":
+        return
+    reached = record.certified_objective or record.objective
+    if scale == "none":
+        remedy = "take scale='auto', after which the units of features do not matter"
+    else:
+        remedy = f"take a smaller C than {record.penalty:g}"
+    warnings.warn(
+        f"learning stalled {100 * relative_gap(reached, record.lower_bound):.2g} % above its lower "
+        f"bound: it finds no better weights, and those it has may label badly; {remedy}",
+        LearningWarning,
+        stacklevel=3,
+    )
 
 
 _FIELDS = tuple(LearningRecord.__dataclass_fields__)

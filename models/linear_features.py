@@ -1,23 +1,23 @@
 """Features of nodes and edges, prepared for models that are linear in their weights."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places._checks import frozen, is_sparse, nearest_name, stacked_rows
+from pgm_places._checks import is_sparse, nearest_name
 from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.feature_scaling import column_sizes, mean_and_spread
 
 __all__ = [
     "EDGE_FEATURES",
     "NODE_FEATURES",
-    "Standardization",
     "edge_feature_count",
     "edge_features",
+    "edge_sizes",
     "node_features",
     "parse_edge_features",
     "parse_node_features",
@@ -35,12 +35,6 @@ EDGE_FEATURES = (
 LOG_FLOOR = -15.0
 """Log-probabilities below this say "never" all the same, and such nodes must not decide how a whole
 column is scaled. In-sample scores are over-confident and lose their order under a higher floor."""
-
-CLIP = 5.0
-"""Standardised features are cut here: a linear model should not hang on single outliers."""
-
-SAME_COLUMN = 1.0 - 1e-9
-"""Columns correlated beyond this carry the same information to a linear model."""
 
 
 def parse_node_features(text: str) -> tuple[str, ...]:
@@ -125,9 +119,38 @@ def _probabilities(
 
 def edge_feature_count(problem: LabelingProblem, names: Sequence[str]) -> int:
     """F, the number of columns that :func:`edge_features` gives for a problem."""
+    return sum(_width(problem, name) for name in _resolved_edges(problem, names))
+
+
+def _width(problem: LabelingProblem, name: str) -> int:
     given = 0 if problem.edge_features is None else problem.edge_features.shape[1]
-    widths = {"given": given, "kind": len(EdgeKind)}
-    return sum(widths.get(name, 1) for name in _resolved_edges(problem, names))
+    return {"given": given, "kind": len(EdgeKind)}.get(name, 1)
+
+
+def edge_sizes(problems: Sequence[LabelingProblem], names: Sequence[str]) -> NDArray[np.float64]:
+    """(F,) the size of each column of :func:`edge_features` over all edges of some problems.
+
+    That is 1 for the columns that are computed here, which are at most 1, and the root mean square
+    of the entries that are not 0 for those given
+    (:func:`~pgm_places.models.feature_scaling.column_sizes`).
+
+    Raises
+    ------
+    InputError
+        The problems differ in their number of edge features.
+    """
+    counts = [edge_feature_count(problem, names) for problem in problems]
+    if len(set(counts)) > 1:
+        raise InputError(
+            f"training problems must have the same number of edge features, got {counts}"
+        )
+    sizes = []
+    for name in _resolved_edges(problems[0], names):
+        if name == "given":
+            sizes.append(column_sizes(np.concatenate([_given(problem) for problem in problems])))
+        else:
+            sizes.append(np.ones(_width(problems[0], name)))
+    return np.concatenate(sizes)
 
 
 def edge_features(problem: LabelingProblem, names: Sequence[str]) -> NDArray[np.float64]:
@@ -170,9 +193,7 @@ def _resolved_edges(problem: LabelingProblem, names: Sequence[str]) -> list[str]
 def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:
     graph = problem.graph
     if name == "given":
-        if problem.edge_features is None:
-            raise InputError("edge_features='given' needs the problem's edge features; it has none")
-        return problem.edge_features
+        return _given(problem)
     if name == "kind":
         if graph.edge_kind is None:
             raise InputError(
@@ -197,13 +218,19 @@ def _edge_columns(problem: LabelingProblem, name: str) -> NDArray[np.float64]:
     return column[:, None]
 
 
+def _given(problem: LabelingProblem) -> NDArray[np.float64]:
+    if problem.edge_features is None:
+        raise InputError("edge_features='given' needs the problem's edge features; it has none")
+    return problem.edge_features
+
+
 def _raw_likeness(problem: LabelingProblem) -> NDArray[np.float64]:
     if problem.node_features is None:
         raise InputError("'raw-difference' needs the problem's node features; it has none")
     features, edges = problem.node_features, problem.graph.edges
     if not len(edges):
         return np.ones(0)
-    spread = _mean_and_spread(features)[1]
+    spread = mean_and_spread(features)[1]
     varying = spread > 0
     if not varying.any():
         return np.ones(len(edges))
@@ -216,111 +243,3 @@ def _raw_likeness(problem: LabelingProblem) -> NDArray[np.float64]:
         distance = np.abs(scaled[edges[:, 0]] - scaled[edges[:, 1]]).mean(axis=1)
     typical = distance.mean()
     return np.exp(-distance / typical) if typical > 0 else np.ones(len(edges))
-
-
-@dataclass(frozen=True, eq=False)
-class Standardization:
-    """How columns are chosen and scaled; learned on training nodes, applied to all others.
-
-    Parameters
-    ----------
-    n_columns : int
-        Columns of the features it applies to.
-    columns : (D',) int
-        Those kept: neither constant nor a repetition of an earlier one.
-    mean, scale : (D',) float
-        Their mean and standard deviation on the training nodes.
-    """
-
-    n_columns: int
-    columns: NDArray[np.int64]
-    mean: NDArray[np.float64]
-    scale: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "columns", frozen(self.columns))
-        object.__setattr__(self, "mean", frozen(self.mean))
-        object.__setattr__(self, "scale", frozen(self.scale))
-
-    @classmethod
-    def of(cls, features: NDArray[np.float64]) -> "Standardization":
-        """The standardisation that (N, D) training features ask for.
-
-        A column is dropped when it is constant or equal to an earlier one up to shift, scale and
-        sign, because a linear model gains nothing from it and its weights would not be unique.
-        Sparse columns are scaled only, or they would not be sparse any more, and repetitions stay.
-        """
-        mean, scale = _mean_and_spread(features)
-        varying = scale > 1e-12 * np.abs(mean)
-        columns = np.flatnonzero(varying)
-        if is_sparse(features):
-            return cls(features.shape[1], columns, np.zeros(len(columns)), scale[columns])
-        centred = (features[:, columns] - mean[columns]) / scale[columns]
-        likeness = np.abs(centred.T @ centred) / len(features)
-        repeats = np.triu(likeness > SAME_COLUMN, k=1).any(axis=0)
-        columns = columns[~repeats]
-        return cls(features.shape[1], columns, mean[columns], scale[columns])
-
-    @classmethod
-    def of_all(cls, features: Sequence[NDArray[np.float64]]) -> "Standardization":
-        """The standardisation of several training problems together.
-
-        Raises
-        ------
-        InputError
-            They differ in their number of features.
-        """
-        if len({part.shape[1] for part in features}) > 1:
-            raise InputError(
-                "training problems must have the same number of node features, got "
-                f"{[part.shape[1] for part in features]}"
-            )
-        return cls.of(stacked_rows(features))
-
-    def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, D' + 1): kept columns standardised and clipped to +-5, then the constant 1.
-
-        Raises
-        ------
-        InputError
-            Another number of columns than in training, or sparse features after dense ones.
-        """
-        if features.shape[1] != self.n_columns:
-            raise InputError(
-                f"the model was trained on {self.n_columns} node features, this problem has "
-                f"{features.shape[1]}; make them the same way as for training"
-            )
-        if is_sparse(features):
-            return self._apply_to_sparse(features)
-        out = np.empty((len(features), len(self.columns) + 1))
-        np.subtract(features[:, self.columns], self.mean, out=out[:, :-1])
-        out[:, :-1] /= self.scale
-        np.clip(out[:, :-1], -CLIP, CLIP, out=out[:, :-1])
-        out[:, -1] = 1.0
-        return out
-
-    def _apply_to_sparse(self, features: Any) -> NDArray[np.float64]:
-        """The same, sparse; zeros stay zeros, since the mean of sparse columns is not taken off."""
-        import scipy.sparse as sp
-
-        if self.mean.any():
-            raise InputError(
-                "the model was trained on dense node features, whose means it takes off; give "
-                "node_features.toarray(), or train it on sparse ones"
-            )
-        kept = features[:, self.columns].multiply(1.0 / self.scale).tocsr()
-        np.clip(kept.data, -CLIP, CLIP, out=kept.data)
-        constant = sp.csr_array(np.ones((features.shape[0], 1)))
-        whole: Any = sp.hstack([kept, constant], format="csr")
-        return whole
-
-
-def _mean_and_spread(
-    features: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(D,) means and standard deviations of columns, dense or sparse."""
-    if not is_sparse(features):
-        return features.mean(axis=0), features.std(axis=0)
-    mean = np.asarray(features.mean(axis=0)).ravel()
-    square = np.asarray((features * features).mean(axis=0)).ravel()
-    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))

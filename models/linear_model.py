@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,28 +12,61 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
-from pgm_places.models.cliques import check_clique_weights, learned_rewards
+from pgm_places.models.cliques import check_clique_weights, clique_sizes, learned_rewards
+from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
 from pgm_places.models.linear_features import (
-    Standardization,
+    edge_sizes,
     parse_edge_features,
     parse_node_features,
 )
 from pgm_places.options import check_options
 from pgm_places.solvers.max_margin import LearningStep
 
-__all__ = ["LinearModel", "learned_arrays", "require_edge_features"]
+__all__ = ["LinearModel", "TermSizes", "learned_arrays", "require_edge_features"]
+
+
+class TermSizes(NamedTuple):
+    """By what features of edges and cliques are divided while their weights are learned.
+
+    What is learned is then divided by the same, so that it is that of the features as given.
+    """
+
+    edges: NDArray[np.float64]
+    """(F,)."""
+    cliques: NDArray[np.float64]
+    """(G,), G = 0 without cliques."""
+
+    def of_weights(self, n_weights: int, n_labels: int, per_edge: int) -> NDArray[np.float64]:
+        """(n_weights,) those of flat weights: 1 for nodes, then ``per_edge`` each, then K each."""
+        of_edges, of_cliques = np.repeat(self.edges, per_edge), np.repeat(self.cliques, n_labels)
+        of_nodes = np.ones(n_weights - len(of_edges) - len(of_cliques))
+        return np.concatenate([of_nodes, of_edges, of_cliques])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearModel:
-    """The learned arrays that networks and fields share; a model adds its options and its own."""
+    """The learned arrays that networks and fields share; a model adds its options and its own.
 
+    Parameters
+    ----------
+    scale : {"auto", "deviation", "none"}
+        How features are scaled before learning, so that their units do not matter. ``auto``
+        standardises node features and clips them to +-5, but leaves columns of zeros and ones as
+        they are, and divides sparse columns and the given features of edges and cliques by their
+        size; ``deviation`` standardises all node features; ``none`` takes all as they are. See
+        :class:`pgm_places.models.feature_scaling.Standardization`.
+    """
+
+    labelling_options: ClassVar[tuple[str, ...]] = ("inference", "max_iterations", "certify")
+
+    scale: Scale = "auto"
     node_weights: NDArray[np.float64] | None = learned()
     clique_weights: NDArray[np.float64] | None = learned()
     feature_columns: NDArray[np.int64] | None = learned()
     feature_mean: NDArray[np.float64] | None = learned()
     feature_scale: NDArray[np.float64] | None = learned()
+    feature_clip: NDArray[np.float64] | None = learned()
     n_features: NDArray[np.int64] | None = learned()
     learning: NDArray[np.float64] | None = learned()
     learning_history: NDArray[np.float64] | None = learned()
@@ -86,9 +119,11 @@ class LinearModel:
         return arrays
 
     def _flat_weights(
-        self, parts: Sequence[NDArray[np.float64]], n_weights: int, n_labels: int
+        self, parts: Sequence[NDArray[np.float64]], sizes: NDArray[np.float64], n_labels: int
     ) -> NDArray[np.float64]:
         """Learned weights, (D, K) of nodes first, as the vector that learning goes on from.
+
+        They are multiplied by the sizes (n_weights,) that features are divided by now.
 
         Raises
         ------
@@ -97,18 +132,26 @@ class LinearModel:
         """
         of_cliques = [] if self.clique_weights is None else [self.clique_weights]
         weights = np.concatenate([part.ravel() for part in (*parts, *of_cliques)])
-        if len(weights) != n_weights or parts[0].shape[1] != n_labels:
+        if len(weights) != len(sizes) or parts[0].shape[1] != n_labels:
             raise InputError(
                 "warm_start needs the labels and features that the model has learned: it has "
-                f"{len(weights)} weights, these problems need {n_weights}"
+                f"{len(weights)} weights, these problems need {len(sizes)}"
             )
-        return weights
+        return weights * sizes
 
     def _scaling(self) -> Standardization:
-        count, *rest = self._learned(
+        count, columns, mean, scale = self._learned(
             "n_features", "feature_columns", "feature_mean", "feature_scale"
         )
-        return Standardization(int(count[0]), *rest)
+        clip = CLIP if self.feature_clip is None else float(self.feature_clip[0])
+        return Standardization(int(count[0]), columns, mean, scale, clip)
+
+    def _term_sizes(self, problems: Sequence[LabelingProblem], names: Sequence[str]) -> TermSizes:
+        """Those of training problems with the edge features of these names."""
+        sizes = TermSizes(edge_sizes(problems, names), clique_sizes(problems))
+        if self.scale == "none":
+            return TermSizes(np.ones_like(sizes.edges), np.ones_like(sizes.cliques))
+        return sizes
 
     def _require_labels(self, problem: LabelingProblem) -> None:
         """Refuse what is no problem, and one with other labels than in training."""
@@ -134,6 +177,10 @@ class LinearModel:
         finite_array("feature_mean", scaling.mean, (n_kept,))
         if (finite_array("feature_scale", scaling.scale, (n_kept,)) <= 0).any():
             raise InputError("feature_scale must be positive")
+        if self.feature_clip is not None and not (
+            self.feature_clip.shape == (1,) and self.feature_clip[0] > 0
+        ):
+            raise InputError("feature_clip must hold one positive number")
         check_clique_weights(self.clique_weights, node_weights.shape[1])
         if self.learning is not None and self.learning.shape != (N_RECORD,):
             raise InputError(f"learning must hold {N_RECORD} numbers, got {self.learning.shape}")
@@ -159,6 +206,7 @@ def learned_arrays(
         "feature_columns": scaling.columns,
         "feature_mean": scaling.mean,
         "feature_scale": scaling.scale,
+        "feature_clip": np.array([scaling.clip]),
         "n_features": np.array([scaling.n_columns], np.int64),
         "learning": record.to_array(),
         "learning_history": history_array(history),

@@ -14,6 +14,8 @@
     ├── OutputError (RuntimeError)     a result could not be written; nothing is left half-written
     └── SolverError (RuntimeError)     a numerical solver ended without a usable result
 
+    LearningWarning (UserWarning)      something was learned, but it may label badly
+
 Every message says what was wanted, what came, where, and what to do.
 """
 
@@ -26,6 +28,7 @@ __all__ = [
     "InfeasibleError",
     "InputError",
     "LabelError",
+    "LearningWarning",
     "LogError",
     "MapError",
     "ModelFileError",
@@ -77,6 +80,10 @@ class ModelFileError(InputError):
 
 class NotFittedError(PgmPlacesError, ValueError):
     """A method that learns was asked to infer before it was fitted."""
+
+
+class LearningWarning(UserWarning):
+    """What was learned may label badly; the message says why, and what to do."""
 
 
 class OutputError(PgmPlacesError, RuntimeError):

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pgm_places import LabelGraph, LabelingProblem, Status, build, load, save
-from pgm_places.errors import InputError, LabelError, NotFittedError
+from pgm_places.errors import InputError, LabelError, LearningWarning, NotFittedError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.models.crf import ConditionalRandomField
 from tests.reference.energy import Model, best_score
@@ -59,6 +59,46 @@ def test_labels_that_repel_each_other_are_learned_on_a_grid(learner: Any) -> Non
     np.testing.assert_array_equal(field.tables, field.tables.transpose(0, 2, 1))
     assert np.mean(field.infer(test).labels == expected) > 0.95
     assert np.mean(network.infer(test).labels == expected) < 0.85
+
+
+def spots(seed: int, noise: float, side: int = 12) -> tuple[LabelingProblem, NDArray[np.int64]]:
+    """A square of another label on a quarter of a grid, seen through noise."""
+    rng = np.random.default_rng(seed)
+    truth = np.zeros((side, side), np.int64)
+    row, column = rng.integers(0, side // 2, 2)
+    truth[row : row + side // 2, column : column + side // 2] = 1
+    looks = (truth.ravel() + noise * rng.normal(size=side * side))[:, None]
+    graph = LabelGraph.from_lattice((side, side))
+    return LabelingProblem(graph, ("ground", "spot"), node_features=looks), truth.ravel()
+
+
+@pytest.mark.parametrize(
+    ("noise", "n_train", "least"), [(0.6, 1, 0.88), (0.6, 2, 0.88), (0.8, 1, 0.74)]
+)
+def test_links_beside_true_neighbours_do_not_give_all_nodes_one_label(
+    noise: float, n_train: int, least: float
+) -> None:
+    """Pseudo-likelihood used to give every node the rarer label: a quarter of them is right.
+
+    With the larger noise half of the links look best on held-out nodes, but give all training nodes
+    one label.
+    """
+    problems, truths = zip(*(spots(seed, noise) for seed in range(4)), strict=True)
+    field = ConditionalRandomField("pseudo-likelihood").fit(problems[:n_train], truths[:n_train])
+    found = [field.infer(problem).labels for problem in problems[2:]]
+    assert np.mean(np.concatenate(found) == np.concatenate(truths[2:])) > least
+    assert field.link_scales is not None
+    assert field.link_scales[:, 0].tolist() == [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0]
+
+
+def test_links_that_help_nobody_are_left_out_with_a_word() -> None:
+    problems, truths = zip(*(spots(seed, 0.8) for seed in range(2)), strict=True)
+    with pytest.warns(LearningWarning, match=r"no better than each node .* learner='max-margin'"):
+        field = ConditionalRandomField("pseudo-likelihood").fit(problems, truths)
+    assert field.tables is not None
+    assert not field.tables.any()
+    alone = build("independent").infer(problems[0].with_unary(field.potentials(problems[0]).unary))
+    np.testing.assert_array_equal(field.infer(problems[0]).labels, alone.labels)
 
 
 def test_auto_takes_the_likelihood_where_it_can_be_computed() -> None:
@@ -172,7 +212,9 @@ def test_edge_features_of_any_sign_have_tables_of_their_own() -> None:
 
 def test_the_scale_of_edges_is_that_of_their_features_while_learning() -> None:
     problem, truth = ring(60, 0)
-    given = ConditionalRandomField(C=10.0, edge_features="given", learning_tolerance=1e-6)
+    given = ConditionalRandomField(
+        C=10.0, edge_features="given", scale="none", learning_tolerance=1e-6
+    )
     ones = np.ones((59, 1))
     narrow, wide = (replace(problem, edge_features=scale * ones) for scale in (1.0, 3.0))
     scaled = replace(given, edge_scale=3.0).fit([narrow], [truth]).potentials(narrow)

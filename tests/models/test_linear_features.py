@@ -5,9 +5,9 @@ from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.edge_kind import EdgeKind
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.feature_scaling import Standardization
 from pgm_places.models.linear_features import (
     LOG_FLOOR,
-    Standardization,
     edge_feature_count,
     edge_features,
     node_features,

@@ -1,0 +1,184 @@
+"""How the columns of features are brought to one scale, on which the size of weights is judged."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import frozen, is_sparse, stacked_rows
+from pgm_places.errors import InputError
+
+__all__ = ["CLIP", "Scale", "Standardization", "column_sizes", "mean_and_spread"]
+
+Scale = Literal["auto", "deviation", "none"]
+
+CLIP = 5.0
+"""Scaled node features are cut here: a linear model should not hang on single outliers."""
+
+SAME_COLUMN = 1.0 - 1e-9
+"""Columns correlated beyond this carry the same information to a linear model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standardization:
+    """How columns of node features are chosen and scaled; learned on training nodes.
+
+    Parameters
+    ----------
+    n_columns : int
+        Columns of the features it applies to.
+    columns : (D',) int
+        Those kept: neither constant nor a repetition of an earlier one.
+    mean, scale : (D',) float
+        What is taken off each, and what it is then divided by.
+    clip : float
+        Where the result is cut, infinite for nowhere.
+    """
+
+    n_columns: int
+    columns: NDArray[np.int64]
+    mean: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    clip: float = CLIP
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "columns", frozen(self.columns))
+        object.__setattr__(self, "mean", frozen(self.mean))
+        object.__setattr__(self, "scale", frozen(self.scale))
+
+    @classmethod
+    def of(cls, features: NDArray[np.float64], scale: Scale = "auto") -> "Standardization":
+        """The standardisation that (N, D) training features ask for.
+
+        ``deviation`` takes the mean off and divides by the standard deviation; sparse columns are
+        divided only, or they would not be sparse any more. ``auto`` does so but for indicators,
+        dense columns of zeros and ones, which stay as they are, and sparse columns, which are
+        divided by their size (:func:`column_sizes`): rare ones have a tiny deviation, and divided
+        by it they would weigh as much as frequent ones. ``none`` leaves all as they are.
+
+        A column is dropped when it is constant or equal to an earlier one up to shift, scale and
+        sign, because a linear model gains nothing from it and its weights would not be unique. Of
+        sparse columns repetitions stay.
+        """
+        mean, spread = mean_and_spread(features)
+        columns = _informative(features, mean, spread)
+        mean, spread = mean[columns], spread[columns]
+        if scale == "none":
+            zero, one = np.zeros(len(columns)), np.ones(len(columns))
+            return cls(features.shape[1], columns, zero, one, np.inf)
+        if is_sparse(features):
+            sizes = spread if scale == "deviation" else column_sizes(features)[columns]
+            return cls(features.shape[1], columns, np.zeros(len(columns)), sizes)
+        if scale == "auto":
+            kept = features[:, columns]
+            indicator = ((kept == 0) | (kept == 1)).all(axis=0)
+            mean, spread = np.where(indicator, 0.0, mean), np.where(indicator, 1.0, spread)
+        return cls(features.shape[1], columns, mean, spread)
+
+    @classmethod
+    def of_all(
+        cls, features: Sequence[NDArray[np.float64]], scale: Scale = "auto"
+    ) -> "Standardization":
+        """The standardisation of several training problems together.
+
+        Raises
+        ------
+        InputError
+            They differ in their number of features.
+        """
+        if len({part.shape[1] for part in features}) > 1:
+            raise InputError(
+                "training problems must have the same number of node features, got "
+                f"{[part.shape[1] for part in features]}"
+            )
+        return cls.of(stacked_rows(features), scale)
+
+    def apply(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, D' + 1): kept columns scaled and clipped, then the constant 1.
+
+        Raises
+        ------
+        InputError
+            Another number of columns than in training, or sparse features after dense ones.
+        """
+        if features.shape[1] != self.n_columns:
+            raise InputError(
+                f"the model was trained on {self.n_columns} node features, this problem has "
+                f"{features.shape[1]}; make them the same way as for training"
+            )
+        if is_sparse(features):
+            return self._apply_to_sparse(features)
+        out = np.empty((len(features), len(self.columns) + 1))
+        np.subtract(features[:, self.columns], self.mean, out=out[:, :-1])
+        out[:, :-1] /= self.scale
+        np.clip(out[:, :-1], -self.clip, self.clip, out=out[:, :-1])
+        out[:, -1] = 1.0
+        return out
+
+    def _apply_to_sparse(self, features: Any) -> NDArray[np.float64]:
+        """The same, sparse; zeros stay zeros, since the mean of sparse columns is not taken off."""
+        import scipy.sparse as sp
+
+        if self.mean.any():
+            raise InputError(
+                "the model was trained on dense node features, whose means it takes off; give "
+                "node_features.toarray(), or train it on sparse ones"
+            )
+        kept = features[:, self.columns].multiply(1.0 / self.scale).tocsr()
+        np.clip(kept.data, -self.clip, self.clip, out=kept.data)
+        constant = sp.csr_array(np.ones((features.shape[0], 1)))
+        whole: Any = sp.hstack([kept, constant], format="csr")
+        return whole
+
+
+def column_sizes(features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(D,) the root mean square of each column's entries that are not 0; 1 where there are none.
+
+    Divided by it, a column has no unit, zeros are still zeros, and indicators are what they were.
+
+    Examples
+    --------
+    >>> column_sizes(np.array([[0.0, 1.0, 30.0], [0.0, 0.0, 40.0]])).round(2).tolist()
+    [1.0, 1.0, 35.36]
+    """
+    if not features.shape[0]:
+        return np.ones(features.shape[1])
+    entries: Any = abs(features)
+    peak = _row(entries.max(axis=0))
+    peak[peak == 0] = 1.0
+    # Shares of the peak, or the square of a huge entry would be infinite.
+    shares = entries.multiply(1.0 / peak) if is_sparse(features) else entries / peak
+    squares = _row((shares * shares).sum(axis=0))
+    count = np.maximum(_row((entries != 0).sum(axis=0)), 1)
+    return np.where(squares > 0, peak * np.sqrt(squares / count), 1.0)
+
+
+def _row(values: Any) -> NDArray[np.float64]:
+    """What SciPy or NumPy makes of columns, as an array (D,)."""
+    dense = values.toarray() if is_sparse(values) else values
+    return np.array(dense, np.float64).ravel()
+
+
+def mean_and_spread(
+    features: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(D,) means and standard deviations of columns, dense or sparse."""
+    if not is_sparse(features):
+        return features.mean(axis=0), features.std(axis=0)
+    mean = np.asarray(features.mean(axis=0)).ravel()
+    square = np.asarray((features * features).mean(axis=0)).ravel()
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def _informative(
+    features: NDArray[np.float64], mean: NDArray[np.float64], spread: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """The columns that are neither constant nor, in dense features, repeat an earlier one."""
+    columns = np.flatnonzero(spread > 1e-12 * np.abs(mean))
+    if is_sparse(features):
+        return columns
+    centred = (features[:, columns] - mean[columns]) / spread[columns]
+    likeness = np.abs(centred.T @ centred) / len(features)
+    return columns[~np.triu(likeness > SAME_COLUMN, k=1).any(axis=0)]
