@@ -126,7 +126,8 @@ def _together(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison
         merged = _merged(results)
         intervals = score_intervals(maps, merged.labelings, len(first.label_names))
         methods.append(replace(merged, intervals=intervals))
-    warnings = dict.fromkeys((*experiment.warnings, *(w for part in parts for w in part.warnings)))
+    for message in (message for part in parts for message in part.warnings):
+        experiment.warn(message)
     return replace(
         first,
         title=f"{first.title}: each of {len(parts)} buildings left out",
@@ -134,7 +135,7 @@ def _together(experiment: Experiment, parts: Sequence[Comparison]) -> Comparison
         methods=tuple(methods),
         stage_seconds=seconds,
         inputs=inputs,
-        warnings=tuple(warnings),
+        warnings=tuple(experiment.warnings),
         selection=None,
     )
 

@@ -187,7 +187,7 @@ def _train_graphs(experiment: "Experiment", out: Path) -> None:
 
     _require_one_method(experiment, "graphs")
     experiment, labelers = train_graphs(experiment)
-    [(name, (labeler, _))] = labelers.items()
+    [(name, labeler)] = labelers.items()
     method = {name: method_of(experiment.config, name, labeler)}
     save(labeler, out, record=_training_record(experiment, method))
     say(f"wrote {out} (labels: {', '.join(labeler.label_names_)}; method: {name})")

@@ -47,7 +47,7 @@ def comparison_table(comparison: "Comparison") -> str:
         ]
         row += [f"{_percent(found.recall[n])}|{_percent(found.precision[n])}" for n in names]
         row += [_doors(method)] if counts_doors else []
-        row += [f"{method.seconds.get(key, 0.0):.2f}" for key in ("learn", "infer")]
+        row += [_learning(method), f"{method.seconds.get('infer', 0.0):.2f}"]
         rows.append(row)
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
@@ -87,6 +87,13 @@ def _selected(comparison: "Comparison") -> str:
 def _interval(method: "MethodResult") -> str:
     found = method.intervals.get("accuracy")
     return "-" if found is None else f"{100 * found.low:.1f}-{100 * found.high:.1f}"
+
+
+def _learning(method: "MethodResult") -> str:
+    """The seconds of learning, or the method that learned for this one, too."""
+    if method.learned_with is not None:
+        return f"with {method.learned_with}"
+    return f"{method.seconds.get('learn', 0.0):.2f}"
 
 
 def _doors(method: "MethodResult") -> str:

@@ -198,7 +198,8 @@ class MethodResult:
     ``intervals`` holds 95 % confidence intervals of ``accuracy`` and ``balanced_accuracy``;
     ``histories`` the figures of each iteration, per map, and ``learning`` those of the learner:
     values by the name of the quantity. ``doors`` counts doors per map: () without a label for
-    doorways.
+    doorways. ``learned_with`` is the id of another method that learned for this one, too: the two
+    differ in how they label, and the seconds of learning are that method's.
     """
 
     id: str
@@ -213,6 +214,7 @@ class MethodResult:
     histories: tuple[Mapping[str, Sequence[float]], ...] = ()
     learning: Mapping[str, Sequence[float]] = field(default_factory=dict)
     doors: tuple[DoorScores, ...] = ()
+    learned_with: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,14 @@
 
 import os
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pgm_places.errors import LearningWarning
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.config_paths import resolved_path
 from pgm_places.experiment.feature_cache import FeatureCache
@@ -57,6 +59,24 @@ class Experiment:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    @contextmanager
+    def learning(self) -> Iterator[None]:
+        """The stage ``learn``: its warnings are kept for the results."""
+        with self.timed("learn"), warnings.catch_warnings():
+            warnings.simplefilter("always", LearningWarning)
+            show_other = warnings.showwarning
+
+            def show(
+                message: Warning | str, category: type[Warning], *where: Any, **named: Any
+            ) -> None:
+                if issubclass(category, LearningWarning):
+                    self.warn(str(message))
+                else:
+                    show_other(message, category, *where, **named)
+
+            warnings.showwarning = show
+            yield
 
     def warn(self, message: str) -> None:
         """Keep a warning for the results and show it once."""

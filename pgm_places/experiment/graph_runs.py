@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.unary.learning import with_explicit_order
 
 __all__ = [
-    "FittedLabeler",
     "as_tests",
     "graph_splits",
     "label_graphs",
@@ -31,26 +30,24 @@ __all__ = [
 ]
 
 
-class FittedLabeler(NamedTuple):
-    """A fitted labeler, and how long it learned."""
-
-    labeler: StructuredLabeler
-    seconds: float
-
-
-def learn_graphs(experiment: Experiment, graphs: Sequence[SourceGraph]) -> dict[str, FittedLabeler]:
-    """A fitted labeler for each method of the configuration."""
+def learn_graphs(
+    experiment: Experiment, graphs: Sequence[SourceGraph]
+) -> dict[str, StructuredLabeler]:
+    """A fitted labeler for each method of the configuration; they share their classifier."""
     problems = [item.problem for item in graphs]
     truths = [item.truth for item in graphs]
-    found = {}
-    with experiment.timed("learn"):
-        for name, labeler in graph_labelers(experiment.config).items():
-            labeler.set_params(classifier=_classifier(labeler.classifier, problems, truths))
-            with experiment.progress.stage(f"method {name}"):
-                start = time.perf_counter()
-                fitted = labeler.fit(problems, truths)
-                found[name] = FittedLabeler(fitted, time.perf_counter() - start)
-    return found
+    labelers = graph_labelers(experiment.config)
+    found: dict[str, StructuredLabeler] = {}
+    with experiment.learning():
+        for alone in (False, True):  # methods with unary = "none" see no classifier
+            chosen = {n: item for n, item in labelers.items() if (item.classifier is None) == alone}
+            if not chosen:
+                continue
+            shared = next(iter(chosen.values()))
+            shared.set_params(classifier=_classifier(shared.classifier, problems, truths))
+            methods = {name: item.backend for name, item in chosen.items()}
+            found |= shared.fit_methods(methods, problems, truths, progress=experiment.progress)
+    return {name: found[name] for name in labelers}
 
 
 def _classifier(
@@ -134,8 +131,8 @@ def score_graphs(
     trial: Experiment, learn: Sequence[SourceGraph], test: Sequence[SourceGraph]
 ) -> Evaluation:
     """The one method of a configuration, trained on some graphs and scored on others."""
-    [fitted] = learn_graphs(trial, learn).values()
+    [labeler] = learn_graphs(trial, learn).values()
     names = trial.config.labels.names
     return Evaluation.merged(
-        [evaluate(g.truth, fitted.labeler.label(g.problem).labels, names) for g in test]
+        [evaluate(g.truth, labeler.label(g.problem).labels, names) for g in test]
     )

@@ -28,7 +28,6 @@ from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graph_runs import (
-    FittedLabeler,
     as_tests,
     label_graphs,
     learn_graphs,
@@ -36,6 +35,7 @@ from pgm_places.experiment.graph_runs import (
 )
 from pgm_places.experiment.graphs import SourceGraph, load_graphs
 from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.overlap import warn_of_overlap
 from pgm_places.experiment.selection import Sources, select
 from pgm_places.experiment.setup import (
     AnyMethod,
@@ -50,6 +50,8 @@ from pgm_places.experiment.taught import taught_labeler
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
+from pgm_places.labelers.shared_learning import learned_with
+from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.options import option_values
 from pgm_places.spaces.door_truth import DoorScores
@@ -88,7 +90,7 @@ class TrainedGraphs(NamedTuple):
     """A fitted labeler per method, and the experiment with the options they were fitted with."""
 
     experiment: Experiment
-    labelers: Mapping[str, FittedLabeler]
+    labelers: Mapping[str, StructuredLabeler]
 
 
 def train(experiment: Experiment) -> Trained:
@@ -98,13 +100,16 @@ def train(experiment: Experiment) -> Trained:
     alone: the returned experiment has the chosen configuration, and its ``selection`` records the
     candidates.
     """
-    if experiment.config.base_model is not None:
-        return Trained(experiment, taught_labeler(experiment))
     check_labeler(experiment.config)
-    maps = load_maps(experiment, "train")
+    return _trained(experiment, load_maps(experiment, "train"))
+
+
+def _trained(experiment: Experiment, maps: Sequence[LabelledMap]) -> Trained:
+    if experiment.config.base_model is not None:
+        return Trained(experiment, taught_labeler(experiment, maps))
     experiment = _with_chosen_options(experiment, Sources(maps))
     labeler = make_labeler(experiment.config)
-    with experiment.timed("learn"):
+    with experiment.learning():
         labeler = labeler.fit(
             maps,
             feature_cache=experiment.feature_cache,
@@ -121,6 +126,10 @@ def train_steps(experiment: Experiment) -> TrainedSteps:
     """
     step_methods(experiment.config)  # refuses bad options before anything is read
     sources = Sources(load_maps(experiment, "train"), load_drives(experiment, "train"))
+    return _trained_steps(experiment, sources)
+
+
+def _trained_steps(experiment: Experiment, sources: Sources) -> TrainedSteps:
     experiment = _with_chosen_options(experiment, sources)
     return TrainedSteps(experiment, learn_steps(experiment, sources.maps, sources.drives))
 
@@ -166,8 +175,9 @@ def compare(experiment: Experiment) -> Comparison:
         return _compare_drives(experiment)
     check_labeler(experiment.config)
     # Test maps are read before anything is learned, so that errors in them show at once.
-    tests = load_maps(experiment, "test")
-    return compare_fitted(*train(experiment), tests)
+    tests, maps = load_maps(experiment, "test"), load_maps(experiment, "train")
+    warn_of_overlap(experiment, maps, tests)
+    return compare_fitted(*_trained(experiment, maps), tests)
 
 
 def compare_fitted(
@@ -198,7 +208,9 @@ def _compare_drives(experiment: Experiment) -> Comparison:
     """All methods on the steps of the test drives, joined with the cells of their maps or alone."""
     step_methods(experiment.config)  # refuses bad options before anything is read
     drives = load_drives(experiment, "test")
-    experiment, labelers = train_steps(experiment)
+    sources = Sources(load_maps(experiment, "train"), load_drives(experiment, "train"))
+    warn_of_overlap(experiment, [*sources.maps, *sources.drives], drives)
+    experiment, labelers = _trained_steps(experiment, sources)
     found = label_drives(experiment, labelers, drives)
     names = tuple(experiment.config.labels.names)
     methods = {name: PlaceMethod(item.method_, "laser") for name, item in labelers.items()}
@@ -218,13 +230,14 @@ def _compare_graphs(experiment: Experiment) -> Comparison:
     graph_labelers(experiment.config)  # refuses bad options before anything is read
     graphs = load_graphs(experiment, "train")
     tests = load_graphs(experiment, "test", like=graphs)
+    warn_of_overlap(experiment, graphs, tests)
     experiment, labelers = _trained_graphs(experiment, graphs)
     names, items = tuple(experiment.config.labels.names), as_tests(tests)
-    methods = {n: method_of(experiment.config, n, f.labeler) for n, f in labelers.items()}
+    methods = {n: method_of(experiment.config, n, item) for n, item in labelers.items()}
     results = []
-    for name, fitted in labelers.items():
-        found, spent = label_graphs(experiment, name, fitted.labeler, tests)
-        seconds = {"learn": fitted.seconds, "infer": spent}
+    for name, labeler in labelers.items():
+        found, spent = label_graphs(experiment, name, labeler, tests)
+        seconds = {"learn": labeler.learn_seconds_, "infer": spent}
         results.append(method_result(name, methods[name], names, items, found, seconds))
     return _comparison(experiment, names, items, results, methods)
 
@@ -251,6 +264,8 @@ def _comparison(
     methods: Mapping[str, AnyMethod],
 ) -> Comparison:
     config = experiment.config
+    shared = learned_with({name: (item.backend, item.unary) for name, item in methods.items()})
+    results = [replace(item, learned_with=shared.get(item.id)) for item in results]
     return Comparison(
         title=config.title or ("Node" if config.nodes == "graph" else "Place") + " labelling",
         label_names=label_names,

@@ -49,7 +49,7 @@ def learn_steps(
     config = experiment.config
     methods = step_methods(config)
     n_threads, progress = experiment.n_threads, experiment.progress
-    with experiment.timed("learn"):
+    with experiment.learning():
         if config.nodes == "both":
             pairs = [MappedDrive(_map_of(item), item.trajectory) for item in drives]
             return dict(

@@ -1,12 +1,14 @@
 """Training a model further: it is taught each training map in turn, as in the studio."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pgm_places.experiment.config import NO_MODEL
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.maps import load_maps
 from pgm_places.io.checks import sha256_of
 from pgm_places.labelers.place_labeler import PlaceLabeler
+from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.persistence.model_folder import MANIFEST
 from pgm_places.teaching.paint import Paint
 from pgm_places.teaching.teacher import Teacher
@@ -15,8 +17,8 @@ from pgm_places.trained import NAMES, model_folder, trained_labeler
 __all__ = ["taught_labeler"]
 
 
-def taught_labeler(experiment: Experiment) -> PlaceLabeler:
-    """The base model of the configuration, taught the labels of its training maps in their order.
+def taught_labeler(experiment: Experiment, maps: Sequence[LabelledMap]) -> PlaceLabeler:
+    """The base model of the configuration, taught the labels of training maps in their order.
 
     Without a base model (``"none"``), only the first map is learned from.
 
@@ -30,8 +32,7 @@ def taught_labeler(experiment: Experiment) -> PlaceLabeler:
     """
     config = experiment.config
     labeler = _base_model(experiment)
-    maps = load_maps(experiment, "train")
-    with experiment.timed("learn"):
+    with experiment.learning():
         for item in maps:
             teacher = Teacher(
                 item.grid,

@@ -6,7 +6,9 @@ are NumPy arrays or None; they are saved with the model and are no options. One 
 a problem's node features says so with a class attribute ``uses_node_features = False``, one that
 labels nothing but chains with ``chains_only = True``, and one whose ``fit`` looks at labels alone,
 not at what classifiers say of the nodes, with ``learns_from_labels = True``. One that labels the
-gates and places of a map together with its cells says so with ``labels_spaces = True``.
+gates and places of a map together with its cells says so with ``labels_spaces = True``. One with
+options that only ``infer`` reads names them, ``labelling_options = ("inference",)``: backends that
+differ in nothing else learn the same, and are fitted once.
 """
 
 import dataclasses

@@ -43,6 +43,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pgm_places._checks import nearest_name
 from pgm_places.errors import ConfigError, NotFittedError
+from pgm_places.labelers.shared_learning import as_fitted, learned_with
 from pgm_places.options import check_option, option_values
 from pgm_places.progress import Progress, Silent
 
@@ -61,6 +62,7 @@ class Labeler:
     label_names_: tuple[str, ...]
 
     stored_as: ClassVar[str] = ""
+    _method_option: ClassVar[str] = "method"
     _call_first: ClassVar[str] = "fit(...)"
 
     # ------------------------------------------------------------------ options
@@ -155,19 +157,29 @@ class Labeler:
     ) -> dict[str, Self]:
         """A labeler per method, the last of them this one, with what ``learn`` makes of each.
 
-        ``learn`` returns the learned attributes by name; ``learn_seconds_`` is how long it took.
+        ``learn`` returns the learned attributes by name, the method's with an underscore after the
+        option's; ``learn_seconds_`` is how long it took. Methods that learn the same are learned
+        once, and the first of them has the seconds.
         """
+        shared = learned_with({name: (method, "") for name, method in methods.items()})
+        learned: dict[str, Mapping[str, Any]] = {}
         found: dict[str, Self] = {}
+        option = self._method_option
         for name, method in methods.items():
-            with (progress or Silent()).stage(f"method {name}".rstrip()):
-                start = time.perf_counter()
-                learned = learn(method)
-                spent = time.perf_counter() - start
+            start = time.perf_counter()
+            if name in shared:
+                of_first = learned[shared[name]]
+                fitted = as_fitted(method, of_first[f"{option}_"])
+                learned[name] = {**of_first, f"{option}_": fitted}
+            else:
+                with (progress or Silent()).stage(f"method {name}".rstrip()):
+                    learned[name] = learn(method)
+            spent = 0.0 if name in shared else time.perf_counter() - start
             last = len(found) == len(methods) - 1
             labeler = self if last else copy.copy(self)
             if len(methods) > 1:
-                labeler.set_params(method=method)
-            found[name] = labeler.set_learned(learn_seconds_=spent, **learned)
+                labeler.set_params(**{option: method})
+            found[name] = labeler.set_learned(learn_seconds_=spent, **learned[name])
         return found
 
     def check_fitted(self) -> None:

@@ -18,6 +18,7 @@ from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.labelers.place_problem import cells_problem
+from pgm_places.labelers.shared_learning import as_fitted, learned_with
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Progress, Stage
 from pgm_places.unary.halls import HallNames
@@ -102,11 +103,16 @@ def learn_methods(
 ) -> tuple[dict[str, PlaceMethod], dict[str, float]]:
     """The methods fitted, those that learn nothing as they are; and how long each took, in s.
 
-    With scores that were held out, beliefs are calibrated, too.
+    Methods that learn the same are fitted once, and the first of them has the seconds. With scores
+    that were held out, beliefs are calibrated, too.
     """
     fitted, seconds = dict(methods), {}
+    shared = learned_with({name: (item.backend, item.unary) for name, item in methods.items()})
     for name, method in methods.items():
-        if isinstance(method.backend, Learnable):
+        if name in shared:
+            backend = as_fitted(method.backend, fitted[shared[name]].backend)
+            fitted[name] = replace(method, backend=backend)
+        elif isinstance(method.backend, Learnable):
             problems = nodes.problems(method.unary)
             with progress.stage(f"training {name}") as stage:
                 start = time.perf_counter()

@@ -2,7 +2,7 @@
 
 import inspect
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import stacked_rows
 from pgm_places._option_marks import Gt, Lt
-from pgm_places.errors import ConfigError, InputError, LabelError
+from pgm_places.errors import ConfigError, InputError, LabelError, LearningWarning
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.evaluation.folds import contiguous_parts
 from pgm_places.inference.backends import Learnable
@@ -24,6 +24,7 @@ from pgm_places.inference.problem import (
 from pgm_places.inference.temperature import calibrated
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
+from pgm_places.progress import Progress
 from pgm_places.unary.options import LearnOn, NumberOfFolds
 
 __all__ = ["StructuredLabeler"]
@@ -70,6 +71,8 @@ class StructuredLabeler(Labeler):
         The fitted classifier: what is known of a node before its neighbours are asked.
     backend_ : Backend
         The fitted backend.
+    learn_seconds_ : float
+        How long the backend took to learn; absent from a stored model.
 
     Examples
     --------
@@ -92,8 +95,10 @@ class StructuredLabeler(Labeler):
 
     classifier_: Any
     backend_: Any
+    learn_seconds_: float
 
     stored_as: ClassVar[str] = "structured-labeler"
+    _method_option: ClassVar[str] = "backend"
     _call_first: ClassVar[str] = "fit(X, y)"
 
     def __init__(
@@ -143,11 +148,53 @@ class StructuredLabeler(Labeler):
         LabelError
             A label without an example.
         """
+        self._fit({"": as_backend(self.backend)}, X, y, sample_weight, None)
+        return self
+
+    def fit_methods(
+        self,
+        methods: Mapping[str, Any],
+        X: Sequence[LabelingProblem],
+        y: Sequence[Truth],
+        *,
+        sample_weight: Sequence[ArrayLike] | None = None,
+        progress: Progress | None = None,
+    ) -> dict[str, Self]:
+        """Fitted labelers that share one classifier, each with a backend that learned beside it.
+
+        The labeler itself gets the last of the backends.
+
+        Parameters
+        ----------
+        methods : mapping of str to Backend or str
+            By the names that the labelers are returned by.
+        X, y, sample_weight
+            As for :meth:`fit`.
+        progress : Progress, optional
+            Where stages are reported; nowhere by default.
+
+        Raises
+        ------
+        ConfigError, InputError, LabelError
+            As :meth:`fit`.
+        """
+        chosen = {name: as_backend(method) for name, method in methods.items()}
+        return self._fit(chosen, X, y, sample_weight, progress)
+
+    def _fit(
+        self,
+        methods: Mapping[str, Any],
+        X: Sequence[LabelingProblem],
+        y: Sequence[Truth],
+        sample_weight: Sequence[ArrayLike] | None,
+        progress: Progress | None,
+    ) -> dict[str, Self]:
+        """A labeler per backend; the last of them is this one."""
         self.check_options()
         problems, truths = _checked(X, y)
-        backend = as_backend(self.backend)
         if not all(problem.graph.is_chain for problem in problems):
-            check_labels_any_graph("the backend", backend, "a problem's graph")
+            for backend in methods.values():
+                check_labels_any_graph("the backend", backend, "a problem's graph")
         names = tuple(problems[0].label_names)
         known = np.unique(np.concatenate(truths))
         missing = [name for k, name in enumerate(names) if k not in known]
@@ -159,7 +206,8 @@ class StructuredLabeler(Labeler):
         seen, classifier, weights = problems, None, None
         if sample_weight is not None:
             weights = weights_of(sample_weight, problems)
-            for part in (self.classifier, backend if isinstance(backend, Learnable) else None):
+            learners = [item for item in methods.values() if isinstance(item, Learnable)]
+            for part in (self.classifier, *learners):
                 _require_weighing(part)
         if self.classifier is not None:
             classifier = self._trained(problems, truths, weights)
@@ -167,12 +215,16 @@ class StructuredLabeler(Labeler):
                 seen = self._out_of_fold(problems, truths, weights)
             else:
                 seen = [self._scored(problem, classifier) for problem in problems]
-        if isinstance(backend, Learnable):
-            extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
-            backend = backend.fit(seen, truths, **extra)
-        if self.learn_on == "out-of-fold":
-            backend = calibrated(backend, seen, _counted(truths, weights))
-        return self.set_learned(classifier_=classifier, backend_=backend, label_names_=names)
+
+        def learn(backend: Any) -> dict[str, Any]:
+            if isinstance(backend, Learnable):
+                extra: dict[str, Any] = {} if weights is None else {"sample_weight": weights}
+                backend = backend.fit(seen, truths, **extra)
+            if self.learn_on == "out-of-fold":
+                backend = calibrated(backend, seen, _counted(truths, weights))
+            return {"classifier_": classifier, "backend_": backend, "label_names_": names}
+
+        return self.set_learned_with(methods, learn, progress)
 
     def _trained(
         self, problems: Sequence[LabelingProblem], truths: Sequence[Truth], weights: Weights
@@ -376,6 +428,6 @@ def _warn_of_missing(truth: Truth, names: Sequence[str], fold: int) -> None:
             f"all nodes labelled {', '.join(map(repr, missing))} lie in fold {fold + 1}: the "
             "scores that the backend learns from never expect them there. Give more problems, "
             "other n_folds, or learn_on='in-sample'",
-            UserWarning,
+            LearningWarning,
             stacklevel=4,
         )

@@ -33,9 +33,10 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
 
     ``methods.<id>`` holds accuracy, balanced_accuracy, macro_f1, recall, precision, f1, iou, mcc,
     confusion (rows are true labels), seconds, 95 % intervals, and per map the status, score, bound
-    and gap. ``doors`` counts the doors that were found, missed and invented, on all maps together
-    and per map, where there is a label for doorways. Where cells and steps were labelled together,
-    ``cells`` and ``steps`` hold the figures of each.
+    and gap. ``learned_with`` names the method that learned for this one, too. ``doors`` counts the
+    doors that were found, missed and invented, on all maps together and per map, where there is a
+    label for doorways. Where cells and steps were labelled together, ``cells`` and ``steps`` hold
+    the figures of each.
     """
     return {
         "schema": SCHEMA,
@@ -76,6 +77,8 @@ def _method_record(method: MethodResult, map_names: list[str]) -> dict[str, Any]
     record["intervals"] = {
         key: {"low": item.low, "high": item.high} for key, item in method.intervals.items()
     }
+    if method.learned_with is not None:
+        record["learned_with"] = method.learned_with
     record["method"] = method.name
     record["options"] = _plain(method.options)
     record["learned"] = _plain(method.learned)

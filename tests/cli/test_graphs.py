@@ -78,7 +78,11 @@ def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run:
     config.write_text(CONFIG + '[[methods]]\nname = "independent"\n')
     code, _, err = run("compare", config, "--out", tmp_path / "out")
     assert code == 0, err
-    assert "1 test graph" in (tmp_path / "out" / "report.html").read_text()
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "1 test graph" in page
+    overlap = "30 of 30 labelled test nodes are also trained on (ring): figures on them say nothing"
+    assert overlap in page
+    assert f"warning: {overlap}" in err
     code, _, err = run("train", config, "--out", tmp_path / "model")
     assert code == 2
     assert "a model of graphs has one method, and the configuration has crf, indep" in err

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pgm_places.cli.tables import comparison_table
 from pgm_places.errors import ConfigError, InputError, LabelError
 from pgm_places.experiment.config import parse_config
 from pgm_places.experiment.experiment import Experiment
@@ -75,6 +76,32 @@ def test_methods_are_compared_on_graphs_and_reported(tmp_path: Path) -> None:
     }
     page = report_page(found)
     assert "64 nodes, 112 edges" in page and "1 test graph;" in page
+
+
+def test_decoders_share_what_one_of_them_has_learned(tmp_path: Path) -> None:
+    decoders = [{"name": "amn", "id": how, "inference": how} for how in ("graph-cut", "icm")]
+    found = compare(experiment(tmp_path, methods=[*decoders, {"name": "potts"}]))
+    cut, icm, potts = found.methods
+    assert (cut.learned_with, icm.learned_with, potts.learned_with) == (None, "graph-cut", None)
+    assert cut.seconds["learn"] > 0 == icm.seconds["learn"]
+    assert icm.learned == cut.learned
+    record = comparison_record(found)["methods"]
+    assert record["icm"]["learned_with"] == "graph-cut"
+    assert "learned_with" not in record["graph-cut"]
+    [row] = [line for line in comparison_table(found).splitlines() if line.startswith("icm")]
+    assert "with graph-cut" in row
+    page = report_page(found)
+    assert page.count("<td>with graph-cut</td>") == 1
+    assert "learn once, and share what was learned" in page
+
+
+def test_learning_that_may_label_badly_is_said_and_reported(tmp_path: Path) -> None:
+    stalling = {"name": "amn", "C": 1e10, "unary": "none"}
+    made = experiment(tmp_path, methods=[stalling])
+    found = compare(made)
+    [message] = found.warnings
+    assert message.startswith("learning stalled")
+    assert message.endswith("take a smaller C than 1e+10")
 
 
 def test_options_are_chosen_on_graphs_held_out(tmp_path: Path) -> None:

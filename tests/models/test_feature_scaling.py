@@ -157,6 +157,7 @@ def test_models_that_know_no_clip_were_clipped() -> None:
     found = fitted("amn", [(problem, truth)])
     assert found.feature_clip.tolist() == [CLIP]
     earlier = replace(found, feature_clip=None)
+    assert problem.node_features is not None
     far = replace(problem, node_features=100 * problem.node_features)
     np.testing.assert_array_equal(earlier.potentials(far).unary, found.potentials(far).unary)
     for clip in ([0.0], [1.0, 2.0]):
