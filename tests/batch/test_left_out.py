@@ -1,5 +1,6 @@
 """Every building is left out once, and nothing of it is seen in training."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,18 @@ def test_a_building_is_never_in_its_own_training(experiment: Experiment) -> None
     for task in tasks:
         tested = names(task.config.test)
         assert sorted(names(task.config.train) + tested) == [f"floor{n}" for n in range(4)]
+
+
+def test_a_copy_of_a_map_in_another_building_is_told_once(
+    experiment: Experiment, tmp_path: Path
+) -> None:
+    """Each fold is compared by a worker, which tells nobody."""
+    shutil.rmtree(tmp_path / "floor3")
+    shutil.copytree(tmp_path / "floor1", tmp_path / "floor3")
+    found = compare_buildings(experiment, Here())
+    overlaps = [message for message in found.warnings if "also trained on" in message]
+    assert [message.split("(")[1].split(")")[0] for message in overlaps] == ["floor1", "floor3"]
+    assert experiment.warnings == list(found.warnings)
 
 
 def test_the_results_of_all_folds_are_one_comparison(
