@@ -67,9 +67,11 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     a gate. Between all others there are candidates, the most probable of which counts for the pair:
     its log-odds speak for two places if they are positive, and otherwise for one. Where candidates
     disagree, because one can go around a doorway through another opening, :func:`join` weighs them:
-    either all openings between two places are doorways, or none is. Gaps under 0.2 m, such as
-    cracks in a wall or between chairs in a row, are no candidates and join nothing; but segments
-    under 2 m2 without another way out join the neighbour behind their widest gap.
+    two places are parted by all gates between them, or they are one. Of a pair of segments that are
+    parted, the most probable gate counts as a doorway, and every other that is one rather than not;
+    what is left is a gap between two places. Gaps under 0.2 m, such as cracks in a wall or between
+    chairs in a row, are no candidates and join nothing; but segments under 2 m2 without another way
+    out join the neighbour behind their widest gap.
 
     Parameters
     ----------
@@ -95,13 +97,16 @@ def places_between(gates: Gates, accepted: ArrayLike, *, threshold: float = 0.5)
     """
     if not 0 < threshold < 1:
         raise InputError(f"threshold must lie between 0 and 1, got {threshold}")
-    probability = _probability(accepted, len(gates))
+    log_odds = _log_odds(_probability(accepted, len(gates)), threshold)
     finest = gates.segmentation.scales[0]
     n_basins = finest.watershed.basins.count
-    home = join(finest.count, *_weighed_pairs(finest, gates, _log_odds(probability, threshold)))
+    strongest = _strongest(gates.segments, log_odds)
+    home = join(finest.count, *_weighed_pairs(finest, gates, strongest))
     segments = divided(finest.watershed, home[finest.segment_of[:n_basins]][None])[0]
     sides = home[gates.segments]
-    taken = (sides[:, 0] != sides[:, 1]) & (probability > 0) | (probability == 1)
+    taken = (log_odds > 0) | (log_odds == strongest)
+    taken &= sides[:, 0] != sides[:, 1]
+    taken |= log_odds == np.inf
     return Places(gates, sealed(taken), segments, sides)
 
 
@@ -147,8 +152,16 @@ def _log_odds(probability: NDArray[np.float64], threshold: float) -> NDArray[np.
     return found
 
 
+def _strongest(segments: NDArray[np.int32], log_odds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(G,) the largest log-odds of the gates between the same two segments."""
+    pairs, of = np.unique(segments, axis=0, return_inverse=True)
+    most = np.full(len(pairs), -np.inf)
+    np.maximum.at(most, of.reshape(-1), log_odds)
+    return most[of.reshape(-1)]
+
+
 def _weighed_pairs(
-    finest: Segments, gates: Gates, log_odds: NDArray[np.float64]
+    finest: Segments, gates: Gates, strongest: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """(E, 2) neighbouring segments, and (E,) how much speaks for their being one place."""
     openings = finest.openings
@@ -156,13 +169,10 @@ def _weighed_pairs(
     key, with_gate = openings.segments @ weights, gates.segments @ weights
     wide = openings.half_width_m >= MOST_HALF_WIDTH_M
     wide |= _ways_out_of_slivers(finest, wide | np.isin(key, with_gate))
-    pairs, of = np.unique(with_gate, return_inverse=True)
-    most = np.full(len(pairs), -np.inf)
-    np.maximum.at(most, of.reshape(-1), log_odds)
-    apart = np.stack(np.divmod(pairs, max(finest.count, 1)), axis=1).astype(np.int32)
+    first = np.unique(with_gate, return_index=True)[1]
     return (
-        np.concatenate([openings.segments[wide], apart]),
-        np.concatenate([np.full(int(wide.sum()), np.inf), -most]),
+        np.concatenate([openings.segments[wide], gates.segments[first]]),
+        np.concatenate([np.full(int(wide.sum()), np.inf), -strongest[first]]),
     )
 
 
