@@ -196,13 +196,21 @@ def _replay(
     for message in loaded.warnings:
         progress.warn(message)
     tracker = TrajectoryLabeler.from_places(labeler)
-    return Replay(
+    run = Replay(
         loaded.trajectory,
         PlaceFinder(tracker, options),
         LiveMap(labeler, method=method, n_threads=n_threads),
         options,
         maps,
     )
+    if run.counts_metres:
+        n_stamps = len(set(run.drive.times_s.tolist()))
+        progress.warn(
+            f"{len(run.drive)} scans have {n_stamps} time "
+            f"{'stamp' if n_stamps == 1 else 'stamps'}, which do not tell when they were taken: "
+            "metres driven count as seconds, for --relabel-min-period and --hysteresis too"
+        )
+    return run
 
 
 def _say_all(run: "Replay", folder: Path | None, json_lines: bool) -> None:

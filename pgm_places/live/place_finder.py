@@ -112,7 +112,13 @@ class PlaceFinder:
         if self._online is not None:
             self._ask_map(self._online)
 
-    def step(self, scan: Scan, robot: NDArray[np.float64] | None = None) -> FoundPlace:
+    def step(
+        self,
+        scan: Scan,
+        robot: NDArray[np.float64] | None = None,
+        *,
+        now_s: float | None = None,
+    ) -> FoundPlace:
         """The place after one more scan.
 
         Parameters
@@ -122,6 +128,8 @@ class PlaceFinder:
             starts over.
         robot : (3,) float, optional
             The pose of the robot, where it is not that of the laser.
+        now_s : float, optional
+            The time by which places last; the stamp of the scan by default.
         """
         if self._online is None or not self._knows(scan.geometry):
             self._geometry = scan.geometry
@@ -142,7 +150,7 @@ class PlaceFinder:
             dict(zip(names, belief.tolist(), strict=True)),
             region,
             0 if self._view is None else self._view.map_seq,
-            self._has_changed(scan.time_s, label, region),
+            self._has_changed(scan.time_s if now_s is None else now_s, label, region),
         )
 
     def _has_changed(self, time_s: float, label: str, region: PlaceOfMap | None) -> bool:

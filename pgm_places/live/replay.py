@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pgm_places.errors import LogError
 from pgm_places.io.logs.map_messages import MapMessage
@@ -21,6 +22,9 @@ __all__ = ["Replay"]
 MARGIN = 1
 """Cells of unknown space around what a map of scans has seen."""
 
+LONGEST_STAMP_M = 5.0
+"""Stamps that stand still for longer than this, in metres driven, tell no time."""
+
 
 @dataclass(frozen=True, eq=False)
 class Replay:
@@ -28,6 +32,7 @@ class Replay:
 
     Live, a map is labelled beside the scans and is ready a little later; here each scan sees all
     maps that were sent before it, so that a replay gives the same result on every machine.
+    In a log whose stamps tell no time, a metre driven counts as a second.
 
     Parameters
     ----------
@@ -56,23 +61,36 @@ class Replay:
         if self.drive.ranges_m is None or self.drive.geometry is None or not len(self.drive):
             raise LogError(f"{self.drive.name} has no scans to replay")
 
+    @property
+    def counts_metres(self) -> bool:
+        """Whether the stamps tell no time: more than 5 m are driven under one of them."""
+        _, stamp = np.unique(self.drive.times_s, return_inverse=True)
+        driven_m = np.bincount(stamp[:-1], self.drive.step_lengths_m)
+        return float(driven_m.max(initial=0.0)) > LONGEST_STAMP_M
+
+    def _clock(self) -> NDArray[np.float64]:
+        """(T,) the seconds by which options are measured."""
+        if not self.counts_metres:
+            return self.drive.times_s
+        return np.concatenate([[0.0], np.cumsum(self.drive.step_lengths_m)])
+
     def __iter__(self) -> Iterator[FoundPlace | LiveLabels]:
         """The place of each scan, and between them the maps as they are labelled."""
         ranges, geometry = self.drive.ranges_m, self.drive.geometry
         assert ranges is not None and geometry is not None  # checked above
         maps = _Sent(self.maps) if self.maps else _Drawn(self.drive)
         labelled_s = -np.inf
-        for step, time_s in enumerate(self.drive.times_s.tolist()):
-            scan = Scan(time_s, self.drive.poses[step], ranges[step], geometry)
+        for step, now_s in enumerate(self._clock().tolist()):
+            scan = Scan(self.drive.times_s[step], self.drive.poses[step], ranges[step], geometry)
             maps.add(scan)
-            if time_s - labelled_s >= self.options.relabel_min_period_s:
-                grid = maps.take(time_s)
+            if now_s - labelled_s >= self.options.relabel_min_period_s:
+                grid = maps.take(scan.time_s)
                 if grid is not None and grid.free.any():
-                    labelled_s = time_s
+                    labelled_s = now_s
                     labelled = self.live_map.on_map(grid)
                     self.finder.use(MapView.of(labelled))
                     yield labelled
-            yield self.finder.step(scan)
+            yield self.finder.step(scan, now_s=now_s)
         last = maps.take(np.inf)  # so that the result is that of the whole drive
         if last is not None and last.free.any():
             yield self.live_map.on_map(last)

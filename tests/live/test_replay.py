@@ -1,6 +1,7 @@
 """A log replayed gives what the same scans and maps gave live, and a map seen by position."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,36 @@ def test_without_maps_one_is_drawn_that_grows() -> None:
     assert len(maps) >= 3
     assert maps[-1].free.sum() > maps[0].free.sum()
     assert maps[-1].origin_xy_m <= maps[0].origin_xy_m
+
+
+def test_where_stamps_tell_no_time_metres_count(tmp_path: Path, run: Run) -> None:
+    path = drive(1)[:60]
+    metres = np.append(0.0, np.cumsum(path.step_lengths_m))
+    by_metres = list(replay(replace(path, times_s=metres), [], relabel_min_period_s=2.0))
+    two_stamps = replace(path, times_s=np.where(np.arange(60) % 20 == 0, 976052857.0, 0.0))
+    found = list(replay(two_stamps, [], relabel_min_period_s=2.0))
+    assert [type(item) for item in found] == [type(item) for item in by_metres]
+    assert sum(isinstance(item, LiveLabels) for item in found) > 3
+    for one, other in zip(found, by_metres, strict=True):
+        if isinstance(one, FoundPlace) and isinstance(other, FoundPlace):
+            assert (one.label, one.changed) == (other.label, other.changed)
+    seconds = [item.time_s for item in found if isinstance(item, FoundPlace)]
+    assert seconds == two_stamps.times_s.tolist()
+
+    save(places(), tmp_path / "model")
+    log = write_trajectory(tmp_path / "drive.log", two_stamps)
+    code, text, error = run("live", "--replay", log, "--model", tmp_path / "model", "-q")
+    assert code == 0
+    assert text.count("map ") > 2
+    assert "60 scans have 2 time stamps, which do not tell when they were taken" in error
+
+
+def test_stamps_that_are_rounded_to_seconds_tell_time() -> None:
+    path = drive(1)[:60]
+    rounded = replace(path, times_s=np.floor(path.times_s))
+    assert not replay(rounded, []).counts_metres
+    assert replay(replace(path, times_s=np.zeros(60)), []).counts_metres
+    assert not replay(replace(path, times_s=np.zeros(60))[:1], []).counts_metres
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.6])
