@@ -1,5 +1,6 @@
 """Maps labelled in a second process: its answers are files, and its end is told."""
 
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
-from pgm_places.live.map_process import MapAnswer, MapProcess
+from pgm_places.live.map_process import NICENESS, MapAnswer, MapProcess
 from pgm_places.persistence.stored import save
 from tests.drives import building
 from tests.live.robot import raw_map
@@ -55,11 +56,17 @@ def test_another_process_finds_what_this_one_would(desk: MapProcess) -> None:
     assert desk.is_idle
 
 
-def test_a_process_that_ends_is_told(tmp_path: Path) -> None:
+def test_a_process_that_ends_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("json", "numpy"):  # neither is imported
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('a stranger ran')")
     desk = MapProcess(str(tmp_path / "nothing"), n_threads=1)
     try:
         desk.submit(raw_map(building()[0].grid))
         assert "no model at" in str(answer_of(desk))
+        if hasattr(os, "getpriority"):
+            mine, its = (os.getpriority(os.PRIO_PROCESS, n) for n in (0, desk._process.pid))
+            assert its == min(mine + NICENESS, 19)
         desk._process.kill()
         assert answer_of(desk) == "the process that labels maps has ended (exit code -9)"
     finally:
