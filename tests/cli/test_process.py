@@ -182,8 +182,11 @@ def test_an_interrupt_of_the_imports_ends_in_good_order(
 @needs_posix
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_a_signal_to_end_is_an_interrupt(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unheard(*_: object) -> None:
+        raise AssertionError("the command did not hear it")
+
     number = getattr(signal, name)
-    before = signal.signal(number, signal.SIG_DFL)  # nohup may have it ignored
+    before = signal.signal(number, unheard)  # nohup may have it ignored
     cleaned = []
 
     def run() -> None:
@@ -197,7 +200,7 @@ def test_a_signal_to_end_is_an_interrupt(name: str, monkeypatch: pytest.MonkeyPa
         with pytest.raises(SystemExit) as ended:
             entry.main()
         assert (ended.value.code, cleaned) == (128 + number, [True])
-        assert signal.getsignal(number) == signal.SIG_DFL
+        assert signal.getsignal(number) == unheard
     finally:
         signal.signal(number, before)
 
