@@ -88,6 +88,10 @@ def test_other_keys_of_a_method_are_its_options() -> None:
             changed(classifier={"max_depth": 5}),
             "classifier.max_depth must be a whole number from 1 to 4",
         ),
+        (
+            changed(train=[{"map": "a.yaml", "labels": "a.png", "unknown_value": "any"}]),
+            "unknown_value must be a whole number from 0 to 255, 'none', or None, got 'any'",
+        ),
         (changed(train=[{"map": "a.yaml"}]), "train[0]: give either labels (an image) or regions"),
         (changed(labels={"names": ["room", "room"]}), "labels: names must differ"),
         (changed(methods=[{"name": "relaxaton"}]), "Did you mean 'relaxation'?"),
