@@ -153,9 +153,9 @@ def _features(what: str, table: Any, others: Sequence[str]) -> NDArray[np.float6
             continue
         try:
             found.append(np.asarray(table[column], np.float64))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(
-                f"{what}: column {column!r} holds values that are not numbers; leave it out, or "
-                "make a column of 0 and 1 of each of its values"
+                f"{what}: column {shown(column)} holds values that are not numbers; leave it out, "
+                "or make a column of 0 and 1 of each of its values"
             ) from None
     return np.stack(found, axis=1) if found else None

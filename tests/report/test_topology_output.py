@@ -36,6 +36,12 @@ def test_places_keep_the_ids_that_they_had_in_the_folder_and_the_users_names(
     (tmp_path / "out" / "place_names.yaml").write_text("3: kitchen\n")
     labels[5:10, 1:8] = labels[4, 3:6] = -1  # the first room is gone
     found = written(tmp_path / "out", labels, TopologyOptions())
-    assert [place.id for place in found.regions] == [2, 3, 5, 6, 7]
+    assert [place.id for place in found.regions] == [
+        2,
+        3,
+        4,
+        6,
+        7,
+    ]  # doorways come after all others
     assert found.place(3).name == "kitchen"
     assert found.next_id == 8
