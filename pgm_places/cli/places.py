@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
@@ -15,6 +15,7 @@ from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
 
 if TYPE_CHECKING:
+    from pgm_places.maps.occupancy_grid import OccupancyGrid
     from pgm_places.spaces.doorways import Doorways
     from pgm_places.topology.regions import Region
     from pgm_places.topology.topological_map import TopologicalMap
@@ -69,6 +70,7 @@ def topology(
         settings = load_settings(labels_png.parent) or PlaceSettings(TopologyOptions())
         rules = given.over(settings.rules)
         doorways = settings.doorways if rules.doorways == "gates" else None
+        probabilities = _probabilities(labels_png, names, loaded.grid)
     for message in loaded.warnings:
         progress.warn(message)
     if (labels_png.parent / SETTINGS_FILE).exists():
@@ -87,12 +89,25 @@ def topology(
             labels=labels,
             label_names=names,
             doorways=doorways,
+            **probabilities,
         )
     say(places_summary(found))
     if propose_splits_m:
         for line in _proposals(found, propose_splits_m):
             say(line)
     say_written(files)
+
+
+def _probabilities(labels_png: Path, names: Sequence[str], grid: "OccupancyGrid") -> dict[str, Any]:
+    """The probabilities beside labels, and their cells; of labels changed since, none are known."""
+    from pgm_places.graph.layout import GridLayout
+    from pgm_places.io.output_set import is_as_written
+    from pgm_places.io.places.label_probabilities import load_probabilities
+
+    if not is_as_written(labels_png):
+        return {}
+    layout = GridLayout.of_map(grid)
+    return {"beliefs": load_probabilities(labels_png.parent, names, layout), "layout": layout}
 
 
 def _settings_line(path: Path, rules: TopologyOptions, doorways: "Doorways | None") -> str:

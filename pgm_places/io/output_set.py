@@ -19,7 +19,7 @@ from pgm_places.io.folder_swap import (
 )
 from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 
-__all__ = ["RECORD_FILE", "OutputSet", "claim", "has_all_files", "output_set"]
+__all__ = ["RECORD_FILE", "OutputSet", "claim", "has_all_files", "is_as_written", "output_set"]
 
 RECORD_FILE = ".pgm-places.json"
 """Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
@@ -144,6 +144,12 @@ def has_all_files(folder: Path) -> bool:
         and not (folder / UNFINISHED).exists()
         and all((folder / name).is_file() for name in record)
     )
+
+
+def is_as_written(path: Path) -> bool:
+    """Whether we wrote a file, and nobody has changed it since."""
+    entry = (_record(path.parent) or {}).get(path.name)
+    return entry is not None and path.is_file() and _hash(path) == entry["sha256"]
 
 
 def _record_text(files: Mapping[str, Mapping[str, str]]) -> str:

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 
+from pgm_places.io.places.label_probabilities import probability_file
+
 __all__ = ["COMPARISON", "DEMO", "LIVE", "PLACES", "SETTINGS", "TRACK", "label_names"]
 
 COMPARISON = ("results.json", "report.html")
@@ -14,6 +16,6 @@ SETTINGS = ("places.json", "gate_places.png")
 
 def label_names(labels: Iterable[str]) -> tuple[str, ...]:
     """The files of a labelled map with these labels, its places included."""
-    probabilities = [f"probability_{label}.png" for label in labels]
+    probabilities = map(probability_file, labels)
     files = ("labels.png", "labels.yaml", "overview.png", "summary.json", "check.csv")
     return (*files, *probabilities, *PLACES, *SETTINGS)

@@ -12,6 +12,7 @@ from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
+from pgm_places.io.places.label_probabilities import probability_file
 from pgm_places.io.raster_png import raster_png
 from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.report.packing import Packing
@@ -73,7 +74,7 @@ def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:
         size = (raster.shape[1], raster.shape[0])
         # Row 0 of an image is its top: -1 reads the raster, which is not copied, from its end.
         picture = Image.frombuffer("L", size, raster, "raw", "L", 0, -1)
-        path = folder / f"probability_{name}.png"
+        path = folder / probability_file(name)
         written.append(write_bytes(path, raster_png(picture)))
     return written
 

@@ -73,9 +73,11 @@ def places_to_check(topology: TopologicalMap) -> list[PlaceCheck]:
 def doubtful_share(topology: TopologicalMap) -> float | None:
     """The share of the area that is expected to be labelled wrongly; None where nothing is known.
 
-    Places without probabilities do not count.
+    Places without probabilities do not count; those of gates alone say nothing of the area.
     """
     checks = places_to_check(topology)
+    if all(check.place.probabilities is None for check in checks):
+        return None
     area_m2 = sum(check.place.area_m2 for check in checks)
     return sum(check.doubtful_m2 for check in checks) / area_m2 if area_m2 else None
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from pgm_places.io.output_set import RECORD_FILE
 from pgm_places.report.file_names import PLACES
@@ -153,9 +154,7 @@ def test_topology_takes_the_settings_and_gates_of_the_labels_folder(
         words = ("topology", labelled / "labels.png", building / "map.yaml", "--out", out, "-q")
         code, text, error = run(*words, *options)
         assert code == 0, error
-        found = json.loads((out / "topology.json").read_text())["regions"]
-        unknown = {"confidence": None, "probabilities": None}  # labels come without probabilities
-        return [each if "gate" in each else each | unknown for each in found], text
+        return json.loads((out / "topology.json").read_text())["regions"], text
 
     before = json.loads((labelled / "topology.json").read_text())["regions"]
     n_gates = sum("gate" in each for each in before)
@@ -167,6 +166,9 @@ def test_topology_takes_the_settings_and_gates_of_the_labels_folder(
         (r["id"], r["name"], r["area_m2"]) for r in before
     ]
     assert [r.get("gate") for r in again] == [r.get("gate") for r in before]
+    for each, other in zip(again, before, strict=True):  # from images of 256 greys
+        assert each["probabilities"] == pytest.approx(other["probabilities"], abs=0.003)
+        assert each["confidence"] == pytest.approx(other["confidence"], abs=0.003)
     assert (building / "again/regions.png").read_bytes() == (labelled / "regions.png").read_bytes()
     fewer, _ = regions("--min-area", "1e6", out=building / "fewer")
     assert len(fewer) < len(before)
@@ -174,6 +176,13 @@ def test_topology_takes_the_settings_and_gates_of_the_labels_folder(
     assert not any("gate" in each for each in painted)
     same, _ = regions(out=labelled)  # over what label wrote
     assert [each["name"] for each in same] == [each["name"] for each in before]
+    assert len((labelled / "check.csv").read_text().splitlines()) == 1 + len(before)
+    with Image.open(labelled / "labels.png") as image:
+        image.transpose(Image.Transpose.ROTATE_180).transpose(Image.Transpose.ROTATE_180).save(
+            labelled / "labels.png", compress_level=1
+        )
+    changed, _ = regions(out=building / "changed")
+    assert {each["confidence"] for each in changed if "gate" not in each} == {None}
 
 
 def test_gates_that_are_not_known_are_said_to_be(building: Path, run: Run) -> None:

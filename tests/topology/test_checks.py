@@ -18,6 +18,7 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.topology.checks import doubtful_share, places_to_check
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
+from tests.topology.floors import gated_floor_map
 
 NAMES = ("corridor", "room", "hall")
 CELLS = np.array([0] * 10 + [1] * 6 + [2] * 4)
@@ -107,6 +108,12 @@ def test_without_probabilities_nothing_is_in_doubt(tmp_path: Path) -> None:
     assert doubtful_share(found) is None
     assert doubt_summary(found) is None
     assert "check.csv" not in {path.name for path in write_topology(tmp_path, grid, found)}
+
+
+def test_gates_alone_say_nothing_of_the_area() -> None:
+    found = gated_floor_map()
+    assert [check.place.label for check in places_to_check(found)] == ["doorway"]
+    assert doubtful_share(found) is None
 
 
 def test_the_summary_and_the_picture_name_the_first(topology: TopologicalMap) -> None:
