@@ -46,10 +46,18 @@ class Option:
         One sentence.
     metavar : str, optional
         What stands for its value; the kind of value by default.
+    usual : bool or str, optional
+        What holds if it is not given and the command finds nothing else, where its default is None.
     """
 
-    def __init__(self, *flags: str, help: str, metavar: str | None = None) -> None:
-        self.flags, self.help, self.metavar = flags, help, metavar
+    def __init__(
+        self,
+        *flags: str,
+        help: str,
+        metavar: str | None = None,
+        usual: bool | str | None = None,
+    ) -> None:
+        self.flags, self.help, self.metavar, self.usual = flags, help, metavar, usual
 
 
 @dataclass(frozen=True)

@@ -132,25 +132,20 @@ def _parameters(
         flag, is_switch = flags[item.name], hints[item.name] is bool
         if is_switch:
             flag += f"/--no-{flag.removeprefix('--')}"
-        words = lines[item.name]
-        if only_given and item.default is not False:
-            usual = flag.split("/")[0] if is_switch else _text(item.default)
-            words += f" [default: {usual}]"
-        option = Option(flag, help=words, metavar=_metavar(item.default))
+        usual = _default(item.default) if only_given else None
+        option = Option(flag, help=lines[item.name], metavar=_metavar(item.default), usual=usual)
         found.append(
             inspect.Parameter(
                 item.name,
                 inspect.Parameter.KEYWORD_ONLY,
-                default=_default(item.default, only_given),
+                default=None if only_given else _default(item.default),
                 annotation=Annotated[bool, option] if is_switch else Annotated[str, option],
             )
         )
     return found
 
 
-def _default(default: Any, only_given: bool) -> bool | str | None:
-    if only_given:
-        return None
+def _default(default: Any) -> bool | str:
     return default if isinstance(default, bool) else _text(default)
 
 

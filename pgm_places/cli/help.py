@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Iterable, Mapping
 
 from pgm_places.cli.command import HELP, Command
-from pgm_places.cli.declarations import Parameter
+from pgm_places.cli.declarations import Option, Parameter
 
 __all__ = ["help_of", "help_of_all"]
 
@@ -49,9 +49,12 @@ def _line(item: Parameter) -> str:
     text = item.declared.help
     if item.is_required:
         return f"{text} [required]" if item.flags else text
-    if item.default is None or item.default is False:
+    holds = item.default
+    if holds is None and isinstance(item.declared, Option):
+        holds = item.declared.usual
+    if holds is None or holds is False:
         return text
-    default = item.flags[0].split("/")[0] if item.is_switch else item.default
+    default = item.flags[0].split("/")[0] if item.is_switch else holds
     return f"{text} [default: {default}]"
 
 
