@@ -135,7 +135,7 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
         larger, smaller = split.areas_m2
         lines.append(
             f"possible split: {split.region} ({larger:.1f} and {smaller:.1f} m²) at "
-            + " and ".join(openings)
+            + "; and at ".join(openings)
         )
     return lines or [
         f"no split proposed: no place is divided by constrictions under {narrower_than_m:g} m, "
