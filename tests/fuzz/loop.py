@@ -20,7 +20,7 @@ MOST_SECONDS = 1.0
 MOST_BYTES = 256 << 20
 MOST_CHARACTERS = 2000
 MOST_WAITING_S = 600
-"""On the clock, for what waits and takes no processor time: a machine may stand still for minutes."""
+"""On the clock, for what waits and takes no processor time: a machine may stand still a while."""
 
 
 class _Hang(BaseException):
