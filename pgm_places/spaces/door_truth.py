@@ -1,6 +1,6 @@
 """Matching gates, or painted doorways, with the doors of a labelled map."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass
 from typing import Self
 
@@ -14,7 +14,14 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.gate import Gate
 from pgm_places.spaces.gates import Gates
 
-__all__ = ["DoorMatch", "DoorScores", "match_doors", "match_painted", "unmatched_doors"]
+__all__ = [
+    "DoorMatch",
+    "DoorScores",
+    "match_doors",
+    "match_gates",
+    "match_painted",
+    "unmatched_doors",
+]
 
 _LEAST_OVERLAP = 0.3  # the narrowest chord beside an open door leaf is oblique
 _LEAST_DOOR_M2 = 0.1
@@ -127,7 +134,13 @@ def match_doors(gates: Gates, labels: ArrayLike, doorway: int) -> DoorMatch:
     doorway : int
         The label of doorways.
     """
-    grid = gates.segmentation.watershed.grid
+    return match_gates(gates, gates.segmentation.watershed.grid, labels, doorway)
+
+
+def match_gates(
+    gates: Gates | Sequence[Gate], grid: OccupancyGrid, labels: ArrayLike, doorway: int
+) -> DoorMatch:
+    """The door matched by each of some gates of a map, by the rule of :func:`match_doors`."""
     inside = (gate.cells(grid, wider_m=_MARGIN_M, deeper_m=_MARGIN_M) for gate in gates)
     return _match(inside, len(gates), grid, labels, doorway)
 

@@ -1,0 +1,59 @@
+"""The maps to be measured: robots' maps by kind of building, and the maps of training."""
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+from experiments.unseen_kinds import at_model_cells
+from pgm_places.errors import ConfigError
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.reproduce.building_maps import WITH_HALLS, KnownMap, real_maps
+
+__all__ = ["GROUPS", "SURE", "robot_maps", "training_maps"]
+
+KINDS = Path(__file__).parent / "kinds.toml"
+ROBOTS = "robots' maps"
+GROUPS = ("robots", "floors", "real")
+"""What can be asked for: maps of DATA/robots, drawn floors, and the other real maps."""
+
+SURE = {"high": 1.0, "medium": 0.5, "low": 0.25}
+"""What a map counts in the means, by how sure its labels are."""
+
+
+def declared() -> dict[str, tuple[str, float, str]]:
+    """Kind, weight and building of each map of DATA/robots, as ``kinds.toml`` declares them."""
+    with KINDS.open("rb") as file:
+        kinds = tomllib.load(file)
+    return {
+        name: (kind, SURE[about["sure"]], about.get("building", name))
+        for kind, maps in kinds.items()
+        for name, about in maps.items()
+    }
+
+
+def robot_maps(data: Path) -> Iterator[tuple[KnownMap, float]]:
+    """The maps of DATA/robots with the cells of the shipped models, and what each counts.
+
+    Raises
+    ------
+    ConfigError
+        A folder that ``kinds.toml`` does not declare, or the other way round.
+    """
+    found = {path.parent.name for path in (data / "robots").glob("*/map.yaml")}
+    about = declared()
+    if odd := sorted(found ^ set(about)):
+        raise ConfigError(f"{KINDS} and the folders of {data / 'robots'} differ in {odd[0]!r}")
+    for name, (kind, weight, building) in sorted(about.items(), key=lambda item: item[1][0]):
+        grid = load_map(data / "robots" / name / "map.yaml").grid
+        labels = load_labels(data / "robots" / name / "labels.png", WITH_HALLS.names, grid=grid)
+        item = LabelledMap(grid, labels, None, name, building)
+        yield KnownMap.of(at_model_cells(item), kind, ROBOTS), weight
+
+
+def training_maps(data: Path, group: str) -> Iterator[tuple[KnownMap, float]]:
+    """The drawn floors, or the other real maps: the shipped model has learned from both."""
+    for known in real_maps(data):
+        if (known.item.name.startswith(("office_", "school_"))) == (group == "floors"):
+            yield known, 1.0

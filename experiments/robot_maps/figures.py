@@ -1,0 +1,172 @@
+"""The figures of a map and of a kind of building: cells, doors, and spaces cut in two."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.robot_maps.sources import Found
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.maps.components import connected_components
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.reproduce.building_lists import DOORWAY
+from pgm_places.reproduce.building_maps import NAMES, KnownMap
+from pgm_places.spaces.door_truth import DoorScores, match_gates, match_painted
+
+__all__ = ["HEADER", "MapFigures", "cut_spaces", "measured", "row", "table", "write_figures"]
+
+_LEAST_SPACE_M2 = 2.0
+_CUT = (0.1, 0.9)
+HEADER = (
+    "maps",
+    "number",
+    "accuracy / balanced / doorway F1",
+    "worst",
+    "painted doors: recall / precision",
+    "gates: recall / precision",
+    "spaces cut",
+    "error of confidence",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class MapFigures:
+    """What is measured of one map.
+
+    Parameters
+    ----------
+    known : KnownMap
+    weight : float
+        What it counts in the mean of its kind.
+    cells : Evaluation
+    painted, gates : DoorScores
+        Door by door: of doorways as they are painted, and of accepted gates.
+    cut, spaces : int
+        True spaces of at least 2 m2 with between a tenth and nine tenths of their cells right, and
+        all true spaces of that size.
+    """
+
+    known: KnownMap
+    weight: float
+    cells: Evaluation
+    painted: DoorScores
+    gates: DoorScores
+    cut: int
+    spaces: int
+
+    def to_row(self) -> dict[str, Any]:
+        """The map's line of the table that is kept."""
+        counts = {
+            f"{part}_{name}": value
+            for part in ("painted", "gates")
+            for name, value in vars(getattr(self, part)).items()
+        }
+        return {
+            "kind": self.known.group,
+            "map": self.known.item.name,
+            "building": self.known.building,
+            "weight": self.weight,
+            "cells": self.cells.n,
+            "accuracy": f"{self.cells.accuracy:.4f}",
+            "balanced_accuracy": f"{self.cells.balanced_accuracy:.4f}",
+            "doorway_f1": _text(self.cells.f1["doorway"]),
+            "confidence_error": _text(self.cells.expected_calibration_error),
+            **counts,
+            "cut": self.cut,
+            "spaces": self.spaces,
+        }
+
+
+def measured(known: KnownMap, weight: float, found: Found) -> MapFigures:
+    """The figures of a map that a source has labelled."""
+    item, doorways = known.item, found.doorways
+    on_cells = found.labels >= 0
+    cells = evaluate(
+        item.labels[on_cells], found.labels[on_cells], NAMES, beliefs=found.labeling.beliefs
+    )
+    painted = match_painted(found.labels, item.grid, item.labels, DOORWAY)
+    gates = match_gates(doorways.gates if doorways else (), item.grid, item.labels, DOORWAY)
+    scores = [match.scores(np.ones(len(match.door), np.bool_)) for match in (painted, gates)]
+    return MapFigures(known, weight, cells, *scores, *cut_spaces(item, found.labels))
+
+
+def cut_spaces(item: LabelledMap, labels: NDArray[np.int64]) -> tuple[int, int]:
+    """How many true spaces, rooms or stretches of corridor, are cut by labels, and how many are.
+
+    Cells that are painted as doorways are not counted: they lie at the rim of a space.
+    """
+    truth = np.where(item.labelled_cells & (item.labels != DOORWAY), item.labels, -1)
+    pieces = connected_components(truth)
+    inside = (pieces.piece >= 0) & (labels != DOORWAY) & (labels >= 0)
+    right = inside & (labels == truth)
+    all_cells = np.bincount(pieces.piece[inside], minlength=pieces.count)
+    share = np.bincount(pieces.piece[right], minlength=pieces.count) / np.maximum(all_cells, 1)
+    large = pieces.size * item.grid.resolution_m**2 >= _LEAST_SPACE_M2
+    cut = large & (share > _CUT[0]) & (share < _CUT[1])
+    return int(cut.sum()), int(large.sum())
+
+
+def row(name: str, maps: Sequence[MapFigures]) -> str:
+    """A kind's line: means of maps by their weight; counts of doors and spaces added up."""
+    weight = np.array([item.weight for item in maps])
+    doorway = [item.cells.f1["doorway"] for item in maps]
+    means = [
+        np.average([item.cells.accuracy for item in maps], weights=weight),
+        np.average([item.cells.balanced_accuracy for item in maps], weights=weight),
+        _mean([(v, w) for v, w in zip(doorway, weight, strict=True) if v is not None]),
+    ]
+    worst = min(maps, key=lambda item: item.cells.accuracy)
+    error = Evaluation.merged([item.cells for item in maps]).expected_calibration_error
+    entries = [
+        name,
+        str(len(maps)),
+        " / ".join(f"{100 * value:.1f}" for value in means),
+        f"{100 * worst.cells.accuracy:.1f} ({worst.known.item.name})",
+        _doors([item.painted for item in maps]),
+        _doors([item.gates for item in maps]),
+        f"{sum(item.cut for item in maps)} of {sum(item.spaces for item in maps)}",
+        "-" if error is None else f"{100 * error:.1f}",
+    ]
+    return f"| {' | '.join(entries)} |"
+
+
+def table(figures: Sequence[MapFigures]) -> str:
+    """All kinds, and all maps together."""
+    kinds: dict[str, list[MapFigures]] = {}
+    for item in figures:
+        kinds.setdefault(item.known.group, []).append(item)
+    lines = [f"| {' | '.join(HEADER)} |", "|---" * len(HEADER) + "|"]
+    lines += [row(kind, maps) for kind, maps in kinds.items()]
+    return "\n".join([*lines, row("**all**", figures)])
+
+
+def write_figures(path: Path, figures: Sequence[MapFigures]) -> None:
+    """A line of CSV for each map."""
+    rows: list[Mapping[str, Any]] = [item.to_row() for item in figures]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _doors(scores: Sequence[DoorScores]) -> str:
+    total = DoorScores.total(scores)
+    return (
+        f"{total.found} of {total.doors} = {100 * total.recall:.1f} / "
+        f"{total.right} of {total.accepted} = {100 * total.precision:.1f}"
+    )
+
+
+def _mean(weighted: Sequence[tuple[float, float]]) -> float:
+    if not weighted:
+        return float("nan")
+    values, weights = np.transpose(weighted)
+    return float(np.average(values, weights=weights))
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.4f}"

@@ -1,0 +1,137 @@
+"""Maps that robots made: what is declared of them, how a source labels them, the figures."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from experiments.robot_maps import __main__ as command
+from experiments.robot_maps import catalogue
+from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures
+from experiments.robot_maps.sources import Source, evidence_named
+from pgm_places.datasets import generate_building
+from pgm_places.errors import ConfigError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.reproduce.building_maps import KnownMap
+from pgm_places.unary.map_model import CellScores
+from tests.quick_labeler import places
+from tests.real_data import real_data_folder
+
+CORRIDOR, ROOM, DOORWAY = range(3)
+
+
+def known_map() -> KnownMap:
+    made = generate_building(3, size="small", resolution_m=0.05)
+    return KnownMap(LabelledMap(made.grid, made.labels, None, "small"), "homes", "robots' maps")
+
+
+def truth_of(known: KnownMap) -> NDArray[np.float64]:
+    truth = known.item.labels[known.item.grid.free]
+    return np.log(np.where(np.arange(3) == truth[:, None], 0.98, 0.01))
+
+
+def test_every_map_has_a_kind_a_weight_and_a_building() -> None:
+    found = catalogue.declared()
+    assert len(found) == 36
+    assert found["hospital_aws"] == ("hospitals", 1.0, "hospital")
+    assert found["lab_ecn"] == ("labs and offices", 0.25, "lab_ecn")
+    same = [name for name, (_, _, building) in found.items() if building == "uom"]
+    assert sorted(same) == ["floor_uom", "hallway_uom", "lab_hv"]
+
+
+@pytest.mark.real_data
+def test_all_maps_are_read_with_the_models_cells() -> None:
+    found = list(catalogue.robot_maps(real_data_folder("robots").parent))
+    assert len(found) == 36
+    assert {weight for _, weight in found} == {1.0, 0.5, 0.25}
+    assert max(known.item.grid.resolution_m for known, _ in found) <= 0.0501
+    assert {known.group for known, _ in found} == {
+        f"{kind}, robots' maps" for kind, _, _ in catalogue.declared().values()
+    }
+
+
+def test_a_folder_that_nobody_declared_is_refused(tmp_path: Path) -> None:
+    for name in [*catalogue.declared(), "attic"]:
+        (tmp_path / "robots" / name).mkdir(parents=True)
+        (tmp_path / "robots" / name / "map.yaml").touch()
+    with pytest.raises(ConfigError, match="differ in 'attic'"):
+        next(catalogue.robot_maps(tmp_path))
+
+
+def test_evidence_takes_the_place_of_the_list() -> None:
+    known = known_map()
+    shapes = []
+
+    def evidence(grid: OccupancyGrid, graph: LabelGraph, scores: CellScores) -> NDArray[np.float64]:
+        assert scores.space is not None
+        shapes.append((int(grid.free.sum()), graph.n_nodes, *scores.space.shape))
+        return truth_of(known)
+
+    source = Source(places(), evidence=evidence)
+    found = measured(known, 1.0, source.label(known.item.grid))
+    n_free = int(known.item.grid.free.sum())
+    assert shapes == [(n_free, n_free, n_free, 3)]
+    assert found.cells.accuracy > 0.99
+    assert found.painted.doors == found.painted.found > 0
+    alone = measured(known, 1.0, Source(places()).label(known.item.grid))
+    assert alone.cells.accuracy < found.cells.accuracy
+
+
+def test_a_space_is_cut_where_a_part_of_it_has_another_label() -> None:
+    cells = np.full((12, 40), 100, np.int8)
+    cells[1:11, 1:19], cells[1:11, 20:39] = 0, 0
+    grid = OccupancyGrid(cells, resolution_m=0.2)
+    truth = np.where(grid.free, CORRIDOR, -1)
+    truth[1:11, 20:39] = ROOM
+    item = LabelledMap(grid, truth)
+    assert cut_spaces(item, truth) == (0, 2)
+    found = truth.copy()
+    found[1:11, 10:19] = ROOM
+    assert cut_spaces(item, found) == (1, 2)
+    found[1:11, 1:10] = ROOM  # all of it wrong: not cut
+    assert cut_spaces(item, found) == (0, 2)
+    found[1:11, 30:39] = DOORWAY  # not counted
+    assert cut_spaces(item, found) == (0, 2)
+
+
+def test_means_are_weighed_and_doors_are_added_up(tmp_path: Path) -> None:
+    known = known_map()
+    right = Source(places(), evidence=lambda *_: truth_of(known)).label(known.item.grid)
+    wrong = replace(right, labels=np.where(right.labels == ROOM, CORRIDOR, right.labels))
+    figures = [measured(known, 1.0, right), measured(known, 0.25, wrong)]
+    mean = (figures[0].cells.accuracy + 0.25 * figures[1].cells.accuracy) / 1.25
+    line = table(figures).splitlines()[2]
+    assert line.startswith(f"| homes, robots' maps | 2 | {100 * mean:.1f} / ")
+    doors = figures[0].painted.doors
+    assert f"| {2 * doors} of {2 * doors} = 100.0 / " in line
+    write_figures(tmp_path / "figures.csv", figures)
+    with (tmp_path / "figures.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["weight"] for row in rows] == ["1.0", "0.25"]
+    assert float(rows[1]["accuracy"]) == pytest.approx(figures[1].cells.accuracy, abs=1e-4)
+    assert [int(row["painted_doors"]) for row in rows] == [doors, doors]
+
+
+def test_evidence_that_cannot_be_found_is_refused() -> None:
+    found: object = evidence_named("numpy:log")
+    assert found is np.log
+    for name in ("numpy", "numpy:nothing_like_it", "no_such_module:log"):
+        with pytest.raises(ConfigError, match="--evidence wants MODULE:NAME"):
+            evidence_named(name)
+
+
+def test_the_command_prints_the_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(command, "robot_maps", lambda _: iter([(known_map(), 1.0)]))
+    monkeypatch.setattr(command, "trained_labeler", lambda _: places())
+    command.main(["--out", str(tmp_path / "figures.csv")])
+    printed = capsys.readouterr().out
+    assert "| homes, robots' maps | 1 |" in printed
+    assert "| **all** | 1 |" in printed
+    assert len((tmp_path / "figures.csv").read_text().splitlines()) == 2
