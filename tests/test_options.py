@@ -441,8 +441,8 @@ def test_flags_are_made_from_options() -> None:
     given = {name: item.default for name, item in shown.items() if name != "path"}
     command(path="x", **given | {"min_area_m2": "2", "doorway_label": "5", "correct": False})
     assert _called["rules"] == TopologyOptions(min_area_m2=2.0, doorway_label="5", correct=False)
-    with pytest.raises(OptionError, match=re.escape("--min-part must be a number of at least 0")):
-        command(path="x", **given | {"min_part_m2": "-0.5"})
+    with pytest.raises(OptionError, match=re.escape("--min-width must be a number of at least 0")):
+        command(path="x", **given | {"min_width_m": "-0.5"})
 
 
 def test_flags_that_are_not_given_leave_what_others_say() -> None:
@@ -453,8 +453,8 @@ def test_flags_that_are_not_given_leave_what_others_say() -> None:
     command(path="x", **given | {"min_area_m2": "1", "correct": True})
     stored = TopologyOptions(min_area_m2=3.0, min_width_m=0.3, correct=False)
     assert _called["rules"].over(stored) == TopologyOptions(min_width_m=0.3)
-    with pytest.raises(OptionError, match=re.escape("--min-part must be a number of at least 0")):
-        command(path="x", **given | {"min_part_m2": "-0.5"})
+    with pytest.raises(OptionError, match=re.escape("--min-width must be a number of at least 0")):
+        command(path="x", **given | {"min_width_m": "-0.5"})
 
 
 _called: dict[str, Any] = {}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.flags import GivenOptions, named_as_flags, option_flags
+from pgm_places.cli.flags import GivenOptions, option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.errors import InputError
@@ -124,10 +124,8 @@ def _proposals(topology: "TopologicalMap", narrower_than_m: float) -> list[str]:
     """A line per possible split."""
     from pgm_places.topology.proposals import propose_splits
 
-    with named_as_flags({"split_rooms_m": "--propose-splits"}):
-        found = propose_splits(topology, narrower_than_m)
     lines = []
-    for split in found:
+    for split in propose_splits(topology, narrower_than_m):
         openings = [
             f"({x:.2f}, {y:.2f}), {width:.2f} m wide"
             for (x, y), width in zip(split.middles_m, split.widths_m, strict=True)

@@ -11,9 +11,8 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, ModelFileError, OutputError, shown
 from pgm_places.inference.backends import Backend
 from pgm_places.labelers.labeler import Labeler
-from pgm_places.options import from_mapping
 from pgm_places.persistence.model_folder import load_folder, readable, save_folder
-from pgm_places.topology.rules import TopologyOptions
+from pgm_places.topology.rules import TopologyOptions, stored_options
 
 __all__ = ["KINDS", "Stored", "load", "read", "save"]
 
@@ -152,11 +151,8 @@ def _rules(record: Any) -> TopologyOptions:
     """The options of topological maps in a record, which is checked; the defaults without any."""
     config = _table("record", record).get("config", {})
     topology = _table("record.config", config).get("topology", {})
-    return from_mapping(
-        TopologyOptions,
-        _table("record.config.topology", topology),
-        path="record.config.topology",
-    )
+    where = "record.config.topology"
+    return stored_options(_table(where, topology), path=where)
 
 
 def _table(where: str, value: Any) -> Mapping[str, Any]:

@@ -7,27 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.experiment.comparison import TestItem
-from pgm_places.experiment.runs import compare
+from pgm_places.experiment.maps import load_maps
+from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.report.topology_pictures import topology_picture
 from pgm_places.reproduce.comparison_pictures import label_sheet, window_grid
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.doorways import Doorways
-from pgm_places.topology.corrections import CorrectionRules
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.region_scores import RegionScores, fill_labels, score_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["run", "topology_table"]
 
-FURTHER = CorrectionRules(widest_doorway_m=1.6, close_leaks_m=1.5, split_rooms_m=1.5)
-"""The corrections that are off by default, at the widths of the doors and openings of an office."""
-
-VARIANTS: Mapping[str, Mapping[str, Any]] = {
-    "none": {"correct": False},
-    "the paper's": {},
-    "further": {"rules": FURTHER},
-}
+VARIANTS: Mapping[str, Mapping[str, Any]] = {"none": {"correct": False}, "the paper's": {}}
 
 TRUTH = "ground truth"
 PAPER = "one missed"
@@ -43,15 +36,19 @@ HEADING = (
 
 
 def run(setting: Setting) -> Outcome:
-    """The topological maps of all methods, with and without corrections."""
-    comparison = compare(setting.experiment("topology"))
+    """The topological maps of all methods, with and without corrections and gates."""
+    experiment = setting.experiment("topology")
+    tests = load_maps(experiment, "test")
+    experiment, labeler = train(experiment)
+    comparison, space = compare_fitted(experiment, labeler, tests), labeler.unary_model_.space
     item, names = comparison.maps[0], comparison.label_names
+    doorways = None if space is None else space.spaces(item.grid).doorways
     answers = {
         method.id: item.layout.to_raster(method.labelings[0].labels.astype(np.int16), fill=-1)
         for method in comparison.methods
     }
     with setting.progress.stage("topological maps"):
-        table, maps, scores = topology_table(item, answers, names)
+        table, maps, scores = topology_table(item, answers, names, doorways)
     files = {"labels.png": label_sheet(comparison)}
     pictures = [Picture("labels.png", "What the topological maps are made from.")]
     grid = window_grid(item.grid, item.window)
@@ -59,7 +56,7 @@ def run(setting: Setting) -> Outcome:
         name = f"topology_{method.replace(' ', '_')}.png"
         files[name] = topology_picture(grid, found)
         caption = (
-            f"Topological map from {method}, further corrections (compare the paper's Fig. 9)."
+            f"Topological map from {method}, places between gates (compare the paper's Fig. 9)."
         )
         if method == TRUTH:
             caption = "Topological map of the ground truth."
@@ -91,7 +88,7 @@ def topology_table(
     names: tuple[str, ...],
     doorways: Doorways | None = None,
 ) -> tuple[Table, dict[str, TopologicalMap], dict[tuple[str, str], RegionScores]]:
-    """The table of one test map, the maps with further corrections, and all scores.
+    """The table of one test map, the maps with most corrections, and all scores.
 
     Parameters
     ----------
@@ -100,7 +97,7 @@ def topology_table(
         Each method's labels, -1 for none.
     names : tuple of str
     doorways : Doorways, optional
-        The accepted gates of the map, for one more row of each method; its pictures show them then.
+        The accepted gates of the map, for one more row of each method.
     """
     inside = np.where(item.window, fill_labels(item.grid, item.truth, names), np.int16(-1))
     true_map = topological_map(item.grid, inside, names)
@@ -113,16 +110,16 @@ def topology_table(
             words = f"{name}: {len(found.corrections)}" if found.corrections else name
             scores[method, name] = score_regions(found, true_map)
             rows.append(_row(method, words, scores[method, name]))
-            if name in ("further", "gates"):
-                maps[method] = found
+            maps[method] = found  # the last has most corrections, or the gates
     caption = f"{item.name}: places and connections found, compared with the ground truth"
     return Table(caption, HEADING, tuple(rows)), maps, scores
 
 
 def _doorways(method: str, corrections: str, scores: RegionScores) -> Finding:
     door = scores.classes["doorway"]
+    how = "gates" if corrections == "gates" else f"{corrections} corrections"
     return Finding(
-        f"doorways found / missed / invented, {method}, {corrections} corrections",
+        f"doorways found / missed / invented, {method}, {how}",
         paper=PAPER if (method, corrections) == ("relaxation", "the paper's") else None,
         counts=f"{door.hit} of {door.n_true} / {door.missed} / {door.invented}",
     )

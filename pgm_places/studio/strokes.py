@@ -17,9 +17,8 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.options import check_options
 from pgm_places.studio._run_kernels import mark_brush
 from pgm_places.studio.runs import runs_of_mask
-from pgm_places.topology.chords import Chord
 
-__all__ = ["Stroke", "doorway_chord", "stroke_cells"]
+__all__ = ["Stroke", "doorway_ends", "stroke_cells"]
 
 Tool = Literal["brush", "rectangle", "polygon", "doorway"]
 MOST_POINTS = 100_000
@@ -77,16 +76,15 @@ def stroke_cells(stroke: Stroke, grid: OccupancyGrid) -> NDArray[np.int64]:
     if stroke.tool == "polygon":
         return _inside_polygon(stroke.points, grid)
     if stroke.tool == "doorway":
-        chord = doorway_chord(stroke.points, grid)
-        ends = np.array([chord.start_rc, chord.end_rc])
+        ends = doorway_ends(stroke.points, grid)
     else:
         ends = np.array([_centred(point) for point in stroke.points])
         ends = ends if len(ends) > 1 else ends.repeat(2, axis=0)
     return _near(np.hstack([ends[:-1], ends[1:]]), max(stroke.radius, 0.5), grid)
 
 
-def doorway_chord(points: Sequence[tuple[float, float]], grid: OccupancyGrid) -> Chord:
-    """The line through two points, extended at both ends to the nearest wall behind.
+def doorway_ends(points: Sequence[tuple[float, float]], grid: OccupancyGrid) -> NDArray[np.float64]:
+    """(2, 2) row and column of both ends of a line, each moved on to the nearest wall behind.
 
     An end without a wall within two metres stays where it is.
     """
@@ -96,8 +94,7 @@ def doorway_chord(points: Sequence[tuple[float, float]], grid: OccupancyGrid) ->
     if length == 0:
         raise InputError("the ends of a doorway must be two different points")
     step = along / length
-    first, last = _to_wall(start, -step, grid), _to_wall(end, step, grid)
-    return Chord((float(first[0]), float(first[1])), (float(last[0]), float(last[1])))
+    return np.array([_to_wall(start, -step, grid), _to_wall(end, step, grid)])
 
 
 def _to_wall(

@@ -24,10 +24,9 @@ class Correction:
     """One region that took the label of a neighbour.
 
     ``cell_rc`` is a cell of the region. ``reason`` is ``"too small"``, ``"joins nothing"``, or
-    ``"touches nothing"`` if it lost its label; ``became`` is then empty. Corrections beyond the
-    paper's, of parts of regions, have the reasons ``"too wide"``, ``"leak"`` and
-    ``"narrow passage"``. Painted doorways that no gate touches have the reason ``"no gate"`` and an
-    empty ``became``: they are filled with the nearest labels.
+    ``"touches nothing"`` if it lost its label; ``became`` is then empty. Painted doorways
+    that no gate touches have the reason ``"no gate"`` and an empty ``became``: they are filled with
+    the nearest labels.
     """
 
     cell_rc: tuple[int, int]

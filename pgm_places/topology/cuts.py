@@ -12,11 +12,10 @@ from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from pgm_places.spaces.gates import MOST_HALF_WIDTH_M, Gates, gate_candidates
 from pgm_places.spaces.joining import join
 from pgm_places.spaces.segmentation import Segmentation
-from pgm_places.topology.chords import shortest_chords
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["Line", "Parts", "cut_along", "joint_cuts", "line_width_m", "narrowest_line"]
+__all__ = ["Line", "Parts", "cut_along", "line_width_m", "narrowest_line", "opening_cuts"]
 
 Line: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
 """The two ends of a line in the map frame."""
@@ -26,9 +25,6 @@ MOST_TOGETHER = 3
 
 _LEAST_PART_M2 = 0.1
 """Smaller crumbs beside a line join the part next to them."""
-
-_NEAR_M = 0.2
-"""Lines through cells up to this far from the middle of an opening are tried."""
 
 _N_DIRECTIONS = 24
 
@@ -100,10 +96,10 @@ def line_width_m(line: Line) -> float:
     return float(np.hypot(*np.subtract(*line)))
 
 
-def joint_cuts(
+def opening_cuts(
     topology: TopologicalMap, place: Region, narrower_than_m: float
 ) -> list[tuple[Line, ...]]:
-    """Lines across two or three openings each that can divide a place together.
+    """Lines across one to three openings each that can divide a place together.
 
     A room that opens into a corridor by two doors is one place with it until both are cut. Openings
     are the gate candidates within the place that are narrow enough; of all sets of them that part
@@ -111,11 +107,12 @@ def joint_cuts(
     """
     alone = _alone(topology, place)
     gates = gate_candidates(Segmentation.of(alone))
+    saddles = alone.cell_centres_m(gates.openings.centre_rc)
     every = (
-        [_across(alone, gates.openings.centre_rc[g], narrower_than_m) for g in chosen]
+        tuple(narrowest_line(topology, place, saddles[g]) for g in chosen)
         for chosen in _smallest_sets(gates, narrower_than_m)
     )
-    return [tuple(line for line in lines if line) for lines in every if all(lines)]
+    return [lines for lines in every if max(map(line_width_m, lines)) <= narrower_than_m]
 
 
 def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
@@ -127,7 +124,7 @@ def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
 
 
 def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
-    """Sets of two or three gates that part neighbouring segments, by their numbers."""
+    """Sets of up to three gates that part neighbouring segments, by their numbers."""
     import networkx as nx
 
     finest = gates.segmentation.scales[0]
@@ -140,27 +137,12 @@ def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
         if a != b:
             before = graph.get_edge_data(a, b, {"capacity": 0.0})["capacity"]
             graph.add_edge(a, b, capacity=before + width)
-    found = set()
+    sets = set()
     for a, b in graph.edges:
         side = list(nx.minimum_cut(graph, a, b)[1][0])
         inside = np.isin(group[gates.segments], side)
-        found.add(tuple(np.flatnonzero(inside[:, 0] != inside[:, 1]).tolist()))
-    return [list(chosen) for chosen in sorted(found) if 2 <= len(chosen) <= MOST_TOGETHER]
-
-
-def _across(
-    grid: OccupancyGrid, middle_rc: NDArray[np.float64], narrower_than_m: float
-) -> Line | None:
-    """The shortest line across an opening, from wall to wall; None if all are too long."""
-    reach = max(1, round(_NEAR_M / grid.resolution_m))
-    low = np.maximum(np.rint(middle_rc).astype(np.int64) - reach, 0)
-    near = np.argwhere(grid.free[low[0] : low[0] + 2 * reach + 1, low[1] : low[1] + 2 * reach + 1])
-    longest = narrower_than_m / grid.resolution_m + 1  # chords end in the middle of a wall's cell
-    chords = shortest_chords(~grid.free, near + low, longest)
-    if not chords:
-        return None
-    start, end = grid.cell_centres_m([chords[0].start_rc, chords[0].end_rc])
-    return _line(start, end)
+        sets.add(tuple(np.flatnonzero(inside[:, 0] != inside[:, 1]).tolist()))
+    return [list(chosen) for chosen in sorted(sets) if 1 <= len(chosen) <= MOST_TOGETHER]
 
 
 def _line(start: NDArray[np.float64], end: NDArray[np.float64]) -> Line:
@@ -171,7 +153,7 @@ def _line(start: NDArray[np.float64], end: NDArray[np.float64]) -> Line:
 def _reach(
     topology: TopologicalMap, number: int, start: NDArray[np.float64], way: NDArray[np.float64]
 ) -> float:
-    """How far one gets from a point in a direction before the region ends, a cell beyond it."""
+    """How far one gets from a point in a direction until the region has ended."""
     step = topology.grid.resolution_m / 4
     far = float(np.hypot(*topology.grid.shape)) * topology.grid.resolution_m
     along = np.arange(0.0, far, step)
@@ -179,7 +161,7 @@ def _reach(
     inside = ((cells >= 0) & (cells < topology.grid.shape)).all(axis=1)
     here = np.zeros(len(along), np.bool_)
     here[inside] = topology.region[tuple(cells[inside].T)] == number
-    return float(along[np.argmin(here)]) + topology.grid.resolution_m
+    return float(along[np.argmin(here)])
 
 
 def _distance_to_line(

@@ -22,7 +22,6 @@ from pgm_places.topology.corrections import (
 )
 from pgm_places.topology.gate_pieces import GatePieces, pieces_between
 from pgm_places.topology.naming import EarlierPlaces, identify, name_places
-from pgm_places.topology.refinements import close_leaks, split_rooms, trim_doorways
 from pgm_places.topology.regions import describe_regions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -175,23 +174,6 @@ def _corrected(
     rules: CorrectionRules,
 ) -> tuple[NDArray[np.int16], list[Correction]]:
     """The corrected labels and all corrections in the order they were made."""
-    log: list[Correction] = []
-    resolution_m, clearance = grid.resolution_m, np.empty((0, 0), np.int32)
-    if rules.widest_doorway_m or rules.split_rooms_m:
-        clearance = squared_clearance(~grid.free)
-    if rules.close_leaks_m:  # first: a doorway that leaks would be dropped for joining nothing
-        raster, found = close_leaks(raster, names, resolution_m, rules)
-        log += found
-    raster, found = correct_regions(raster, names, resolution_m, rules)
-    log += found
-    if rules.widest_doorway_m:
-        raster, found = trim_doorways(raster, clearance, names, resolution_m, rules)
-        log += found
-        raster, found = correct_regions(raster, names, resolution_m, rules)
-        log += found
-    raster, found = drop_islands(raster, names, resolution_m, rules)
-    log += found
-    if rules.split_rooms_m:
-        raster, found = split_rooms(raster, clearance, names, resolution_m, rules)
-        log += found
-    return raster, log
+    raster, corrected = correct_regions(raster, names, grid.resolution_m, rules)
+    raster, dropped = drop_islands(raster, names, grid.resolution_m, rules)
+    return raster, [*corrected, *dropped]

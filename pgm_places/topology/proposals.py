@@ -4,10 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pgm_places.errors import InputError
-from pgm_places.topology.clearance import squared_clearance
-from pgm_places.topology.corrections import CorrectionRules
-from pgm_places.topology.cuts import Line, cut_along, joint_cuts, line_width_m
-from pgm_places.topology.refinements import find_splits
+from pgm_places.topology.cuts import Line, cut_along, line_width_m, opening_cuts
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -47,70 +44,39 @@ class ProposedSplit:
 def propose_splits(
     topology: TopologicalMap, narrower_than_m: float, *, min_part_m2: float = 4.0
 ) -> list[ProposedSplit]:
-    """Constrictions that divide places, except doorways, into two wide parts.
+    """Openings that divide places, except doorways, alone or two or three together.
 
-    First those that divide a place alone, widest part first: ``split_rooms_m`` of
-    ``CorrectionRules`` would put a doorway there. Then two or three that divide one together.
+    Those are the narrow openings between segments of open space that no doorway fills. Single ones
+    come first, then by the area of the smaller part.
 
     Parameters
     ----------
     topology : TopologicalMap
     narrower_than_m : float
-        Widest constriction to list, from wall to wall; openings between offices are up to 1.5 m
-        wide.
+        Widest opening to list, from wall to wall; those between offices are up to 1.5 m wide.
     min_part_m2 : float
         Minimum area of either part.
 
     Raises
     ------
     InputError
-        A width that is not positive, or a map without doorways among its labels.
+        A width that is not positive.
     """
     if not narrower_than_m > 0:
         raise InputError(
             f"narrower_than_m must be a positive length in metres, got {narrower_than_m}"
         )
-    return [
-        *_single_splits(topology, narrower_than_m, min_part_m2),
-        *_joint_splits(topology, narrower_than_m, min_part_m2),
-    ]
-
-
-def _single_splits(
-    topology: TopologicalMap, narrower_than_m: float, min_part_m2: float
-) -> list[ProposedSplit]:
-    rules = CorrectionRules(
-        doorway_label=topology.doorway_label,
-        split_rooms_m=narrower_than_m,
-        min_part_m2=min_part_m2,
-    )
-    grid = topology.grid
-    clearance = squared_clearance(topology.region == 0)
-    splits = find_splits(topology.labels, clearance, topology.label_names, grid.resolution_m, rules)
-    found = []
-    for split in splits:
-        row, column = split.cells[len(split.cells) // 2]
-        ends = grid.cell_centres_m([split.chord.start_rc, split.chord.end_rc]).tolist()
-        name = topology.place(int(topology.region[row, column])).name
-        (x0, y0), (x1, y1) = ends
-        found.append(ProposedSplit(name, (((x0, y0), (x1, y1)),), split.areas_m2))
-    return found
-
-
-def _joint_splits(
-    topology: TopologicalMap, narrower_than_m: float, min_part_m2: float
-) -> list[ProposedSplit]:
-    found = []
+    proposals = []
     for place in topology.regions:
         if place.label == topology.doorway_label or place.area_m2 < 2 * min_part_m2:
             continue
-        for lines in joint_cuts(topology, place, narrower_than_m):
+        for lines in opening_cuts(topology, place, narrower_than_m):
             larger, smaller = _parts_m2(topology, place, lines)
-            fewer = ([*lines[:k], *lines[k + 1 :]] for k in range(len(lines)))
-            alone = max(_parts_m2(topology, place, some)[1] for some in fewer)
+            fewer = [[*lines[:k], *lines[k + 1 :]] for k in range(len(lines)) if len(lines) > 1]
+            alone = max((_parts_m2(topology, place, some)[1] for some in fewer), default=0.0)
             if smaller >= min_part_m2 > alone:
-                found.append(ProposedSplit(place.name, lines, (larger, smaller)))
-    return found
+                proposals.append(ProposedSplit(place.name, lines, (larger, smaller)))
+    return sorted(proposals, key=lambda split: (len(split.lines_m), -split.areas_m2[1]))
 
 
 def _parts_m2(

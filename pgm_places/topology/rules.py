@@ -1,13 +1,18 @@
 """Options of topological maps: which regions count as errors, and which corrections are made."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from pgm_places.options import AtLeastZero, check_options
+from pgm_places.errors import ConfigError, shown
+from pgm_places.options import AtLeastZero, check_options, from_mapping
 
-__all__ = ["CorrectionRules", "DoorwaysFrom", "TopologyOptions"]
+__all__ = ["CorrectionRules", "DoorwaysFrom", "TopologyOptions", "stored_options"]
 
 DoorwaysFrom = Literal["gates", "labels"]
+
+_RETIRED = ("widest_doorway_m", "close_leaks_m", "split_rooms_m")
+"""Corrections by width that earlier versions had, off by default; gates have replaced them."""
 
 
 @dataclass(frozen=True)
@@ -24,25 +29,12 @@ class CorrectionRules:
         Relabel doorways that touch fewer than two regions.
     doorway_label : str
         Name of the label that marks doorways.
-    widest_doorway_m : float
-        Relabel doorway cells wider than this (m); 0 keeps them. Not in the paper.
-    close_leaks_m : float
-        Extend leaking doorways from wall to wall up to this width (m); 0 extends none. Not in the
-        paper.
-    split_rooms_m : float
-        Split places at constrictions narrower than this (m); 0 splits none. Not in the paper.
-    min_part_m2 : float
-        Minimum area of both parts that remain after closing a leak or splitting a place (m²).
     """
 
     min_area_m2: AtLeastZero = 1.0
     min_doorway_area_m2: AtLeastZero = 0.1
     doorways_join_two: bool = True
     doorway_label: str = "doorway"
-    widest_doorway_m: AtLeastZero = 0.0
-    close_leaks_m: AtLeastZero = 0.0
-    split_rooms_m: AtLeastZero = 0.0
-    min_part_m2: AtLeastZero = 4.0
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -66,3 +58,23 @@ class TopologyOptions(CorrectionRules):
     correct: bool = True
     min_width_m: AtLeastZero = 0.0
     doorways: DoorwaysFrom = "gates"
+
+
+def stored_options(values: Any, *, path: str) -> TopologyOptions:
+    """The options in a file that this or an earlier version wrote.
+
+    Raises
+    ------
+    ConfigError
+        An option that there is not, or a correction of an earlier version that was on.
+    """
+    if not isinstance(values, Mapping):
+        return from_mapping(TopologyOptions, values, path=path)
+    for name in _RETIRED:
+        if values.get(name):
+            raise ConfigError(
+                f"{path}.{name} is {shown(values[name])}, but doorways are no longer corrected by "
+                "width: gates separate places now; set it to 0 in the file"
+            )
+    kept = {key: value for key, value in values.items() if key not in (*_RETIRED, "min_part_m2")}
+    return from_mapping(TopologyOptions, kept, path=path)

@@ -112,7 +112,7 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, r
 def test_splits_are_proposed(building: Path, run: Run) -> None:
     code, text, _ = run(
         *("topology", building / "labels.png", building / "map.yaml", "-q"),
-        *("--out", building / "whole", "--propose-splits", 1.2, "--split-rooms", 1.2),
+        *("--out", building / "whole", "--propose-splits", 0.3),
     )
     assert code == 0
     assert "no split proposed" in text  # those that could have been split

@@ -29,6 +29,7 @@ from pgm_places.errors import InputError, ModelFileError, NotFittedError, Output
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import KINDS, read
+from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import model_folder
 
 STORED = Path(__file__).parents[1] / "data" / "stored"
@@ -270,6 +271,11 @@ def spoiled(tmp_path: Path, source: Path, keys: tuple[str, ...], value: object) 
             {"doorway_label": 5},
             "record.config.topology.doorway_label must be",
         ),
+        (
+            ("record", "config", "topology"),
+            {"split_rooms_m": 1.5},
+            "record.config.topology.split_rooms_m is 1.5, but doorways are no longer corrected",
+        ),
     ],
 )
 def test_the_whole_record_is_checked(
@@ -279,6 +285,13 @@ def test_the_whole_record_is_checked(
         load(spoiled(tmp_path, STORED / kind, keys, value))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_corrections_that_an_earlier_version_left_off_are_ignored(tmp_path: Path) -> None:
+    earlier = {"min_area_m2": 2.0, "close_leaks_m": 0.0, "split_rooms_m": 0, "min_part_m2": 4.0}
+    keys = ("record", "config", "topology")
+    folder = spoiled(tmp_path, STORED / "place_labeler", keys, earlier)
+    assert read(folder).rules == TopologyOptions(min_area_m2=2.0)
 
 
 @pytest.mark.parametrize("value", [1e308, -1, 0, None, "0.05", True, [0.05]])

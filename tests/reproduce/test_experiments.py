@@ -51,7 +51,7 @@ def test_all_orders_of_the_list_are_scored_and_each_search_takes_one(setting: Se
 def test_the_topological_maps_are_counted_against_the_truth(setting: Setting) -> None:
     found = topology.run(setting)
     [table] = found.tables
-    assert len(table.rows) == 9
+    assert len(table.rows) == 12  # four methods without corrections, with the paper's, with gates
     assert {item.file for item in found.pictures} == set(found.files)
     assert "topology_ground_truth.png" in found.files
 

@@ -1,10 +1,11 @@
-"""Openings that part a place only together: proposed together, and cut together."""
+"""Openings that divide a place, alone or only together: proposed and cut as such."""
 
 import numpy as np
 import pytest
 
 from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from pgm_places.topology.cuts import line_width_m
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.place_edits import split_at
 from pgm_places.topology.proposals import propose_splits
@@ -47,9 +48,36 @@ def test_many_openings_are_no_doors() -> None:
     assert propose_splits(two_rooms(4), 1.0) == []
 
 
-def test_a_single_door_is_proposed_once() -> None:
-    [split] = propose_splits(two_rooms(1), 1.0)
-    assert len(split.lines_m) == 1
+def test_a_single_door_is_proposed_once_and_nothing_changed() -> None:
+    found = two_rooms(1, shift=10)
+    [split] = propose_splits(found, 1.0)
+    [line] = split.lines_m
+    assert line_width_m(line) == pytest.approx(0.8, abs=0.11)
+    assert found.region_at(*split.middles_m[0]) is found.place("room 1")
+    assert split.areas_m2 == pytest.approx((35.2, 26.4), abs=0.5)
+    assert propose_splits(found, 0.6) == []
+    with pytest.raises(InputError, match="narrower_than_m must be a positive length"):
+        propose_splits(found, 0.0)
+
+
+def test_openings_that_divide_a_place_alone_are_proposed_first() -> None:
+    labels = np.full((90, 96), -1, np.int16)
+    for first in (1, 33, 65):
+        labels[1:89, first : first + 30] = ROOM
+    labels[4:12, 31:33] = labels[48:56, 31:33] = labels[20:28, 63:65] = ROOM
+    cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
+    found = topological_map(OccupancyGrid(cells, 0.1), labels, NAMES)
+    single, joint = propose_splits(found, 1.0)
+    assert single.middles_m == pytest.approx(np.array([[6.4, 2.4]]), abs=0.15)
+    assert [x for x, _ in joint.middles_m] == pytest.approx([3.2, 3.2], abs=0.15)
+
+
+def test_a_straight_corridor_is_not_divided_however_narrow() -> None:
+    labels = np.full((14, 102), -1, np.int16)
+    labels[1:13, 1:101] = 0
+    cells = np.where(labels >= 0, FREE, OCCUPIED).astype(np.int8)
+    found = topological_map(OccupancyGrid(cells, 0.1), labels, NAMES)
+    assert propose_splits(found, 3.0, min_part_m2=1.0) == []
 
 
 @pytest.mark.parametrize("door", [0, 1])

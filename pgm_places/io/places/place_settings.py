@@ -19,7 +19,7 @@ from pgm_places.maps.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from pgm_places.options import from_mapping, plain_values
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.rules import TopologyOptions
+from pgm_places.topology.rules import TopologyOptions, stored_options
 
 __all__ = ["GATES_FILE", "SETTINGS_FILE", "PlaceSettings", "load_settings", "save_settings"]
 
@@ -137,7 +137,7 @@ def load_settings(folder: Path, *, max_pixels: int = MAX_PIXELS) -> PlaceSetting
     ):
         raise InputError(f"{path} does not hold {_WANTED}; label the map again")
     try:
-        rules = from_mapping(TopologyOptions, record["settings"], path="settings")
+        rules = stored_options(record["settings"], path="settings")
         doorways = _doorways(folder, record, max_pixels) if "gates" in record else None
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
