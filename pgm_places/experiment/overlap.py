@@ -128,7 +128,7 @@ def _raster(item: LabelledMap) -> str:
 
 
 def _steps(drive: Trajectory) -> _Nodes:
-    """Steps are told apart by their time and pose, so that parts of one log are known again."""
+    """Steps are told apart by their time and pose, so that parts of one log are recognised."""
     assert drive.labels is not None  # drives without true places are refused
     rows = np.column_stack([drive.times_s, drive.poses])[drive.labels >= 0]
     return _Nodes(drive.name, "step", "", np.array([_digest(row) for row in rows]))

@@ -1,4 +1,4 @@
-"""Temperature: beliefs made as sure of themselves as they are right."""
+"""Temperature scaling of beliefs."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -18,8 +18,8 @@ class LiveOptions:
     hysteresis_s : float
         A place counts as changed once the new one has lasted this long (s).
     relabel_min_period_s : float
-        Shortest time between two labellings of the map (s). Of maps that come faster the latest
-        is taken.
+        Shortest time between two labellings of the map (s); if maps arrive faster, only the
+        newest is labelled.
 
     Examples
     --------

@@ -44,9 +44,9 @@ class PlaceMemory:
     Each place is kept as it was when it was last there. A piece of the next map may be a place of
     the same class if their common area is at least a quarter of what they cover together, if the
     place lies in the piece (it has grown), or if both are as small as doorways and near each other.
-    Of all pairs, those with the largest sum of overlaps are taken (the Hungarian method); a place
-    of the last map, and one that has lasted, is preferred. So a place that is parted and joined
-    again keeps its id, and its other part gets back the id that it had, should it part again.
+    Places are matched by maximum total overlap (the Hungarian method); recent and long-lived ones
+    get a bonus. So a place that is divided and joined again keeps its id, and its other part gets
+    its old id back if it is divided once more.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ POTTS = {f"Potts {weight:g}": weight for weight in (0.25, 0.5, 1.0)}
 
 _FIELD = next(iter(POTTS))
 TEMPERED = f"{_FIELD}, tempered"
-"""The field of the shipped models, its beliefs as sure as they are right in other folds."""
+"""The field of the shipped models, its beliefs calibrated on other folds."""
 
 _ORDER = {3: (2, 0, 1), 4: (2, 3, 0, 1)}
 """The list's classes, the rarest first, without and with halls."""

@@ -84,7 +84,7 @@ def learned_alone(
 
 
 def _gates(painted: NDArray[np.int16], doorway: int, table: CellTable) -> BoostedList | None:
-    """A list of gates from painted doorways, and from gates that are painted otherwise."""
+    """A list of gates from painted doorways, and from gates with other paint on them."""
     match = match_doors(table.gates, painted, doorway)
     truth = match.is_doorway.astype(np.int64)
     values = gate_features(table.gates).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Temperatures: lists made as sure of themselves as they were right on buildings held out."""
+"""Temperature scaling of lists, by what they say of buildings held out."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ def with_temperatures(
     truth: NDArray[np.int64],
     groups: NDArray[np.int64],
 ) -> tuple[BoostedList, dict[int, BoostedList]]:
-    """A list and those that were held out, as sure of themselves as the latter may be.
+    """A list and those that were held out, with the confidence that the latter justify.
 
     The log-odds of each classifier are multiplied by what makes the held-out examples likeliest
     (:func:`pgm_places.models.list_training.temperature`). Lists that lack a label, because no other

@@ -1,4 +1,4 @@
-"""Places are known again by what they were, through parting, joining, growing and small moves."""
+"""Places are recognised by what they were, through division, joining, growth and small moves."""
 
 import numpy as np
 import pytest
