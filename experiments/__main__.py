@@ -123,7 +123,6 @@ def page() -> str:
     paper = kept_paper_sections()
     files = [
         FOLDER / "unseen_kinds.md",
-        FOLDER / "space_field.md",
         FOLDER / "teaching.md",
         FOLDER / "ablations.md",
         *(_section_file(name) for name in MAPS),

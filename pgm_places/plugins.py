@@ -30,12 +30,15 @@ class Registry:
         Name to ``"module:Class"``, imported only when used.
     renamed : mapping of str to mapping
         Options by the names that models saved by earlier versions use, and their names now.
+    retired : mapping of str to str
+        Names that earlier versions had, and what to do instead.
     """
 
     kind: str
     group: str
     built_in: Mapping[str, str] = dataclasses.field(default_factory=dict)
     renamed: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
+    retired: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def names(self) -> list[str]:
         """All names, built in or installed."""
@@ -50,6 +53,8 @@ class Registry:
             There is none; the message offers the nearest name.
         """
         target = self._target(name) or (name if ":" in name else None)
+        if target is None and name in self.retired:
+            raise ConfigError(f"there is no {self.kind} {name!r} any more; {self.retired[name]}")
         if target is None:
             known = self.names()
             hint = nearest_name(name, known) if known else f"None is installed ({self.group})"
@@ -121,6 +126,10 @@ class Registry:
         ModelFileError
             No class of that name is installed.
         """
+        if self._target(name) is None and name in self.retired:
+            raise ModelFileError(
+                f"there is no {self.kind} {name!r} any more; {self.retired[name]}, and train again"
+            )
         if self._target(name) is None:
             raise ModelFileError(
                 f"no {self.kind} {name!r} is installed; install the package that adds it to the "

@@ -34,7 +34,6 @@ PICTURES: dict[str, Callable[[], None]] = {
     "layers": layers.write_layers,
     "independent": methods.independent,
     "potts": methods.potts,
-    "space_field": methods.space_field,
     "relaxation": methods.relaxation,
     "amn": methods.amn,
     "inference": methods.decoders,

@@ -11,7 +11,6 @@ COLUMNS: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
     "the cells of a map": (
         (("Many millions of cells, or", "beliefs for a next stage?"), "relaxation"),
         (("Must rare labels, such as", "doorways, not be missed?"), "amn"),
-        (("Should gates and whole rooms", "have a say?"), "space_field"),
         (("Otherwise",), "potts"),
     ),
     "the nodes of another graph": (

@@ -8,23 +8,19 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
-from matplotlib.patches import Polygon
 
 from experiments.pictures.kept import (
-    COLOURS,
     NAMES,
     at,
     crop,
     draw_ground,
     draw_labels,
     figure,
-    floor,
     graph_paper,
     keep,
     legend,
     plain,
     right,
-    shipped,
 )
 from pgm_places import LabelGraph, LabelledMap, PlaceLabeler, Potentials, build, decode
 from pgm_places.datasets import generate_building
@@ -140,42 +136,6 @@ def amn() -> None:
     """Cell by cell, one weight for all labels, and learned weights."""
     titles = {"independent": "cell by cell", "potts 0.25": "one weight, 0.25", "amn": "learned"}
     _beside_the_truth("amn", titles, (2, 2), 5.4)
-
-
-def space_field() -> None:
-    """Cells, gates and places of a floor as nodes."""
-    made = floor(64)
-    labeler = shipped()
-    problem_grid = made.grid
-    graph, scores = labeler.scores(problem_grid)
-    labels = graph.layout.to_raster(labeler.infer(graph, scores).labels, fill=-1)
-    spaces = scores.spaces
-    picture = figure(10, 4.4)
-    axis = picture.subplots()
-    draw_labels(axis, problem_grid, labels, alpha=0.45)
-    places = spaces.gates.segmentation.scales[0]
-    raster = places.raster()
-    rows, columns = np.nonzero(raster >= 0)
-    sizes = np.bincount(raster[rows, columns], minlength=places.count)
-    inside = raster[rows, columns]
-    sums = [np.bincount(inside, part, places.count) for part in (rows, columns)]
-    middle_rc = np.stack(sums, axis=1) / sizes[:, None]
-    centres = problem_grid.cell_centres_m(middle_rc)
-    doorways = spaces.probability > 0.5
-    for gate, sides, is_doorway in zip(spaces.gates, spaces.gates.segments, doorways, strict=True):
-        here = np.asarray(gate.centre_m)
-        for side in sides:
-            way = np.stack([here, centres[side]])
-            axis.plot(*way.T, color=INK, lw=0.9, alpha=0.6, ls=":" if is_doorway else "-")
-        axis.add_patch(
-            Polygon(gate.corners_m, facecolor=COLOURS[2] if is_doorway else "white", edgecolor=INK)
-        )
-    axis.scatter(*centres.T, s=14 + 60 * sizes / sizes.max(), c="white", edgecolors=INK, zorder=3)
-    for label, colour in (("a gate that is a doorway", COLOURS[2]), ("any other gate", "white")):
-        axis.scatter([], [], marker="s", c=colour, edgecolors=INK, label=label)
-    axis.scatter([], [], c="white", edgecolors=INK, label="a place")
-    picture.legend(loc="outside lower left", ncols=3, frameon=False, fontsize=10)
-    keep("space_field", picture)
 
 
 def decoders() -> None:

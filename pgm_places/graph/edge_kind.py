@@ -18,9 +18,3 @@ class EdgeKind(IntEnum):
     """Nodes of two graphs that were joined."""
     LOOP = 4
     """Two steps at one spot on different passes."""
-    CELL_GATE = 5
-    """A cell and a gate that it lies at."""
-    CELL_PLACE = 6
-    """A cell and the place that it lies in."""
-    GATE_PLACE = 7
-    """A gate and one of the two places beside it."""

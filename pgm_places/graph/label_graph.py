@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from pgm_places._checks import (
     finite_array,
     frozen,
-    integer_array,
     number_array,
     require_type,
 )
@@ -59,8 +58,6 @@ class LabelGraph:
         How node values go back to where they came from.
     node_names : tuple of N, or None
         What the nodes are called elsewhere, each name once; messages then name them so.
-    node_kind : (N,) int8 or None
-        A :class:`~pgm_places.graph.node_kind.NodeKind` per node; None where all are of one kind.
     cliques : Cliques or None
         Sets of nodes that want to have one label; problems on the graph take them over.
 
@@ -80,7 +77,6 @@ class LabelGraph:
     points_m: NDArray[np.float64] | None = None
     layout: GridLayout | StepLayout | None = None
     node_names: tuple[Hashable, ...] | None = None
-    node_kind: NDArray[np.int8] | None = None
     cliques: Cliques | None = None
 
     def __post_init__(self) -> None:
@@ -94,9 +90,6 @@ class LabelGraph:
             if points.shape[1] not in (2, 3):
                 raise InputError(f"positions_m must have 2 or 3 columns, got {points.shape[1]}")
             object.__setattr__(self, "points_m", frozen(points))
-        if self.node_kind is not None:
-            kinds = integer_array("node_kind", self.node_kind, (self.n_nodes,), low=0, high=128)
-            object.__setattr__(self, "node_kind", frozen(kinds.astype(np.int8)))
         if self.cliques is not None:
             require_type("cliques", self.cliques, Cliques, "; Cliques.of takes lists of nodes")
             self.cliques.check_fits(self.n_nodes)
@@ -123,7 +116,6 @@ class LabelGraph:
         edge_kind: ArrayLike | None = None,
         positions_m: ArrayLike | None = None,
         layout: GridLayout | StepLayout | None = None,
-        node_kind: ArrayLike | None = None,
     ) -> Self:
         """A graph from node pairs (E, 2) in any order and either direction.
 
@@ -149,7 +141,6 @@ class LabelGraph:
             EdgeList(np.sort(pairs[rows], axis=1), None if kind is None else kind[rows]),
             None if positions_m is None else number_array("positions_m", positions_m),
             layout,
-            node_kind=None if node_kind is None else np.asarray(node_kind),
         )
 
     @classmethod
@@ -396,7 +387,6 @@ class LabelGraph:
             None if self.points_m is None else self.points_m[keep],
             self.layout.part(keep) if isinstance(self.layout, GridLayout) else None,
             None if self.node_names is None else tuple(compress(self.node_names, keep)),
-            None if self.node_kind is None else self.node_kind[keep],
             None if self.cliques is None else self.cliques.among(keep),
         )
 

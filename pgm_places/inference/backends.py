@@ -5,10 +5,9 @@ docstring is their reference. Fields that learning fills carry ``metadata={"lear
 are NumPy arrays or None; they are saved with the model and are no options. One that never looks at
 a problem's node features says so with a class attribute ``uses_node_features = False``, one that
 labels nothing but chains with ``chains_only = True``, and one whose ``fit`` looks at labels alone,
-not at what classifiers say of the nodes, with ``learns_from_labels = True``. One that labels the
-gates and places of a map together with its cells says so with ``labels_spaces = True``. One with
-options that only ``infer`` reads names them, ``labelling_options = ("inference",)``: backends that
-differ in nothing else learn the same, and are fitted once.
+not at what classifiers say of the nodes, with ``learns_from_labels = True``. One with options that
+only ``infer`` reads names them, ``labelling_options = ("inference",)``: backends that differ in
+nothing else learn the same, and are fitted once.
 """
 
 import dataclasses
@@ -41,7 +40,6 @@ BACKENDS: Mapping[str, str] = {
     "amn": "pgm_places.models.amn:AssociativeMarkovNetwork",
     "crf": "pgm_places.models.crf:ConditionalRandomField",
     "potts": "pgm_places.models.mrf:PottsField",
-    "space_field": "pgm_places.models.space_field:SpaceField",
 }
 """Built-in methods: name -> "module:Class", imported only when used."""
 
@@ -51,7 +49,10 @@ RENAMED = {
 }
 """Options by the names that models saved by earlier versions use, and their names now."""
 
-METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED)
+RETIRED = {"space_field": "use 'potts' with unary = 'space', which labels as well"}
+"""Methods of earlier versions, and what to use instead."""
+
+METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED, RETIRED)
 """Where methods are looked up; packages add theirs to the entry points of that group."""
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.errors import ConfigError
-from pgm_places.graph.node_kind import NodeKind
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
 from pgm_places.inference.evidence import keep_evidence
 from pgm_places.inference.labeling import Labeling
@@ -24,11 +23,9 @@ __all__ = [
     "as_backend",
     "check_labels_any_graph",
     "check_labels_maps",
-    "check_sees_doorways",
     "infer",
     "infer_further",
     "labels_chains_only",
-    "labels_spaces",
     "place_methods",
     "takes_single_precision",
     "unfitted",
@@ -129,11 +126,6 @@ def labels_chains_only(backend: Any) -> bool:
     return bool(getattr(backend, "chains_only", False))
 
 
-def labels_spaces(backend: Any) -> bool:
-    """Whether a backend labels the gates and places of a map together with its cells."""
-    return bool(getattr(backend, "labels_spaces", False))
-
-
 def takes_single_precision(backend: Any) -> bool:
     """Whether log-probabilities in single precision are good enough for a backend's labels."""
     return bool(getattr(backend, "takes_single_precision", False))
@@ -172,38 +164,14 @@ def check_labels_maps(name: str, backend: Any) -> None:
         )
 
 
-def check_sees_doorways(name: str, method: PlaceMethod, doorway: int | None) -> None:
-    """Refuse a method that labels gates and places where its scores know none.
-
-    Raises
-    ------
-    ConfigError
-        The method labels gates, and its unary sees no spaces or no label is that of doorways.
-    """
-    if not labels_spaces(method.backend):
-        return
-    if method.unary != "space":
-        raise ConfigError(
-            f"{name} labels gates and places, so it needs unary = 'space', got {method.unary!r}"
-        )
-    if doorway is None:
-        raise ConfigError(
-            f"{name} labels gates and places, so one of the labels must be that of doorways; name "
-            "it in the options of the list with spaces (doorway_label)"
-        )
-
-
 def infer(backend: Any, problem: LabelingProblem, truth: ArrayLike | None = None) -> Labeling:
     """A backend's labelling of a problem; with ``truth`` it records its accuracy if it can.
 
-    Evidence holds in it, also where a plug-in knows nothing of evidence. Of a problem with nodes of
-    several kinds it is the labelling of the cells, which come first.
+    Evidence holds in it, also where a plug-in knows nothing of evidence.
     """
     follows = truth is not None and "truth" in inspect.signature(backend.infer).parameters
     options = {"truth": truth} if follows else {}
-    found = keep_evidence(problem, backend.infer(problem, **options))
-    kinds = problem.graph.node_kind
-    return found if kinds is None else found.part(slice(np.count_nonzero(kinds == NodeKind.CELL)))
+    return keep_evidence(problem, backend.infer(problem, **options))
 
 
 def infer_further(

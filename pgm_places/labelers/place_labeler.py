@@ -18,13 +18,11 @@ from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
     check_labels_maps,
-    check_sees_doorways,
     infer,
-    labels_spaces,
     place_methods,
     takes_single_precision,
 )
-from pgm_places.labelers.place_problem import map_problem, shown_names
+from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
@@ -165,11 +163,8 @@ class PlaceLabeler(Labeler):
         """
         super().check_options()
         as_features(self.features)
-        names = tuple(self.label_names)
-        doorway = None if self.space is None else self.space.doorway(names)
         for name, method in self.resolved_methods().items():
             check_labels_maps(f"method {name!r}", method.backend)
-            check_sees_doorways(f"method {name!r}", method, doorway)
 
     def fit(
         self,
@@ -298,7 +293,7 @@ class PlaceLabeler(Labeler):
 
         Only what the methods want is computed. ``lean`` scores take less memory: in single
         precision where the methods take that, with the doorways of the map in place of segments,
-        gates and places where no method labels these. ``known`` (H, W), labels or -1, tells which
+        gates and places. ``known`` (H, W), labels or -1, tells which
         gates are doorways where it covers them; ``own`` holds the nodes' laser and custom features
         (N, F), or a table of them, if they are known from before.
         """
@@ -312,7 +307,7 @@ class PlaceLabeler(Labeler):
             with_node_features=any(uses_node_features(method.backend) for method in chosen),
             with_halls=self.halls != "corridor",
             single=lean and all(takes_single_precision(method.backend) for method in chosen),
-            with_spaces=not lean or any(labels_spaces(method.backend) for method in chosen),
+            with_spaces=not lean,
             known=known,
             own=own,
             n_threads=n_threads,
@@ -388,13 +383,11 @@ class PlaceLabeler(Labeler):
         *,
         known: NDArray[np.int64] | None = None,
     ) -> LabelingProblem:
-        """The labelling problem of given scores: of cells, and of gates and places if wanted.
+        """The labelling problem of given scores.
 
         ``known`` (N,) holds the learned labels of cells that are known, -1 elsewhere.
         """
-        space = self.unary_model_.space
-        doorway = None if space is None or space.gates is None else space.doorway
-        return map_problem(graph, self.learned_names, scores, method, doorway, known)
+        return cells_problem(graph, self.learned_names, scores, method.unary, known)
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

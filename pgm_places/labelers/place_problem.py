@@ -6,53 +6,17 @@ from numpy.typing import NDArray
 from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers.method import PlaceMethod, labels_spaces
-from pgm_places.labelers.space_problem import space_problem
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["cells_problem", "map_problem", "shown_names"]
+__all__ = ["cells_problem", "shown_names"]
 
 
 def shown_names(names: tuple[str, ...], model: UnaryModel, halls: HallsAs) -> tuple[str, ...]:
     """The labels of results: those that were learned and, if the model knows it, the hall."""
     return HallNames((*names, "hall")).shown(halls) if model.knows_halls else names
-
-
-def map_problem(
-    graph: LabelGraph,
-    label_names: tuple[str, ...],
-    scores: CellScores,
-    method: PlaceMethod,
-    doorway: int | None,
-    known: NDArray[np.int64] | None = None,
-) -> LabelingProblem:
-    """The problem that a method is given: of the cells alone, or of gates and places, too.
-
-    Parameters
-    ----------
-    graph : LabelGraph
-        Of the cells.
-    label_names : tuple of K str
-    scores : CellScores
-    method : PlaceMethod
-    doorway : int, optional
-        The label that the model's gates stand for.
-    known : (N,) int, optional
-        Labels of the cells that are known, -1 elsewhere.
-    """
-    cells = cells_problem(graph, label_names, scores, method.unary, known)
-    if not labels_spaces(method.backend):
-        return cells
-    if scores.spaces is None or doorway is None or not isinstance(graph.layout, GridLayout):
-        raise InputError(
-            f"{type(method.backend).__name__} labels gates and places, and these scores have none: "
-            "it takes unary = 'space' of a model that has learned doorways, on the cells of a map"
-        )
-    return space_problem(cells, graph.layout, scores.spaces, doorway)
 
 
 def cells_problem(

@@ -26,7 +26,6 @@ __all__ = [
     "SpaceModel",
     "gate_log_odds",
     "with_gates",
-    "without_gates",
 ]
 
 N_SPACE_COLUMNS = len(space_feature_names(RATIOS, places=True))
@@ -229,11 +228,4 @@ def with_gates(
         found[some] = log_z[some]
         found[some, doorway] += np.log(np.maximum(_GAIN * at_gate[some], _FLOOR))
         found[some] -= np.logaddexp.reduce(found[some].T, axis=0)[:, None]
-    return found
-
-
-def without_gates(log_z: NDArray[np.float64], nodes: AtGates, doorway: int) -> NDArray[np.float64]:
-    """(N, K) what :func:`with_gates` gave, at gates as if there were none, up to a constant."""
-    found = log_z.copy()
-    found[nodes.node, doorway] -= np.log(np.maximum(_GAIN * nodes.strength / _FLOOR, 1.0))
     return found

@@ -14,7 +14,6 @@ from pgm_places import EdgeKind, LabelGraph, OccupancyGrid
 from pgm_places.errors import InputError
 from pgm_places.graph.edge_list import EdgeList
 from pgm_places.graph.layout import GridLayout
-from pgm_places.graph.node_kind import NodeKind
 from pgm_places.graph.raster_edges import RasterEdges
 from pgm_places.inference.potentials import Potentials, score
 from tests.strategies import edge_lists, varied_arrays
@@ -377,15 +376,3 @@ def test_links_must_fit_the_nodes() -> None:
         LabelGraph(3, RasterEdges(layout))
     with pytest.raises(InputError, match=r"links must be .* got list; LabelGraph.from_edges"):
         LabelGraph(3, [(0, 1)])  # type: ignore[arg-type]
-
-
-def test_kinds_of_nodes_follow_them_into_parts() -> None:
-    graph = LabelGraph.from_edges(4, [(0, 2), (1, 3)], node_kind=[0, 0, 1, 2])
-    assert graph.node_kind is not None
-    assert graph.node_kind.tolist() == [NodeKind.CELL, NodeKind.CELL, NodeKind.GATE, NodeKind.PLACE]
-    part = graph.subgraph([True, False, True, True])
-    assert part.node_kind is not None
-    assert part.node_kind.tolist() == [0, 1, 2]
-    assert LabelGraph.from_edges(2, [(0, 1)]).node_kind is None
-    with pytest.raises(InputError, match=r"node_kind must have shape \(2,\)"):
-        LabelGraph.from_edges(2, [(0, 1)], node_kind=[0])

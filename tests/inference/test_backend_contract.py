@@ -26,7 +26,6 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     "crf": ("crf", {}),
     "crf, pseudo-likelihood": ("crf", {"learner": "pseudo-likelihood"}),
     "crf, piecewise": ("crf", {"learner": "piecewise", "inference": "mean-field"}),
-    "space_field": ("space_field", {}),
     **{name: ("potts", {"weight": WEIGHT, "inference": name}) for name in DECODERS},
 }
 
@@ -168,7 +167,7 @@ def same_where_proved(first: Labeling, second: Labeling, *, proved_only: bool) -
     return bool(np.array_equal(first.labels, second.labels))
 
 
-LOCAL = {*DECODERS, "space_field"}
+LOCAL = set(DECODERS)
 """Methods whose local optimum may depend on the order of nodes or labels."""
 
 

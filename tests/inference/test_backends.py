@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
-from pgm_places.errors import ConfigError
+from pgm_places.errors import ConfigError, ModelFileError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, backend_names, build
 from pgm_places.models.decoding import Decoder
 from pgm_places.options import AtLeastZero, Positive, Whole, option_hints, option_values
@@ -92,3 +92,10 @@ def test_independent_takes_the_best_label() -> None:
     assert labeling.beliefs is not None
     np.testing.assert_allclose(labeling.beliefs, probabilities, rtol=0, atol=1e-12)
     assert labeling.gap == 0.0
+
+
+def test_a_method_that_is_gone_names_the_one_to_use() -> None:
+    with pytest.raises(ConfigError, match="no method 'space_field' any more; use 'potts'"):
+        build("space_field")
+    with pytest.raises(ModelFileError, match=r"use 'potts' .* and train again"):
+        METHODS.restored("space_field", {})

@@ -325,7 +325,7 @@ def test_a_method_for_chains_is_refused_before_anything_is_learned(
     with pytest.raises(
         ConfigError,
         match=r"method 'way' \(HiddenMarkovModel\) labels only chains such as trajectories, and a "
-        r"map is not a chain; use one of independent, relaxation, amn, crf, potts, space_field",
+        r"map is not a chain; use one of independent, relaxation, amn, crf, potts",
     ):
         PlaceLabeler(NAMES, {"alone": "independent", "way": "hmm"}).fit([known(0)])
     ring = LabelingProblem(
