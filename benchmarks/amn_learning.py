@@ -33,7 +33,6 @@ from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.solvers.certificate import certify_weights
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.frank_wolfe import frank_wolfe
 from pgm_places.solvers.max_margin import MaxMarginProblem, MaxMarginSolution
 from pgm_places.solvers.max_margin_qp import max_margin_qp
 from pgm_places.solvers.max_oracle import graph_cut_oracle
@@ -44,8 +43,6 @@ PENALTY = 100.0
 ARRAYS = ("node_features", "edges", "edge_features", "labels", "loss")
 QP_NODES = 5_000
 """The compact QP is solved up to so many nodes."""
-PASSES = 150
-"""Frank-Wolfe is stopped after so many passes; it is far behind by then."""
 
 
 def training_problem(resolution_m: float, *, quick: bool) -> tuple[str, MaxMarginProblem]:
@@ -93,7 +90,6 @@ def learners(task: MaxMarginProblem) -> dict[str, Callable[[], MaxMarginSolution
         "cutting plane, each cut from scratch": lambda: cutting_plane(task, oracle),
         "cutting plane, full steps": lambda: learned(task, step=1.0),
         "cutting plane, OSQP as master": lambda: learned(task, master="osqp"),
-        f"Frank-Wolfe, {PASSES} passes": lambda: frank_wolfe([task], [oracle], max_passes=PASSES),
     }
     if task.n_nodes <= QP_NODES:
         found["compact QP, Clarabel"] = lambda: max_margin_qp(task, solver="clarabel")

@@ -77,9 +77,9 @@ class AssociativeMarkovNetwork(LinearModel):
 
     Parameters
     ----------
-    learner : {"cutting-plane", "qp", "frank-wolfe"}
-        How weights are found: cuts from a graph cut with a small QP over them (any size); the
-        compact QP, exact for the relaxed objective (some thousand nodes); or map by map.
+    learner : {"cutting-plane", "qp"}
+        How weights are found: cuts from a graph cut with a small QP over them (any size), or the
+        compact QP, exact for the relaxed objective (some thousand nodes).
     inference : str
         Any decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``lp``, ``trw-s``, ...
     C : float, "auto" or tuple of float
@@ -115,14 +115,14 @@ class AssociativeMarkovNetwork(LinearModel):
     clique_dissent : float
         The share of its nodes, up to a half, that may differ before a set of the problem's
         ``cliques`` earns nothing. What it earns by label is learned from a constant and the
-        problem's ``clique_features``, with ``cutting-plane`` or ``frank-wolfe``; see
+        problem's ``clique_features``, with ``cutting-plane``; see
         :mod:`pgm_places.solvers.set_terms`.
     solver : {"clarabel", "piqp", "osqp"}
         Of the compact QP; the others follow where it fails.
     learning_tolerance : float
         Relative gap at which learning ends.
     max_cuts : int
-        Limit of the cuts (or passes over the maps) in learning.
+        Limit of the cuts in learning.
     time_limit_s : float, optional
         Learning ends after this many seconds with the best weights so far.
     warm_start : bool

@@ -49,7 +49,7 @@ __all__ = [
     "weighted",
 ]
 
-Learner = Literal["cutting-plane", "qp", "frank-wolfe"]
+Learner = Literal["cutting-plane", "qp"]
 ClassWeight = Literal["none", "cube-root", "sqrt", "two-thirds", "inverse"]
 LEARNERS: tuple[Learner, ...] = get_args(Learner)
 
@@ -175,18 +175,6 @@ def learn(
             solver=options.solver,
             tolerance=min(options.tolerance, 1e-4),
             time_limit_s=options.time_limit_s,
-        )
-    if options.learner == "frank-wolfe":
-        from pgm_places.solvers.frank_wolfe import frank_wolfe
-
-        return frank_wolfe(
-            problems,
-            [problem_oracle(problem) for problem in problems],
-            tolerance=options.tolerance,
-            max_passes=options.max_cuts,
-            exact=problems[0].n_labels <= 2,
-            time_limit_s=options.time_limit_s,
-            on_iteration=on_iteration,
         )
     from pgm_places.solvers.cutting_plane import cutting_plane
 

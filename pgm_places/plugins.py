@@ -30,6 +30,8 @@ class Registry:
         Name to ``"module:Class"``, imported only when used.
     renamed : mapping of str to mapping
         Options by the names that models saved by earlier versions use, and their names now.
+    replaced : mapping of (str, str, str) to str
+        Values that models saved by earlier versions have for a name's option, and those now.
     retired : mapping of str to str
         Names that earlier versions had, and what to do instead.
     """
@@ -38,6 +40,7 @@ class Registry:
     group: str
     built_in: Mapping[str, str] = dataclasses.field(default_factory=dict)
     renamed: Mapping[str, Mapping[str, str]] = dataclasses.field(default_factory=dict)
+    replaced: Mapping[tuple[str, str, str], str] = dataclasses.field(default_factory=dict)
     retired: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def names(self) -> list[str]:
@@ -119,7 +122,7 @@ class Registry:
     def restored(self, name: str, options: Mapping[str, Any]) -> Any:
         """What a model file names: only registered classes, a file must not choose imports.
 
-        Options that have other names since then are found under these.
+        Options and values that have other names since then are found under these.
 
         Raises
         ------
@@ -136,7 +139,11 @@ class Registry:
                 f"entry points of group {self.group!r}"
             )
         renamed = self.renamed.get(name, {})
-        return self.build(name, {renamed.get(key, key): value for key, value in options.items()})
+        given = {renamed.get(key, key): value for key, value in options.items()}
+        for (owner, key, value), now in self.replaced.items():
+            if owner == name and given.get(key) == value:
+                given[key] = now
+        return self.build(name, given)
 
     def _target(self, name: str) -> str | None:
         """Where the class of that name is; entry points are read only for names not built in."""

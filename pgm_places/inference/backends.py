@@ -49,10 +49,13 @@ RENAMED = {
 }
 """Options by the names that models saved by earlier versions use, and their names now."""
 
+REPLACED = {("amn", "learner", "frank-wolfe"): "cutting-plane"}
+"""Values of options that models saved by earlier versions have, and those now."""
+
 RETIRED = {"space_field": "use 'potts' with unary = 'space', which labels as well"}
 """Methods of earlier versions, and what to use instead."""
 
-METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED, RETIRED)
+METHODS = Registry("method", "pgm_places.inference.backends", BACKENDS, RENAMED, REPLACED, RETIRED)
 """Where methods are looked up; packages add theirs to the entry points of that group."""
 
 

@@ -99,3 +99,9 @@ def test_a_method_that_is_gone_names_the_one_to_use() -> None:
         build("space_field")
     with pytest.raises(ModelFileError, match=r"use 'potts' .* and train again"):
         METHODS.restored("space_field", {})
+
+
+def test_a_stored_model_of_a_learner_that_is_gone_labels_on() -> None:
+    assert METHODS.restored("amn", {"learner": "frank-wolfe"}).learner == "cutting-plane"
+    with pytest.raises(ConfigError, match="learner must be 'cutting-plane' or 'qp'"):
+        build("amn", {"learner": "frank-wolfe"})

@@ -11,7 +11,6 @@ from pgm_places.errors import InputError
 from pgm_places.solvers.certificate import Certificate, certify_weights
 from pgm_places.solvers.cut_master import INACTIVE_ROUNDS, CutMaster
 from pgm_places.solvers.cutting_plane import cutting_plane
-from pgm_places.solvers.frank_wolfe import frank_wolfe
 from pgm_places.solvers.max_margin import (
     Cut,
     LearningStep,
@@ -191,14 +190,9 @@ def in_other_units(problem: MaxMarginProblem, feature: float, loss: float) -> Ma
     )
 
 
-def by_frank_wolfe(problem: MaxMarginProblem) -> MaxMarginSolution:
-    return frank_wolfe([problem], [graph_cut_oracle(problem.n_nodes, problem.edges)])
-
-
 LEARNERS: dict[str, Callable[[MaxMarginProblem], MaxMarginSolution]] = {
     "active-set": partial(learn, master="active-set"),
     "osqp": partial(learn, master="osqp"),
-    "frank-wolfe": by_frank_wolfe,
     "qp": max_margin_qp,
 }
 
