@@ -35,7 +35,8 @@ from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.coarsening import coarsen, coarsen_labels
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.models.amn import AssociativeMarkovNetwork
-from pgm_places.models.decoding import DECODERS, decode
+from pgm_places.models.built_in_decoders import DECODERS
+from pgm_places.models.decoding import decode
 from pgm_places.solvers.elimination import reduce_model
 from pgm_places.solvers.expansion import ExpansionGraph, alpha_expansion
 from pgm_places.solvers.max_flow import minimum_cut
@@ -107,7 +108,7 @@ def decoder_rows(model: Model, repeats: int) -> list[dict[str, Any]]:
     n_open = len(reduce_model(pairwise_model(*_arrays(model))).nodes)
     rows = []
     for name in DECODERS:
-        if name == "exact" or (name == "lp" and n_open > LP_NODES):
+        if name in ("exact", "toulbar2") or (name == "lp" and n_open > LP_NODES):
             continue
         seconds, found = timed(lambda name=name: decode(graph, potentials, name), repeats)
         rows.append(

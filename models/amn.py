@@ -31,7 +31,7 @@ from pgm_places.models.amn_learning import (
 )
 from pgm_places.models.cliques import clique_terms, decode_cliques_as, require_like_cliques
 from pgm_places.models.completion import completes, hidden_parts
-from pgm_places.models.decoding import Decoder
+from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (

@@ -14,7 +14,8 @@ from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.models.decoding import Decoder, decode, require_decoder
+from pgm_places.models.decoders import Decoder, named_decoder
+from pgm_places.models.decoding import decode
 from pgm_places.solvers.adjacency import adjacency
 from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_maximum
@@ -23,6 +24,9 @@ from pgm_places.solvers.max_marginals import max_marginals
 from pgm_places.solvers.pairwise import pairwise_model
 
 __all__ = ["BestLabelings", "best_labelings"]
+
+MOST_ENTRIES = 4_000_000
+"""Numbers in the tables of all nodes together, up to which each labelling is searched exactly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +100,7 @@ def best_labelings(
     """
     require_type("graph", graph, LabelGraph)
     require_type("potentials", potentials, Potentials)
-    require_decoder(decoder)
+    named_decoder(decoder)
     potentials.check_fits(graph)
     if n_best < 1:
         raise InputError(f"n_best must be at least 1, got {n_best}")
@@ -172,10 +176,12 @@ def _search(graph: LabelGraph, potentials: Potentials, decoder: Decoder) -> _Sea
             lambda unary: forest_maximum(unary, *pairs).labels,
             lambda unary: max_marginals(unary, *pairs),
         )
-    tree = BucketTree.of(pairwise_model(potentials.unary, *pairs))
+    tree = BucketTree.of(pairwise_model(potentials.unary, *pairs), most_entries=MOST_ENTRIES)
     if tree is None:
         return _ByDecoding(graph, potentials, decoder)
-    return _ByMarginals(lambda unary: tree.solved(unary)[0], lambda unary: tree.solved(unary)[1])
+    return _ByMarginals(
+        lambda unary: tree.solved(unary)[0], lambda unary: np.array(tree.solved(unary)[1])
+    )
 
 
 @dataclass(frozen=True)

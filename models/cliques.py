@@ -20,17 +20,9 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.decoding import (
-    DECODERS,
-    Decoder,
-    DecodingAnswer,
-    DecodingOptions,
-    DecodingTask,
-    converged,
-    decode_as,
-    decode_by,
-    require_decoder,
-)
+from pgm_places.models.decoders import Decoder, named_decoder
+from pgm_places.models.decoding import DecodingOptions, decode_as, decode_by
+from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, converged
 from pgm_places.models.feature_scaling import column_sizes
 from pgm_places.solvers.set_nodes import SetNodes
 from pgm_places.solvers.set_terms import SetTerms
@@ -118,9 +110,9 @@ def decode_with_cliques(
     cliques : Cliques
         The sets.
     method : str
-        A decoder of :mod:`pgm_places.models.decoding`; not ``exact``, since sets close cycles.
-        With two labels ``graph-cut`` finds the best labelling of all. Beliefs are those of
-        ``p ~ exp(score)``, what sets earn included.
+        The name of a decoder. With two labels ``graph-cut`` finds the best labelling of all, as
+        do ``exact`` (which gives no beliefs here) and ``toulbar2``. Beliefs (``sum-product``,
+        ``mean-field``) are those of ``p ~ exp(score)``, what sets earn included.
     weight : float or (C, K) float
         What a set in which all nodes agree earns for each of them, or that by set and label.
     dissent : float
@@ -145,9 +137,8 @@ def decode_with_cliques(
     >>> found.labels.tolist(), found.score, found.status
     ([0, 0, 0, 0], 5.0, <Status.EXACT: 'exact'>)
     """
-    require_decoder(method)
+    decoder = partial(_without_beliefs, named_decoder(method).run)
     whole, extended = with_set_nodes(graph, potentials, cliques, weight=weight, dissent=dissent)
-    decoder = DECODERS[method]
     if method in ("sum-product", "mean-field"):
         sets = SetNodes(cliques, graph.n_nodes, potentials.n_labels, dissent)
         arrays = potentials.unary, graph.edges, potentials.agreement, potentials.pairwise
@@ -169,6 +160,15 @@ def decode_with_cliques(
     bound = None if found.bound is None else max(found.bound, total)
     status = Status.CONVERGED if found.status is Status.EXACT and bound is None else found.status
     return replace(found, labels=labels, beliefs=beliefs, score=total, bound=bound, status=status)
+
+
+def _without_beliefs(
+    run: Callable[[DecodingTask], DecodingAnswer], task: DecodingTask
+) -> DecodingAnswer:
+    """The best labelling alone: beliefs of sets' nodes are not those of the sets."""
+    found = run(task)
+    info = {key: value for key, value in found.info.items() if key != "log_partition"}
+    return replace(found, beliefs=None, info=info)
 
 
 def _beliefs(

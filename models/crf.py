@@ -39,7 +39,7 @@ from pgm_places.models.crf_learning import (
     needs_damping,
     resolved,
 )
-from pgm_places.models.decoding import Decoder
+from pgm_places.models.decoders import Decoder
 from pgm_places.models.feature_scaling import Standardization
 from pgm_places.models.learning_record import LearningRecord, warn_if_stalled
 from pgm_places.models.linear_features import (
@@ -85,7 +85,7 @@ class ConditionalRandomField(LinearModel):
         margin between the true labelling and every other one. ``auto`` is ``likelihood`` where no
         training graph has a cycle or cliques, else ``max-margin``; docs/crf.md compares them.
     inference : {"auto"} or str
-        Any decoder of :mod:`pgm_places.models.decoding`. ``auto`` is exact on graphs without
+        The name of any decoder (docs/inference.md). ``auto`` is exact on graphs without
         cycles: the most probable label of each node after learning by likelihood (``sum-product``)
         and the best labelling after ``max-margin`` (``max-product``); elsewhere ``trw-s``.
     C : float, "auto" or tuple of float

@@ -1,53 +1,32 @@
 """Decoding by name: from a graph with potentials to a labelling with score, bound and status."""
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name, require_type
-from pgm_places.errors import ConfigError
+from pgm_places._checks import integer_array, require_type
+from pgm_places.errors import InputError, SolverError
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.graph.raster_edges import RasterEdges
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.models.decoders import Decoder, named_decoder
+from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask
 
 if TYPE_CHECKING:
-    from pgm_places.solvers.grid_mean_field import GridMeanField
-    from pgm_places.solvers.mean_field import MeanField
     from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = [
-    "DECODERS",
-    "FOREST_DECODERS",
-    "GIVING_BELIEFS",
-    "Decoder",
-    "DecodingAnswer",
-    "DecodingTask",
-    "converged",
-    "decode",
-    "decode_as",
-    "decode_by",
-    "require_decoder",
-]
-
-Decoder = Literal[
-    "graph-cut", "lp", "trw-s", "icm", "mean-field", "max-product", "sum-product", "exact"
-]
-"""The names of the decoders, as options declare them; ``docs/inference.md`` compares them."""
-
-FOREST_DECODERS: tuple[Decoder, ...] = ("exact",)
-"""Decoders of graphs without cycles only."""
-
-GIVING_BELIEFS: tuple[Decoder, ...] = ("mean-field", "sum-product", "exact")
-"""Decoders that also say how probable each label is at each node."""
+__all__ = ["decode", "decode_as", "decode_by"]
 
 ROUNDING = 1e-12
 """A gap below this share of the score and of the problem's size is rounding: it is closed."""
+
+FALSE = 1e-9
+"""A bound below its own score by more than this share of all magnitudes is no rounding: a lie."""
 
 CERTIFY_TOLERANCE = 1e-9
 """A certificate ends when its gap is this share of the problem's size, or its bound at rest."""
@@ -75,7 +54,7 @@ def decode(
     potentials : Potentials
         Log-potentials; larger is better.
     method : str
-        A name of :data:`DECODERS`.
+        The name of a decoder: :func:`~pgm_places.models.decoders.decoder_names` lists them.
     known : (N,) int, optional
         Label index of the nodes whose label is known, -1 elsewhere; the others are forbidden there.
     certify : bool
@@ -83,8 +62,9 @@ def decode(
         has none of its own. The labels stay the method's. What the certificate cost is in
         ``info["certificate"]``.
     max_iterations : int, optional
-        Limit on sweeps, passes or iterations instead of the method's own; ``lp`` and ``exact``
-        have none, nor have ``max-product`` and ``sum-product`` without cycles: they take two.
+        Limit on sweeps, passes, iterations or (``toulbar2``) backtracks instead of the method's
+        own; ``lp`` and ``exact`` have none, nor have ``max-product`` and ``sum-product`` without
+        cycles: they take two.
     on_iteration : callable, optional
         Called after each of them with its number and the method's figure: score (``graph-cut``),
         bound (``trw-s``), changed nodes (``icm``), largest change (the others).
@@ -107,6 +87,9 @@ def decode(
     InputError
         The method cannot take these potentials or this graph, or they do not fit each other; or
         it is proved that they forbid every labelling.
+    SolverError
+        A decoder that was added claims what is false: labels that do not exist, a bound below the
+        score of its own labelling, or ``EXACT`` beside a bound that leaves a gap.
 
     Examples
     --------
@@ -116,14 +99,14 @@ def decode(
     >>> labeling.labels.tolist(), labeling.score, labeling.status
     ([0, 0], 1.5, <Status.EXACT: 'exact'>)
     """
-    require_decoder(method)
+    decoder = named_decoder(method)
     require_type("graph", graph, LabelGraph)
     require_type("potentials", potentials, Potentials)
     potentials.check_fits(graph)
     if known is not None:
         potentials = potentials.with_known(known)
     return decode_by(
-        DECODERS[method],
+        decoder.run,
         method,
         graph,
         potentials,
@@ -154,6 +137,7 @@ def decode_by(
 
     limit = {} if max_iterations is None else {"limit": max_iterations}
     answer = decoder(DecodingTask(graph, potentials, record, **limit))
+    _check_form(name, answer, potentials)
     total = score(graph, potentials, answer.labels)
     if total == -np.inf:
         answer = _repaired(graph, potentials, answer)
@@ -165,6 +149,7 @@ def decode_by(
     if certify and bound is None:
         bound, info["certificate"] = _certificate(graph, potentials, answer.labels)
     if bound is not None:
+        _check_bound(name, graph, potentials, answer.status, total, bound)
         bound = max(bound, total)
     return Labeling(
         labels=answer.labels,
@@ -198,159 +183,45 @@ def decode_as(
     )
 
 
-def require_decoder(method: str) -> None:
-    """Raise ConfigError, offering the nearest name, unless there is such a decoder."""
-    if method not in DECODERS:
-        raise ConfigError(f"unknown decoder {method!r}. {nearest_name(method, list(DECODERS))}")
-
-
-@dataclass(frozen=True)
-class DecodingTask:
-    """What a decoder gets; it reports each iteration to ``record``."""
-
-    graph: LabelGraph
-    potentials: Potentials
-    record: Callable[[int, float], None]
-    limit: int | None = None
-
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        """Unary, edges, agreement and pairwise, as every solver takes them."""
-        known = self.potentials
-        return known.unary, self.graph.edges, known.agreement, known.pairwise
-
-    def limited(self, name: str = "max_iterations") -> dict[str, Any]:
-        """The limit under the solver's name for it, where there is one, and the reporter."""
-        chosen: dict[str, Any] = {"on_iteration": self.record}
-        if self.limit is not None:
-            chosen[name] = self.limit
-        return chosen
-
-
-@dataclass(frozen=True)
-class DecodingAnswer:
-    """What a decoder finds; its score is worked out from the labels."""
-
-    labels: NDArray[np.int64]
-    status: Status
-    bound: float | None = None
-    beliefs: NDArray[np.floating[Any]] | None = None
-    info: Mapping[str, Any] = field(default_factory=dict)
-
-
-def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.expansion import alpha_expansion
-
-    found = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
-    bound = found.score if found.exact else None
-    status = Status.EXACT if found.exact else converged(found.converged)
-    return DecodingAnswer(found.labels, status, bound, info={"moves": found.n_moves})
-
-
-def _lp(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.marginal_lp import solve_marginal_lp
-
-    found = solve_marginal_lp(*problem.arrays)
-    # an integral solution is the best only as far as the solver is exact: its bound proves it
-    status = Status.CONVERGED if found.integral else Status.RELAXED
-    info = {"integral": found.integral, "node_marginals": found.node_marginals}
-    return DecodingAnswer(found.labels, status, found.bound, info=info)
-
-
-def _trws(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.trws import trws
-
-    found = trws(*problem.arrays, **problem.limited())
-    info = {"score_history": tuple(found.history[:, 0].tolist())}
-    return DecodingAnswer(found.labels, converged(found.converged), found.bound, info=info)
-
-
-def _icm(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.local_search import iterated_conditional_modes
-
-    found = iterated_conditional_modes(*problem.arrays, **problem.limited())
-    return DecodingAnswer(found.labels, converged(found.converged))
-
-
-def _mean_field(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.mean_field import mean_field
-
-    found: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
-    if found is None:
-        found = mean_field(*problem.arrays, **problem.limited())
-    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
-
-
-def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
-    """Mean field without a list of the edges, where one table holds for all edges of a raster."""
-    links, known = problem.graph.links, problem.potentials
-    one_table = known.agreement is None and (known.pairwise is None or known.pairwise.ndim == 2)
-    if not (isinstance(links, RasterEdges) and one_table):
-        return None
-    from pgm_places.solvers.grid_mean_field import grid_mean_field
-
-    return grid_mean_field(
-        known.unary,
-        links.layout.cells_rc,
-        known.pairwise,
-        connectivity=links.connectivity,
-        **problem.limited(),
-    )
-
-
-def _max_product(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.belief_propagation import belief_propagation
-
-    found = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
-    if found.exact:
-        return DecodingAnswer(found.labels, Status.EXACT, found.score)
-    return DecodingAnswer(found.labels, converged(found.converged))
-
-
-def _sum_product(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.belief_propagation import belief_propagation
-
-    found = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
-    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
-
-
-def _exact(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.forest import forest_marginals, forest_maximum
-
-    best = forest_maximum(*problem.arrays)
-    whole = forest_marginals(*problem.arrays)
-    return DecodingAnswer(
-        best.labels,
-        Status.EXACT,
-        best.score,
-        whole.beliefs,
-        {"log_partition": whole.log_partition},
-    )
-
-
-DECODERS: Mapping[str, Callable[[DecodingTask], DecodingAnswer]] = {
-    "graph-cut": _graph_cut,
-    "lp": _lp,
-    "trw-s": _trws,
-    "icm": _icm,
-    "mean-field": _mean_field,
-    "max-product": _max_product,
-    "sum-product": _sum_product,
-    "exact": _exact,
-}
-"""Decoders by name; ``docs/inference.md`` says which to take when."""
-
-
-def converged(is_converged: bool) -> Status:
-    """The status of a local method that came to rest, or was stopped."""
-    return Status.CONVERGED if is_converged else Status.STOPPED
-
-
 def _model(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
     from pgm_places.solvers.pairwise import pairwise_model
 
     arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
     return pairwise_model(*arrays)
+
+
+def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> None:
+    """Raise SolverError unless there is a label for each node and, if any, a belief for each."""
+    shape = potentials.n_nodes, potentials.n_labels
+    try:
+        integer_array("its labels", answer.labels, shape[:1], low=0, high=shape[1])
+    except InputError as error:
+        raise SolverError(f"decoder {name!r} gave no labelling of this graph: {error}") from None
+    if answer.beliefs is not None and answer.beliefs.shape != shape:
+        raise SolverError(
+            f"decoder {name!r} must give beliefs of shape {shape}, got {answer.beliefs.shape}"
+        )
+
+
+def _check_bound(
+    name: str, graph: LabelGraph, potentials: Potentials, status: Status, total: float, bound: float
+) -> None:
+    """Raise SolverError where a bound is below the score, or leaves a gap that EXACT denies."""
+    if bound >= total and status is not Status.EXACT:
+        return
+    terms = (potentials.unary, potentials.pairwise, potentials.agreement)
+    sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms if term is not None]
+    slack = FALSE * (abs(total) + max(sizes) + _model(graph, potentials).size)
+    if bound < total - slack:
+        raise SolverError(
+            f"decoder {name!r} says that no labelling scores more than {bound:.12g}, but its own "
+            f"scores {total:.12g}: its bound is wrong"
+        )
+    if status is Status.EXACT and bound > total + slack:
+        raise SolverError(
+            f"decoder {name!r} calls its labelling exact, which scores {total:.12g}, but says that "
+            f"another may score up to {bound:.12g}"
+        )
 
 
 def _repaired(graph: LabelGraph, potentials: Potentials, answer: DecodingAnswer) -> DecodingAnswer:

@@ -15,7 +15,7 @@ from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.inference.temperature import Temperature, tempered
 from pgm_places.models.cliques import decode_cliques_as
-from pgm_places.models.decoding import GIVING_BELIEFS, Decoder
+from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.options import AtLeastZero, Whole, check_options
 
 __all__ = ["PottsField"]
@@ -43,7 +43,7 @@ class PottsField:
         degree of the graph's nodes, so that all neighbours of a node together earn 2 whatever
         their number: 1 on a chain, a quarter on a grid with diagonals.
     inference : str
-        A decoder of :mod:`pgm_places.models.decoding`: ``graph-cut``, ``trw-s``, ...
+        The name of a decoder (docs/inference.md): ``graph-cut``, ``trw-s``, ...
     certify : bool
         Whether to add an upper bound of the best score where the decoder has none.
     edge_weights : {"equal", "given"}
@@ -87,7 +87,7 @@ class PottsField:
     @property
     def gives_beliefs(self) -> bool:
         """Whether its decoder says how probable each label is."""
-        return self.inference in GIVING_BELIEFS
+        return gives_beliefs(self.inference)
 
     def chosen_on(
         self,

@@ -9,10 +9,13 @@ from pgm_places._checks import frozen, require_type
 from pgm_places.errors import InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.potentials import Potentials
-from pgm_places.models.decoding import Decoder, decode
+from pgm_places.models.decoders import Decoder
+from pgm_places.models.decoding import decode
 from pgm_places.solvers.adjacency import adjacency
+from pgm_places.solvers.bucket_tree import BucketTree
 from pgm_places.solvers.forest import forest_samples
 from pgm_places.solvers.forest_order import is_forest
+from pgm_places.solvers.pairwise import pairwise_model
 
 __all__ = ["Samples", "sample"]
 
@@ -49,10 +52,10 @@ def sample(
 ) -> Samples:
     """Labellings drawn from ``p(y) ~ exp(score(y))``.
 
-    Without cycles they are exact: forward filtering, backward sampling. Elsewhere Gumbel noise is
-    added to every unary and the noisy problem is decoded (perturb and MAP), which is exact for
-    nodes without edges and an approximation otherwise: a map of plausible alternatives, not a
-    calibrated probability.
+    They are exact without cycles and where few nodes separate the graph, as for the decoder
+    ``exact``: forward filtering, backward sampling. Elsewhere Gumbel noise is added to every unary
+    and the noisy problem is decoded (perturb and MAP), an approximation: a map of plausible
+    alternatives, not a calibrated probability.
 
     Parameters
     ----------
@@ -101,6 +104,10 @@ def sample(
         )
         return Samples(frozen(labels), exact=True)
     rng = np.random.default_rng(seed)
+    pairs = potentials.agreement, potentials.pairwise
+    tree = BucketTree.of(pairwise_model(potentials.unary, around, *pairs))
+    if tree is not None:
+        return Samples(frozen(tree.samples(potentials.unary, n_samples, rng)), exact=True)
     rows = []
     for _ in range(n_samples):
         noisy = potentials.unary + rng.gumbel(size=potentials.unary.shape)

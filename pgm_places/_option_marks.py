@@ -4,10 +4,10 @@ They mean what those of annotated_types mean, which options may have as well. To
 takes a twentieth of the time of a short command, so it is left until pydantic is asked.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
-__all__ = ["Ge", "Gt", "Le", "Lt", "Mark", "MinLen", "OrInfinite", "own_marks"]
+__all__ = ["Ge", "Gt", "Le", "Lt", "Mark", "MinLen", "NameOf", "OrInfinite", "own_marks"]
 
 
 class Mark:
@@ -61,13 +61,39 @@ class OrInfinite:
     """A mark of numbers that may be infinite."""
 
 
+class NameOf:
+    """A mark of strings that name one of several things, to which other packages may add.
+
+    Parameters
+    ----------
+    built_in : collection of str
+        The names that are looked at first.
+    names : callable
+        Returns all names.
+    """
+
+    __is_annotated_types_grouped_metadata__ = True
+
+    def __init__(self, built_in: Collection[str], names: Callable[[], list[str]]) -> None:
+        self.built_in, self.names = built_in, names
+
+    def __iter__(self) -> Iterator[Any]:
+        import annotated_types
+
+        yield annotated_types.Predicate(self.knows)
+
+    def knows(self, name: str) -> bool:
+        """Whether something has that name."""
+        return name in self.built_in or name in self.names()
+
+
 _ATTRIBUTES: dict[str, type[Mark]] = {"ge": Ge, "gt": Gt, "le": Le, "lt": Lt, "min_length": MinLen}
 """What the marks of annotated_types call their limit."""
 
 
 def own_marks(mark: Any) -> list[Any]:
     """A mark, or the parts of a group such as pydantic's ``Field``, as marks of this module."""
-    if isinstance(mark, Mark):
+    if isinstance(mark, Mark | NameOf):
         return [mark]
     if getattr(mark, "__is_annotated_types_grouped_metadata__", False):
         parts = list(mark)

@@ -5,12 +5,12 @@ import types
 import typing
 from typing import Annotated, Any, Literal, Union
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, OrInfinite, own_marks
+from pgm_places._option_marks import Ge, Gt, Le, Lt, MinLen, NameOf, OrInfinite, own_marks
 
 __all__ = ["arms", "bare", "marks_of", "says_all", "wanted"]
 
 
-_KNOWN = (Ge, Gt, Le, Lt, MinLen, OrInfinite)
+_KNOWN = (Ge, Gt, Le, Lt, MinLen, NameOf, OrInfinite)
 
 
 def wanted(hint: Any) -> str:
@@ -69,6 +69,9 @@ def _words(hint: Any, *, plural: bool) -> str:
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin is Literal:
         return _choices(inner)
+    for mark in marks:
+        if isinstance(mark, NameOf):
+            return _choices(tuple(mark.names()))
     if origin in (list, tuple):
         return _list_words(inner, marks)
     if origin is dict or hint is dict:

@@ -16,7 +16,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar, Union
 
-from pgm_places._option_marks import Ge, Gt, Le, Lt, OrInfinite
+from pgm_places._option_marks import Ge, Gt, Le, Lt, NameOf, OrInfinite
 from pgm_places._option_words import arms, bare, marks_of, says_all, wanted
 from pgm_places.errors import ConfigError, InputError, nearest_name, shown
 
@@ -218,6 +218,7 @@ _BOUNDS: dict[type, Callable[[Any, Any], bool]] = {
     Gt: lambda value, mark: value > mark.limit,
     Le: lambda value, mark: value <= mark.limit,
     Lt: lambda value, mark: value < mark.limit,
+    NameOf: lambda value, mark: mark.knows(value),
 }
 
 

@@ -1,29 +1,53 @@
-"""Exact maximisation where few nodes separate a graph: nodes are eliminated one after the other.
+"""Exact inference where few nodes separate a graph: nodes are eliminated one after the other.
 
-What is left of a node is a table over the neighbours that it has left: K to the power of their
-number. Rings, ladders, narrow grids and sparse networks are solved so, wide grids are not: time and
-memory are exponential in the graph's treewidth.
+What is left of a node is a table over the neighbours that it has left, an axis for each. Rings,
+ladders, narrow grids and sparse networks are solved so, wide grids are not: time and memory are
+exponential in the graph's treewidth. The tables form a junction tree: two passes give the best
+labelling, or the marginals of nodes and of all nodes that share a table.
 """
 
-import heapq
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InfeasibleError
-from pgm_places.solvers.adjacency import Adjacency
+from pgm_places.solvers.bucket_order import MOST_ENTRIES, BucketOrder, bucket_order
 from pgm_places.solvers.pairwise import PairwiseModel
 
-__all__ = ["BucketTree"]
-
-MOST_ENTRIES = 4_000_000
-"""Numbers in the tables of all nodes together, up to which elimination is offered."""
-
-_MOST_AXES = 30
-"""Of a table; NumPy allows 32."""
+__all__ = ["BucketMarginals", "BucketTree", "Factor"]
 
 Array = NDArray[np.float64]
+
+
+class Factor(NamedTuple):
+    """Log-potentials of the labels of a few nodes."""
+
+    scope: tuple[int, ...]
+    """The nodes, all different."""
+    table: Array
+    """An axis for each of them, in that order; -inf forbids."""
+
+
+@dataclass(frozen=True, eq=False)
+class BucketMarginals:
+    """The exact distribution ``p ~ exp(score)``.
+
+    Parameters
+    ----------
+    beliefs : tuple of N arrays (K,)
+        Probability of each label, node by node.
+    joints : tuple of arrays
+        Probability of the labels of each set of nodes that was asked for, an axis for each node.
+    log_partition : float
+        The logarithm of the sum of ``exp(score)`` over all labellings.
+    """
+
+    beliefs: tuple[Array, ...]
+    joints: tuple[Array, ...]
+    log_partition: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +56,17 @@ class BucketTree:
 
     Parameters
     ----------
-    order : (N,) int
-        The nodes.
-    scopes : tuple of N tuples of int
-        The place of each in that order, then those of the neighbours that it has left, ascending.
-    tables : tuple of N arrays (K, ..., K)
-        The edges between each node and those; an axis for each.
+    order : BucketOrder
+        The nodes, and what each table is over.
+    tables : tuple of N arrays
+        The factors of each node with those that go later; an axis for each node of its scope.
     offset : float
         What the score of every labelling has on top.
 
     Notes
     -----
     R. Dechter, "Bucket elimination: a unifying framework for reasoning", Artificial Intelligence
-    113 (1999). The node with the fewest neighbours left goes first.
+    113 (1999).
 
     Examples
     --------
@@ -55,21 +77,36 @@ class BucketTree:
     >>> labels, marginals = tree.solved(unary)
     >>> labels.tolist(), marginals[1].tolist()
     ([0, 1, 0, 1], [0.0, 2.0])
+    >>> tree.marginals(unary).beliefs[0].round(2).tolist()
+    [0.88, 0.12]
     """
 
-    order: NDArray[np.int64]
-    scopes: tuple[tuple[int, ...], ...]
+    order: BucketOrder
     tables: tuple[Array, ...]
-    offset: float
+    offset: float = 0.0
 
     @classmethod
-    def of(cls, model: PairwiseModel) -> "BucketTree | None":
+    def of(cls, model: PairwiseModel, *, most_entries: int = MOST_ENTRIES) -> "BucketTree | None":
         """That of a model, but for its unaries; None where the tables would be too large."""
-        found = _eliminated(model.around, model.n_labels)
-        return None if found is None else cls(*found, _tables(model, *found), model.offset)
+        sizes, edges = [model.n_labels] * model.n_nodes, model.around.edges.tolist()
+        order = bucket_order(sizes, edges, most_entries=most_entries)
+        if order is None:
+            return None
+        pairs = zip(edges, model.edge_tables, strict=True)
+        factors = [Factor((i, j), table) for (i, j), table in pairs]
+        return cls(order, _tables(order, sizes, factors), model.offset)
 
-    def solved(self, unary: Array) -> tuple[NDArray[np.int64], Array]:
-        """The best labelling (N,) with these unaries (N, K), and the max-marginals (N, K).
+    @classmethod
+    def of_factors(
+        cls, sizes: Sequence[int], factors: Sequence[Factor], *, most_entries: int = MOST_ENTRIES
+    ) -> "BucketTree | None":
+        """That of factors of any order over nodes of ``sizes`` labels; None where too large."""
+        scopes = [factor.scope for factor in factors]
+        order = bucket_order(sizes, scopes, most_entries=most_entries)
+        return None if order is None else cls(order, _tables(order, sizes, factors))
+
+    def solved(self, unary: Sequence[Array] | Array) -> tuple[NDArray[np.int64], tuple[Array, ...]]:
+        """The best labelling (N,) with these unaries, (K,) a node, and the max-marginals of each.
 
         A max-marginal is the score of the best labelling in which the node has the label; -inf
         where there is none.
@@ -79,44 +116,124 @@ class BucketTree:
         InfeasibleError
             No labelling is allowed.
         """
-        beliefs, messages = self._collected(unary)
-        labels = np.empty(len(self.order), np.int64)
-        marginals, best = np.empty(unary.shape), self.offset
-        for scope in reversed(self.scopes):
-            here, others = scope[0], scope[1:]
-            labels[here] = beliefs[here][(slice(None), *labels[list(others)])].argmax()
-            if others:
-                said = _narrowed(beliefs[others[0]], self.scopes[others[0]], others)
-                beliefs[here] += np.subtract(
-                    said, messages[here], out=said, where=messages[here] > -np.inf
-                )
-            values = beliefs[here].max(axis=tuple(range(1, len(scope))))
-            if values.max() == -np.inf:
-                raise InfeasibleError
-            marginals[here] = values - values.max()
-            best += 0.0 if others else float(values.max())
-        back = np.argsort(self.order)
-        return labels[back], best + marginals[back]
+        beliefs, messages = self._collected(unary, _maximum)
+        labels = self._traced(beliefs, lambda values: values.argmax(axis=0), 1)[0]
+        best = self._distributed(beliefs, messages, _maximum)
+        found = [table.max(axis=tuple(range(1, table.ndim))) for table in beliefs]
+        marginals = [best + (values - values.max()) for values in found]
+        return labels, tuple(marginals[at] for at in self._places)
 
-    def _collected(self, unary: Array) -> tuple[list[Array], list[Array]]:
+    def marginals(
+        self, unary: Sequence[Array] | Array, sets: Sequence[tuple[int, ...]] = ()
+    ) -> BucketMarginals:
+        """The distribution of each node, and that of each of some sets: edges, scopes of factors.
+
+        Raises
+        ------
+        InfeasibleError
+            No labelling is allowed.
+        """
+        beliefs, messages = self._collected(unary, _log_sum)
+        log_partition = self._distributed(beliefs, messages, _log_sum)
+        for table in beliefs:
+            np.exp(table - table.max(), out=table)
+            table /= table.sum()
+        nodes = [table.sum(axis=tuple(range(1, table.ndim))) for table in beliefs]
+        place, joints = self._places, []
+        for nodes_of_set in sets:
+            wanted = place[list(nodes_of_set)]
+            scope = self.order.scopes[wanted.min()]
+            whole = beliefs[scope[0]]
+            kept = [scope.index(at) for at in wanted]
+            rest = tuple(axis for axis in range(whole.ndim) if axis not in kept)
+            joints.append(whole.sum(axis=rest).transpose(np.argsort(np.argsort(kept))))
+        return BucketMarginals(tuple(nodes[at] for at in place), tuple(joints), log_partition)
+
+    def samples(
+        self, unary: Sequence[Array] | Array, n_samples: int, rng: np.random.Generator
+    ) -> NDArray[np.int64]:
+        """(S, N) labellings drawn from ``p ~ exp(score)``, independent of each other.
+
+        Raises
+        ------
+        InfeasibleError
+            No labelling is allowed.
+        """
+        beliefs, _ = self._collected(unary, _log_sum)
+        for scope, table in zip(self.order.scopes, beliefs, strict=True):
+            if len(scope) == 1 and table.max() == -np.inf:
+                raise InfeasibleError
+
+        def drawn(values: Array) -> NDArray[np.int64]:
+            chances = np.exp(values - values.max(axis=0)).cumsum(axis=0)
+            return (chances < (1 - rng.random(n_samples)) * chances[-1]).sum(axis=0)
+
+        return self._traced(beliefs, drawn, n_samples)
+
+    @property
+    def _places(self) -> NDArray[np.int64]:
+        """(N,) the place of each node in the order."""
+        return np.argsort(self.order.order)
+
+    def _collected(
+        self, unary: Sequence[Array] | Array, summary: Callable[[Array, tuple[int, ...]], Array]
+    ) -> tuple[list[Array], list[Array]]:
         """What each node and all eliminated before it say of its scope, and of the others in it."""
         beliefs = [
-            table + unary[node].reshape(-1, *[1] * (table.ndim - 1))
-            for node, table in zip(self.order, self.tables, strict=True)
+            table + np.asarray(unary[node]).reshape(-1, *[1] * (table.ndim - 1))
+            for node, table in zip(self.order.order, self.tables, strict=True)
         ]
         messages = []
-        for scope in self.scopes:
-            messages.append(beliefs[scope[0]].max(axis=0))
+        for scope in self.order.scopes:
+            messages.append(summary(beliefs[scope[0]], (0,)))
             if len(scope) > 1:
-                above = self.scopes[scope[1]]
+                above = self.order.scopes[scope[1]]
                 beliefs[scope[1]] += messages[-1].reshape(_shape(messages[-1], scope[1:], above))
         return beliefs, messages
 
+    def _traced(
+        self, beliefs: list[Array], choice: Callable[[Array], NDArray[np.int64]], n_rows: int
+    ) -> NDArray[np.int64]:
+        """(S, N) labels chosen by (K, S) what nodes say, given those of the nodes that go later."""
+        labels = np.empty((n_rows, len(beliefs)), np.int64)
+        for scope in reversed(self.order.scopes):
+            given = tuple(labels[:, list(scope[1:])].T)
+            here = beliefs[scope[0]][(slice(None), *given)]
+            labels[:, scope[0]] = choice(here if given else here[:, np.newaxis])
+        return labels[:, self._places]
 
-def _narrowed(table: Array, scope: tuple[int, ...], kept: tuple[int, ...]) -> Array:
-    """The maximum of a table over what is in its scope but not kept, as a new array."""
-    gone = tuple(axis for axis, place in enumerate(scope) if place not in kept)
-    return np.array(table.max(axis=gone))
+    def _distributed(
+        self,
+        beliefs: list[Array],
+        messages: list[Array],
+        summary: Callable[[Array, tuple[int, ...]], Array],
+    ) -> float:
+        """Tells every node, in place, what all others say; the summary of all labellings."""
+        total = self.offset
+        for scope in reversed(self.order.scopes):
+            here, others = scope[0], scope[1:]
+            if others:
+                above = self.order.scopes[others[0]]
+                gone = tuple(axis for axis, place in enumerate(above) if place not in others)
+                said = np.array(summary(beliefs[others[0]], gone))
+                known = messages[here] > -np.inf
+                beliefs[here] += np.subtract(said, messages[here], out=said, where=known)
+                continue
+            if beliefs[here].max() == -np.inf:
+                raise InfeasibleError
+            total += float(summary(beliefs[here], (0,)))
+        return total
+
+
+def _maximum(table: Array, gone: tuple[int, ...]) -> Array:
+    return table.max(axis=gone)
+
+
+def _log_sum(table: Array, gone: tuple[int, ...]) -> Array:
+    top = table.max(axis=gone, keepdims=True)
+    top = np.where(top > -np.inf, top, 0.0)
+    with np.errstate(divide="ignore"):  # the logarithm of 0 is meant
+        return np.log(np.exp(table - top).sum(axis=gone)) + top.squeeze(axis=gone)
 
 
 def _shape(message: Array, scope: tuple[int, ...], wider: tuple[int, ...]) -> list[int]:
@@ -125,51 +242,17 @@ def _shape(message: Array, scope: tuple[int, ...], wider: tuple[int, ...]) -> li
     return [sizes.get(place, 1) for place in wider]
 
 
-def _eliminated(
-    around: Adjacency, n_labels: int
-) -> tuple[NDArray[np.int64], tuple[tuple[int, ...], ...]] | None:
-    """The order (N,) and the scopes by place in it; None where tables get too large."""
-    left: list[set[int]] = [set() for _ in range(around.n_nodes)]
-    for i, j in around.edges.tolist():
-        left[i].add(j)
-        left[j].add(i)
-    waiting = [(len(near), node) for node, near in enumerate(left)]
-    heapq.heapify(waiting)
-    place = np.full(around.n_nodes, -1)
-    order: list[int] = []
-    near_at: list[set[int]] = []
-    entries = 0
-    while waiting:
-        degree, node = heapq.heappop(waiting)
-        if place[node] >= 0 or degree != len(left[node]):
-            continue  # it has gone, or its degree has changed since
-        if degree >= _MOST_AXES:
-            return None
-        entries += n_labels ** (degree + 1)
-        if entries > MOST_ENTRIES:
-            return None
-        place[node] = len(order)
-        order.append(node)
-        near_at.append(left[node])
-        for other in left[node]:
-            left[other] |= left[node]
-            left[other] -= {node, other}
-            heapq.heappush(waiting, (len(left[other]), other))
-    scopes = (
-        (place[node], *sorted(place[list(near)])) for node, near in zip(order, near_at, strict=True)
-    )
-    return np.array(order, np.int64), tuple(tuple(map(int, scope)) for scope in scopes)
-
-
 def _tables(
-    model: PairwiseModel, order: NDArray[np.int64], scopes: tuple[tuple[int, ...], ...]
+    order: BucketOrder, sizes: Sequence[int], factors: Sequence[Factor]
 ) -> tuple[Array, ...]:
-    """The tables of a tree: each edge is in that of the node which goes first."""
-    tables = tuple(np.zeros((model.n_labels,) * len(scope)) for scope in scopes)
-    place = np.argsort(order)
-    for (i, j), pair in zip(place[model.around.edges].tolist(), model.edge_tables, strict=True):
-        first, second = min(i, j), max(i, j)
-        pair = pair if first == i else pair.T
-        scope = scopes[first]
-        tables[first][...] += pair.reshape(_shape(pair, (first, second), scope))
+    """The tables of a tree: each factor is in that of its node which goes first."""
+    place = np.argsort(order.order).tolist()
+    sized = [sizes[node] for node in order.order]
+    tables = tuple(np.zeros([sized[at] for at in scope]) for scope in order.scopes)
+    for factor in factors:
+        places = [place[node] for node in factor.scope]
+        table = np.asarray(factor.table).transpose(np.argsort(places))
+        ordered = tuple(sorted(places))
+        scope = order.scopes[ordered[0]]
+        tables[ordered[0]][...] += table.reshape(_shape(table, ordered, scope))
     return tables

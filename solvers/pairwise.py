@@ -176,8 +176,10 @@ def label_distances(tables: NDArray[np.float64]) -> NDArray[np.float64] | None:
     if n_labels < min(FEWEST_LABELS.values()) or n_labels < 2 or not n_tables:
         return None
     first = tables[:, 0]
+    if not np.isfinite(first).all():
+        return None
     falls = first[:, :1] - first
-    if not np.isfinite(first).all() or (falls[:, 1] <= 0).any():
+    if (falls[:, 1] <= 0).any():
         return None
     apart = np.abs(np.subtract.outer(np.arange(n_labels), np.arange(n_labels)))
     if any((table != row[apart]).any() for table, row in zip(tables, first, strict=True)):

@@ -64,6 +64,7 @@ def test_the_blocks_of_a_page_run_one_after_the_other(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pgm_places.models.decoders._registered", {})
     names: dict[str, Any] = {"__name__": "page"} | ({"np": np} if page in SETUP else {})
     exec(compile(SETUP.get(page, ""), "setup", "exec"), names)
     names["print"] = partial(check_printed, page)
@@ -123,7 +124,7 @@ def test_extras_are_installed_from_the_projects_folder_and_exist() -> None:
         ]
     texts = {path.name: path.read_text(encoding="utf-8") for path in files}
     assert not [name for name, text in texts.items() if 'install "pgm-places' in text]
-    named = {e for text in texts.values() for e in re.findall(r'"\.\[([a-z,]+)\]"', text)}
+    named = {e for text in texts.values() for e in re.findall(r'"\.\[([a-z,-]+)\]"', text)}
     with (ROOT / "pyproject.toml").open("rb") as file:
         extras = tomllib.load(file)["project"]["optional-dependencies"]
     assert {extra for item in named for extra in item.split(",")} == set(extras)

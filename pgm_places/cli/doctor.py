@@ -30,7 +30,15 @@ REQUIRED = (
     "safetensors",
     "rich",
 )
-OPTIONAL = ("clarabel", "piqp", "ortools", "rosbags", "opencv-python-headless")
+OPTIONAL = (
+    "clarabel",
+    "piqp",
+    "ortools",
+    "pytoulbar2",
+    "h5py",
+    "rosbags",
+    "opencv-python-headless",
+)
 
 
 def doctor(
@@ -59,6 +67,7 @@ def doctor(
     """
     from pgm_places.features.own import FEATURES
     from pgm_places.inference.backends import backend_names
+    from pgm_places.models.decoders import decoder_names
 
     rows = [["package", "version"], ["pgm-places", __version__]]
     rows += [["python", f"{platform.python_version()} on {platform.system()} {platform.machine()}"]]
@@ -66,6 +75,7 @@ def doctor(
     rows += [[f"{name} (optional)", _version(name)] for name in OPTIONAL]
     say(text_table(rows))
     say(f"\nmethods: {', '.join(backend_names())}")
+    say(f"decoders: {', '.join(decoder_names())}")
     say(f"custom features: {', '.join(FEATURES.names()) or 'none installed'}")
     _kernels()
     if maps:

@@ -14,7 +14,7 @@ from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
 from pgm_places.inference.evidence import keep_evidence
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.models.decoding import FOREST_DECODERS
+from pgm_places.models.decoders import named_decoder
 from pgm_places.options import check_options
 
 __all__ = [
@@ -157,10 +157,10 @@ def check_labels_maps(name: str, backend: Any) -> None:
     """
     check_labels_any_graph(name, backend, "a map")
     decoder = getattr(backend, "inference", None)
-    if decoder in FOREST_DECODERS:
+    if decoder not in (None, "auto") and not named_decoder(decoder).labels_maps:
         raise ConfigError(
-            f"{name}: inference = {decoder!r} labels only graphs without cycles, and a map has "
-            "cycles; use 'graph-cut' or 'trw-s'"
+            f"{name}: inference = {decoder!r} labels only graphs of few cycles, and a map has "
+            "many; use 'graph-cut' or 'trw-s'"
         )
 
 

@@ -12,7 +12,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.temperature import calibrated, likeliest_temperature, tempered
-from pgm_places.models.decoding import Decoder
+from pgm_places.models.decoders import Decoder
 from pgm_places.models.independent import Independent
 from pgm_places.models.mrf import PottsField
 

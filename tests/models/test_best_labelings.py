@@ -8,7 +8,6 @@ from pgm_places import LabelGraph
 from pgm_places.errors import InfeasibleError, InputError
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.models.best_labelings import best_labelings
-from pgm_places.solvers import bucket_tree
 from pgm_places.solvers.feasibility import allowed_labels
 from pgm_places.solvers.max_marginals import max_marginals
 from tests.reference.energy import Model, labelings
@@ -31,7 +30,7 @@ def compare(graph: "nx.Graph[int]", k: int, *, tables: bool, decoder: str = "trw
         potentials = Potentials(unary, agreement=rng.random((built.n_edges, k)))
     model = Model(unary, built.edges.astype(np.int64), potentials.agreement, potentials.pairwise)
     every = sorted((score_by_hand(model, y) for y in labelings(model)), reverse=True)
-    found = best_labelings(built, potentials, 7, decoder=decoder)  # type: ignore[arg-type]
+    found = best_labelings(built, potentials, 7, decoder=decoder)
     assert found.exact
     wanted = [value for value in every[:7] if value > -np.inf]
     np.testing.assert_allclose(found.scores, wanted, rtol=1e-9, atol=1e-9)
@@ -55,7 +54,7 @@ def test_they_are_those_of_all_labellings_with_cycles(number: int, tables: bool)
 @pytest.fixture
 def no_elimination(monkeypatch: pytest.MonkeyPatch) -> None:
     """Graphs with cycles are decoded, as if they were too dense for anything better."""
-    monkeypatch.setattr(bucket_tree, "MOST_ENTRIES", 0)
+    monkeypatch.setattr("pgm_places.models.best_labelings.MOST_ENTRIES", 0)
 
 
 @pytest.mark.parametrize("number", range(0, len(CYCLES), 2))

@@ -1,5 +1,6 @@
 """One contract for every decoder: what a labelling says about itself holds."""
 
+import importlib.util
 from itertools import product
 
 import numpy as np
@@ -11,21 +12,30 @@ from pgm_places.errors import ConfigError, InputError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Status
 from pgm_places.inference.potentials import Potentials, score
-from pgm_places.models.decoding import DECODERS, decode
+from pgm_places.models.built_in_decoders import DECODERS
+from pgm_places.models.decoding import decode
 from pgm_places.solvers.feasibility import allowed_labels
 from tests.reference.energy import Model, best_score
 from tests.strategies import Kind, models, ruled_models
 
-ALL = list(DECODERS)
+HAS_TOULBAR2 = importlib.util.find_spec("pytoulbar2") is not None
+ALL = [
+    pytest.param(
+        name,
+        marks=pytest.mark.skipif(
+            name == "toulbar2" and not HAS_TOULBAR2, reason="needs the extra exact-search"
+        ),
+    )
+    for name in DECODERS
+]
 ANY: tuple[Kind, ...] = ("associative", "agreement", "shared table", "tables", "metric")
 SUITABLE: dict[str, tuple[tuple[Kind, ...], bool]] = dict.fromkeys(DECODERS, (ANY, False)) | {
     "graph-cut": (("associative", "metric"), False),
-    "exact": (ANY, True),
 }
 """Potentials that a decoder takes, and whether it wants a forest."""
 
 EXACT_ON_FORESTS = ("lp", "exact")
-ITERATIVE = [name for name in DECODERS if name not in ("lp", "exact")]
+ITERATIVE = [name for name in DECODERS if name not in ("lp", "exact", "toulbar2")]
 
 
 @st.composite
@@ -206,8 +216,8 @@ def test_a_worked_triangle() -> None:
         assert decode(graph, potentials, method).labels.tolist() == [0, 0, 0]
 
 
-FORBIDDING = [name for name in ALL if name not in ("graph-cut", "exact")]
-"""Decoders that take -inf in tables on graphs with cycles."""
+FORBIDDING = [one for one in ALL if one.values[0] != "graph-cut"]
+"""Decoders that take -inf in tables."""
 
 
 @pytest.mark.parametrize("method", FORBIDDING)
@@ -375,7 +385,6 @@ def test_unknown_decoders_are_refused_with_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("method", "edges", "pairwise", "text"),
     [
-        ("exact", [(0, 1), (0, 2), (1, 2)], None, "needs a graph without cycles"),
         ("graph-cut", [(0, 1)], [[-1.0, 0.0], [0.0, -1.0]], "no expansion on label"),
     ],
 )
@@ -387,6 +396,12 @@ def test_unsuitable_potentials_are_refused(
     )
     with pytest.raises(InputError, match=text):
         decode(LabelGraph.from_edges(3, edges), potentials, method)
+
+
+def test_exact_says_in_advance_that_a_graph_is_too_wide() -> None:
+    grid = LabelGraph.from_lattice((15, 15))
+    with pytest.raises(InputError, match=r"more than 33,554,432 numbers: .* 420 edges"):
+        decode(grid, Potentials(np.zeros((225, 4))), "exact")
 
 
 @pytest.mark.parametrize("method", ALL)

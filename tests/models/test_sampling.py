@@ -40,8 +40,22 @@ def test_what_is_known_or_forbidden_is_never_drawn_otherwise() -> None:
     assert len(np.unique(drawn.labels[:, 4])) == 2
 
 
-def test_perturbed_decoding_is_exact_where_nodes_do_not_touch() -> None:
-    """A ring of three whose edges say nothing."""
+@pytest.mark.parametrize("seed", range(2))
+def test_samples_on_cycles_that_few_nodes_separate_are_exact_too(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    graph = LabelGraph.from_lattice((2, 3))
+    potentials = Potentials(rng.normal(size=(6, 3)), rng.normal(size=(graph.n_edges, 3, 3)))
+    drawn = sample(graph, potentials, N_SAMPLES, seed=seed)
+    model = Model(potentials.unary, graph.edges.astype(np.int64), pairwise=potentials.pairwise)
+    assert drawn.exact
+    assert np.abs(drawn.frequencies(3) - distribution(model)[0]).max() < FIVE_SIGMA
+
+
+def test_perturbed_decoding_is_exact_where_nodes_do_not_touch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ring of three whose edges say nothing, as if it were too wide for exact samples."""
+    monkeypatch.setattr("pgm_places.models.sampling.BucketTree.of", lambda model: None)
     graph = LabelGraph.from_edges(4, [(0, 1), (1, 2), (0, 2)])
     p = np.random.default_rng(0).dirichlet(np.ones(3), 4)
     n = 1500

@@ -1,0 +1,152 @@
+"""The decoders that ship with the package: each asks one solver."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pgm_places.errors import InputError
+from pgm_places.graph.raster_edges import RasterEdges
+from pgm_places.inference.labeling import Status
+from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder, converged
+
+if TYPE_CHECKING:
+    from pgm_places.solvers.adjacency import Adjacency
+    from pgm_places.solvers.grid_mean_field import GridMeanField
+    from pgm_places.solvers.mean_field import MeanField
+
+__all__ = ["DECODERS"]
+
+
+def _graph_cut(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.expansion import alpha_expansion
+
+    found = alpha_expansion(*problem.arrays, **problem.limited("max_sweeps"))
+    bound = found.score if found.exact else None
+    status = Status.EXACT if found.exact else converged(found.converged)
+    return DecodingAnswer(found.labels, status, bound, info={"moves": found.n_moves})
+
+
+def _lp(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.marginal_lp import solve_marginal_lp
+
+    found = solve_marginal_lp(*problem.arrays)
+    # an integral solution is the best only as far as the solver is exact: its bound proves it
+    status = Status.CONVERGED if found.integral else Status.RELAXED
+    info = {"integral": found.integral, "node_marginals": found.node_marginals}
+    return DecodingAnswer(found.labels, status, found.bound, info=info)
+
+
+def _trws(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.trws import trws
+
+    found = trws(*problem.arrays, **problem.limited())
+    info = {"score_history": tuple(found.history[:, 0].tolist())}
+    return DecodingAnswer(found.labels, converged(found.converged), found.bound, info=info)
+
+
+def _icm(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.local_search import iterated_conditional_modes
+
+    found = iterated_conditional_modes(*problem.arrays, **problem.limited())
+    return DecodingAnswer(found.labels, converged(found.converged))
+
+
+def _mean_field(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.mean_field import mean_field
+
+    found: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
+    if found is None:
+        found = mean_field(*problem.arrays, **problem.limited())
+    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
+
+
+def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
+    """Mean field without a list of the edges, where one table holds for all edges of a raster."""
+    links, known = problem.graph.links, problem.potentials
+    one_table = known.agreement is None and (known.pairwise is None or known.pairwise.ndim == 2)
+    if not (isinstance(links, RasterEdges) and one_table):
+        return None
+    from pgm_places.solvers.grid_mean_field import grid_mean_field
+
+    return grid_mean_field(
+        known.unary,
+        links.layout.cells_rc,
+        known.pairwise,
+        connectivity=links.connectivity,
+        **problem.limited(),
+    )
+
+
+def _max_product(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.belief_propagation import belief_propagation
+
+    found = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
+    if found.exact:
+        return DecodingAnswer(found.labels, Status.EXACT, found.score)
+    return DecodingAnswer(found.labels, converged(found.converged))
+
+
+def _sum_product(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.belief_propagation import belief_propagation
+
+    found = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
+    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
+
+
+def _exact(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.adjacency import adjacency
+    from pgm_places.solvers.forest import forest_marginals, forest_maximum
+    from pgm_places.solvers.forest_order import is_forest
+
+    around = adjacency(problem.graph.n_nodes, problem.graph.edges)
+    if not is_forest(around):
+        return _exact_on_cycles(problem, around)
+    arrays = (problem.potentials.unary, around, *problem.arrays[2:])
+    best, whole = forest_maximum(*arrays), forest_marginals(*arrays)
+    info = {"log_partition": whole.log_partition}
+    return DecodingAnswer(best.labels, Status.EXACT, best.score, whole.beliefs, info)
+
+
+def _exact_on_cycles(problem: DecodingTask, around: "Adjacency") -> DecodingAnswer:
+    from pgm_places.solvers.bucket_order import MOST_ENTRIES
+    from pgm_places.solvers.bucket_tree import BucketTree
+    from pgm_places.solvers.pairwise import pairwise_model
+
+    unary, _, *tables = problem.arrays
+    tree = BucketTree.of(pairwise_model(unary, around, *tables))
+    if tree is None:
+        raise InputError(
+            f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers: too many nodes part "
+            f"this graph of {around.n_nodes} nodes and {around.n_edges} edges with "
+            f"{unary.shape[1]} labels. Use 'toulbar2' for the best labelling, 'trw-s' for one with "
+            "a bound, or 'sum-product' for beliefs"
+        )
+    labels, marginals = tree.solved(unary)
+    whole = tree.marginals(unary)
+    info = {"log_partition": whole.log_partition, "width": tree.order.width}
+    best = float(marginals[0].max())
+    return DecodingAnswer(labels, Status.EXACT, best, np.array(whole.beliefs), info)
+
+
+def _toulbar2(problem: DecodingTask) -> DecodingAnswer:
+    from pgm_places.solvers.exact_search import exact_search
+
+    limit = {} if problem.limit is None else {"max_backtracks": problem.limit}
+    found = exact_search(*problem.arrays, **limit)
+    status = Status.CONVERGED if found.complete else Status.STOPPED  # EXACT if the bound proves it
+    return DecodingAnswer(found.labels, status, found.bound, info={"backtracks": found.backtracks})
+
+
+DECODERS: Mapping[str, NamedDecoder] = {
+    "graph-cut": NamedDecoder(_graph_cut),
+    "lp": NamedDecoder(_lp),
+    "trw-s": NamedDecoder(_trws),
+    "icm": NamedDecoder(_icm),
+    "mean-field": NamedDecoder(_mean_field, gives_beliefs=True),
+    "max-product": NamedDecoder(_max_product),
+    "sum-product": NamedDecoder(_sum_product, gives_beliefs=True),
+    "exact": NamedDecoder(_exact, gives_beliefs=True, labels_maps=False),
+    "toulbar2": NamedDecoder(_toulbar2),
+}
+"""Built-in decoders by name; ``docs/inference.md`` says which to take when."""

@@ -1,0 +1,165 @@
+"""Whether a decoder keeps its word: tried on small problems whose every labelling is scored."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InfeasibleError, InputError, SolverError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.inference.potentials import Potentials, score
+from pgm_places.models.decoding import decode
+
+__all__ = ["DecoderReport", "check_decoder", "small_problems"]
+
+SCALES = (1.0, 1e-12, 1e12)
+"""Of potentials, in turn."""
+
+ROUNDING = 1e-11
+"""Of the score and the size of a problem: ten times what counts as proved."""
+
+MOST_NODES, MOST_LABELS = 8, 3
+
+
+@dataclass(frozen=True)
+class DecoderReport:
+    """What a decoder did on the problems; it kept its word on all of them.
+
+    Parameters
+    ----------
+    statuses : mapping of str to int
+        How many labellings had each status; ``infeasible`` counts refusals that were right, too.
+    refused : int
+        How many problems it does not take, with an InputError.
+    best : int
+        How many labellings were the best of all, proved or not.
+    """
+
+    statuses: Mapping[str, int]
+    refused: int
+    best: int
+
+
+def check_decoder(name: str, *, n_problems: int = 300, seed: int = 0) -> DecoderReport:
+    """Try a decoder by name on random problems of up to 8 nodes and 3 labels, against brute force.
+
+    Graphs with and without cycles; rewards of agreement and tables; many ties; labels and pairs of
+    labels that are forbidden; labels that are known; potentials of about 1, 1e-12 and 1e12. Use it
+    as the first test of a decoder of your own.
+
+    Parameters
+    ----------
+    name : str
+        Built in, registered or installed.
+    n_problems : int
+    seed : int
+        Of the problems.
+
+    Raises
+    ------
+    SolverError
+        A promise is broken: ``EXACT`` beside a better labelling, a bound that one exceeds, a
+        forbidden labelling or an unkept known label where others are allowed, beliefs that do not
+        sum to one or fall on forbidden labels, or "infeasible" where a labelling is allowed. The
+        message says which, and on which problem (:func:`small_problems` has it again).
+
+    Examples
+    --------
+    >>> report = check_decoder("icm", n_problems=30)
+    >>> report.refused, sum(report.statuses.values())
+    (0, 30)
+    """
+    statuses: Counter[str] = Counter()
+    refused = best = 0
+    for number, (graph, potentials) in enumerate(small_problems(n_problems, seed)):
+        scores = _all_scores(graph, potentials)
+        where = f"decoder {name!r} on problem {number} of seed {seed}"
+        try:
+            found = decode(graph, potentials, name, certify=number % 2 == 1)
+        except InfeasibleError:
+            if scores.max() > -np.inf:
+                raise SolverError(f"{where}: calls it infeasible, but it is not") from None
+            statuses[str(Status.INFEASIBLE)] += 1
+            continue
+        except InputError:
+            refused += 1
+            continue
+        best += _check(where, graph, potentials, found, float(scores.max()))
+        statuses[str(found.status)] += 1
+    return DecoderReport(dict(statuses), refused, best)
+
+
+def small_problems(n_problems: int, seed: int) -> Iterator[tuple[LabelGraph, Potentials]]:
+    """The problems that :func:`check_decoder` tries, one after the other."""
+    rng = np.random.default_rng(seed)
+    for number in range(n_problems):
+        n_nodes, n_labels = int(rng.integers(1, MOST_NODES + 1)), int(rng.integers(1, 4))
+        graph = LabelGraph.from_edges(n_nodes, _edges(rng, n_nodes, forest=number % 3 == 0))
+        coarse = rng.random() < 0.5
+        unit = SCALES[number // 3 % len(SCALES)]
+
+        def drawn(*shape: int, coarse: bool = coarse, unit: float = unit) -> NDArray[np.float64]:
+            """Ties come from few values."""
+            values = rng.integers(-3, 4, shape) / 2 if coarse else rng.normal(size=shape)
+            return unit * values
+
+        unary = drawn(n_nodes, n_labels)
+        barred = rng.random(unary.shape) < rng.choice([0.0, 0.3])
+        barred[np.arange(n_nodes), rng.integers(0, n_labels, n_nodes)] = False
+        unary[barred] = -np.inf
+        kind = number % 5
+        if kind < 2:
+            reward = drawn(graph.n_edges, n_labels)
+            yield graph, Potentials(unary, agreement=np.abs(reward) if kind else reward)
+            continue
+        table = drawn(*([graph.n_edges] if kind < 4 else []), n_labels, n_labels)
+        table[rng.random(table.shape) < rng.choice([0.0, 0.3])] = -np.inf
+        potentials = Potentials(unary, pairwise=table)
+        known = np.full(n_nodes, -1)
+        if kind == 4:
+            known[0] = unary[0].argmax()
+        yield graph, potentials.with_known(known)
+
+
+def _edges(rng: np.random.Generator, n_nodes: int, *, forest: bool) -> list[tuple[int, int]]:
+    if forest:
+        return [(int(rng.integers(0, j)), j) for j in range(1, n_nodes) if rng.random() < 0.9]
+    every = [(i, j) for j in range(n_nodes) for i in range(j)]
+    share = rng.random()
+    return [pair for pair in every if rng.random() < share]
+
+
+def _all_scores(graph: LabelGraph, potentials: Potentials) -> NDArray[np.float64]:
+    """(M,) the scores of all labellings."""
+    n, k = potentials.unary.shape
+    every = np.indices((k,) * n).reshape(n, -1)
+    total = potentials.unary[np.arange(n)[:, np.newaxis], every].sum(axis=0)
+    for (i, j), table in zip(graph.edges, potentials.edge_tables(graph), strict=True):
+        total = total + table[every[i], every[j]]
+    return total
+
+
+def _check(
+    where: str, graph: LabelGraph, potentials: Potentials, found: Labeling, best: float
+) -> bool:
+    """Raise SolverError unless the labelling is what it says; whether it is the best of all."""
+    terms = potentials.unary, potentials.edge_tables(graph)
+    sizes = [np.abs(term[np.isfinite(term)]).max(initial=0.0) for term in terms]
+    slack = ROUNDING * sum(size * len(term) for size, term in zip(sizes, terms, strict=True))
+    if found.score != score(graph, potentials, found.labels):
+        raise SolverError(f"{where}: its score is not that of its labels")
+    if best > -np.inf and found.score == -np.inf and found.status is not Status.INFEASIBLE:
+        raise SolverError(f"{where}: it breaks a rule, but its status is {found.status}")
+    if found.bound is not None and found.bound < best - slack:
+        raise SolverError(f"{where}: its bound is {found.bound:.12g}, but one scores {best:.12g}")
+    is_best = bool(found.score >= best - slack)
+    if found.status is Status.EXACT and not is_best:
+        raise SolverError(
+            f"{where}: called exact with {found.score:.12g}, but one scores {best:.12g}"
+        )
+    if found.beliefs is not None and found.beliefs[potentials.unary == -np.inf].any():
+        raise SolverError(f"{where}: it believes in a label that is forbidden")
+    return is_best

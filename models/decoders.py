@@ -1,0 +1,121 @@
+"""Decoders by name: those that ship with the package, and those that others have added."""
+
+import importlib
+from collections.abc import Callable
+from typing import Annotated
+
+from pgm_places._checks import nearest_name
+from pgm_places._option_marks import NameOf
+from pgm_places.errors import ConfigError, InputError
+from pgm_places.models.built_in_decoders import DECODERS
+from pgm_places.models.decoding_task import DecodingAnswer, DecodingTask, NamedDecoder
+
+__all__ = [
+    "GROUP",
+    "Decoder",
+    "decoder_names",
+    "gives_beliefs",
+    "named_decoder",
+    "register_decoder",
+]
+
+GROUP = "pgm_places.decoders"
+"""The entry points by which other packages add decoders: ``name = "package.module:function"``."""
+
+_registered: dict[str, NamedDecoder] = {}
+
+
+def decoder_names() -> list[str]:
+    """The names of all decoders: built in, registered, or installed as entry points.
+
+    Examples
+    --------
+    >>> decoder_names()[:3]
+    ['graph-cut', 'lp', 'trw-s']
+    """
+    return list(dict.fromkeys([*DECODERS, *_registered, *sorted(_installed())]))
+
+
+def named_decoder(name: str) -> NamedDecoder:
+    """The decoder of that name.
+
+    Raises
+    ------
+    ConfigError
+        There is none; the message offers the nearest name. Or what was installed under that name
+        cannot be imported, or is no function.
+    """
+    found = DECODERS.get(name) or _registered.get(name)
+    if found is not None:
+        return found
+    target = _installed().get(name)
+    if target is None:
+        raise ConfigError(f"unknown decoder {name!r}. {nearest_name(name, decoder_names())}")
+    module_name, _, attribute = target.partition(":")
+    try:
+        function = getattr(importlib.import_module(module_name), attribute, None)
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"decoder {name!r} needs {error.name!r}, which is not installed"
+        ) from None
+    if isinstance(function, NamedDecoder):
+        return function
+    if not callable(function):
+        raise ConfigError(f"decoder {name!r}: {target} is not a function of a DecodingTask")
+    return NamedDecoder(function)
+
+
+def register_decoder(
+    name: str,
+    run: Callable[[DecodingTask], DecodingAnswer],
+    *,
+    gives_beliefs: bool = False,
+    labels_maps: bool = True,
+) -> None:
+    """Add a decoder for this process, or replace one that was added: in a script or a notebook.
+
+    From then on ``inference = name`` and ``decode(..., name)`` take it. A package adds its own to
+    the entry points of :data:`GROUP` instead, so that they are found in every process.
+    :func:`~pgm_places.models.decoder_checks.check_decoder` tries whether it keeps its word.
+
+    Parameters
+    ----------
+    name : str
+    run : callable
+        From a :class:`~pgm_places.models.decoding_task.DecodingTask` to a
+        :class:`~pgm_places.models.decoding_task.DecodingAnswer`.
+    gives_beliefs, labels_maps : bool
+        See :class:`~pgm_places.models.decoding_task.NamedDecoder`.
+
+    Raises
+    ------
+    InputError
+        The name is that of a decoder of this package.
+
+    Examples
+    --------
+    >>> from pgm_places.inference.labeling import Status
+    >>> def by_unary(task):
+    ...     return DecodingAnswer(task.potentials.unary.argmax(axis=1), Status.CONVERGED)
+    >>> register_decoder("by-unary", by_unary)
+    >>> "by-unary" in decoder_names()
+    True
+    """
+    if name in DECODERS:
+        raise InputError(f"{name!r} is a decoder of this package; choose another name")
+    _registered[name] = NamedDecoder(run, gives_beliefs, labels_maps)
+
+
+def gives_beliefs(name: str) -> bool:
+    """Whether the decoder of that name says how probable each label is at each node."""
+    return named_decoder(name).gives_beliefs
+
+
+def _installed() -> dict[str, str]:
+    from importlib.metadata import entry_points  # it takes a tenth of a short command to import
+
+    return {point.name: point.value for point in entry_points(group=GROUP)}
+
+
+Decoder = Annotated[str, NameOf(tuple(DECODERS), decoder_names)]
+"""The name of a decoder, as options declare it; ``docs/inference.md`` compares them."""

@@ -1,0 +1,196 @@
+"""Branch and bound by toulbar2: the best labelling of hard problems, with proof.
+
+toulbar2 (https://toulbar2.github.io/toulbar2) is an optional package: the extra ``exact-search``.
+"""
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import frozen
+from pgm_places._extras import needed
+from pgm_places.errors import InfeasibleError
+from pgm_places.solvers.adjacency import Adjacency
+from pgm_places.solvers.bucket_tree import Factor
+from pgm_places.solvers.pairwise import pairwise_model
+from pgm_places.solvers.trws import trws
+
+__all__ = ["ExactSearch", "exact_search", "search_factors"]
+
+MAX_BACKTRACKS = 1_000_000
+"""Search ends after so many, by default: minutes."""
+
+FIRST_PASSES = 50
+"""Of TRW-S, for a labelling to begin with."""
+
+_COSTS = 2**56
+"""toulbar2 adds up whole numbers below 2**58; costs are rounded down to parts of this."""
+
+_EPSILON = float(np.finfo(np.float64).eps)
+_one_at_a_time = threading.Lock()
+"""toulbar2 keeps its state in global variables."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ExactSearch:
+    """The best labelling that was found.
+
+    Parameters
+    ----------
+    labels : (N,) int
+        Label index per node.
+    bound : float
+        No labelling scores more; above the score by no more than rounding if ``complete``.
+    complete : bool
+        Whether the search came to its end.
+    backtracks : int
+        How often a choice was taken back.
+    """
+
+    labels: NDArray[np.int64]
+    bound: float
+    complete: bool
+    backtracks: int
+
+
+def exact_search(
+    unary: ArrayLike,
+    edges: ArrayLike | Adjacency,
+    agreement: ArrayLike | None = None,
+    pairwise: ArrayLike | None = None,
+    *,
+    max_backtracks: int = MAX_BACKTRACKS,
+) -> ExactSearch:
+    """The best labelling of a pairwise model, searched to the end or to a limit.
+
+    Parameters
+    ----------
+    unary : (N, K) float
+        Log-potentials of the nodes; -inf forbids a label.
+    edges : (E, 2) int or Adjacency
+        The graph.
+    agreement : (E, K) float, optional
+        Log-potential of an edge whose ends agree on each label.
+    pairwise : (K, K) or (E, K, K) float, optional
+        Log-potential of each pair of labels instead; -inf forbids it.
+    max_backtracks : int
+        The search ends after so many.
+
+    Raises
+    ------
+    InputError
+        toulbar2 is not installed, or a shape or value does not fit.
+    InfeasibleError
+        It is proved that no labelling is allowed.
+
+    Notes
+    -----
+    D. Allouche et al., "Anytime hybrid best-first search with tree decomposition for weighted CSP",
+    CP 2015. TRW-S gives the labelling to begin with; what costs more than that cannot be part of a
+    better one, so that large negative numbers in tables do not make the costs coarser.
+    """
+    toulbar2()
+    model = pairwise_model(unary, edges, agreement, pairwise)
+    first = trws(unary, model.around, agreement, pairwise, max_iterations=FIRST_PASSES)
+    if first.bound <= first.score:
+        return ExactSearch(first.labels, first.bound, complete=True, backtracks=0)
+    initial = first.labels if first.score > -np.inf else None
+    factors = [Factor((i,), row) for i, row in enumerate(model.unary)]
+    pairs = zip(model.around.edges.tolist(), model.edge_tables, strict=True)
+    factors += [Factor((i, j), table) for (i, j), table in pairs]
+    sizes = [model.n_labels] * model.n_nodes
+    found = search_factors(sizes, factors, initial=initial, max_backtracks=max_backtracks)
+    bound = min(first.bound, found.bound + model.offset)
+    return ExactSearch(found.labels, bound, found.complete, found.backtracks)
+
+
+def search_factors(
+    sizes: Sequence[int],
+    factors: Sequence[Factor],
+    *,
+    initial: NDArray[np.int64] | None = None,
+    max_backtracks: int = MAX_BACKTRACKS,
+) -> ExactSearch:
+    """The same for factors of any order over nodes of ``sizes`` labels.
+
+    ``initial`` (N,) is an allowed labelling to begin with.
+
+    Raises
+    ------
+    InputError
+        toulbar2 is not installed.
+    InfeasibleError
+        It is proved that no labelling is allowed. Where the limit came before one was found, the
+        labels are zeros.
+    """
+    package = toulbar2()
+    top = [float(factor.table.max()) for factor in factors]
+    if -np.inf in top:
+        raise InfeasibleError
+    costs = [t - factor.table for t, factor in zip(top, factors, strict=True)]
+    whole, magnitudes = math.fsum(top), math.fsum(map(abs, top))
+    if initial is None:
+        most = math.fsum(float(cost[np.isfinite(cost)].max()) for cost in costs)
+    else:
+        most = _cost(factors, costs, initial)
+        costs = [np.where(cost > most * (1 + 1e-9), np.inf, cost) for cost in costs]
+    scale = 2.0 ** math.floor(math.log2(_COSTS / most)) if most > 0 else 1.0
+    rounded = [np.floor(cost * scale) for cost in costs]
+    ceiling = None if initial is None else _cost(factors, rounded, initial)
+    with _one_at_a_time:
+        labels, least, done, backtracks = _solved(
+            package, sizes, factors, rounded, ceiling, max_backtracks
+        )
+    if labels is None and initial is None and done:
+        raise InfeasibleError
+    if labels is None:
+        labels = np.zeros(len(sizes), np.int64) if initial is None else initial
+    slack = 4 * _EPSILON * (magnitudes + least / scale)
+    return ExactSearch(frozen(labels), whole - least / scale + slack, done, backtracks)
+
+
+def _cost(factors: Sequence[Factor], costs: Sequence[Array], labels: NDArray[np.int64]) -> float:
+    """What a labelling costs."""
+    pairs = zip(factors, costs, strict=True)
+    return math.fsum(float(cost[tuple(labels[list(factor.scope)])]) for factor, cost in pairs)
+
+
+def toulbar2() -> Any:
+    """The package, or one line on how to install it."""
+    return needed("pytoulbar2", extra="exact-search", purpose="the decoder 'toulbar2'")
+
+
+def _solved(
+    package: Any,
+    sizes: Sequence[int],
+    factors: Sequence[Factor],
+    costs: Sequence[Array],
+    ceiling: float | None,
+    max_backtracks: int,
+) -> tuple[NDArray[np.int64] | None, float, bool, int]:
+    """Labels that cost less than the ceiling, if any; a lower bound of all; whether that is all."""
+    network = package.CFN(ubinit=ceiling)
+    network.Option.backtrackLimit = max_backtracks
+    try:
+        for node, size in enumerate(sizes):
+            network.AddVariable(f"x{node}", range(size))
+        for factor, cost in zip(factors, costs, strict=True):
+            network.AddFunction(list(factor.scope), cost.ravel().tolist())
+        answer = network.Solve()
+    except network.Contradiction:
+        return None, math.inf if ceiling is None else ceiling, True, 0
+    backtracks = int(network.GetNbBacktracks())
+    best = math.inf if ceiling is None else ceiling
+    labels = None
+    if answer is not None:
+        labels, best = np.array(answer[0], np.int64), float(answer[1])
+    if not network.Option.limited:
+        return labels, best, True, backtracks
+    return labels, min(float(network.GetDDualBound()), best), False, backtracks

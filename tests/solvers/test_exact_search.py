@@ -1,0 +1,78 @@
+"""Branch and bound by toulbar2; what its installation takes is an extra."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from pgm_places import LabelGraph, Potentials, decode
+from pgm_places.errors import InfeasibleError, InputError
+from pgm_places.inference.labeling import Status
+from pgm_places.solvers.bucket_tree import BucketTree, Factor
+from pgm_places.solvers.exact_search import exact_search, search_factors
+from pgm_places.solvers.pairwise import pairwise_model
+
+
+def test_without_toulbar2_a_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pytoulbar2", None)
+    with pytest.raises(InputError, match=r"the decoder 'toulbar2' needs .*exact-search"):
+        exact_search(np.zeros((2, 2)), [(0, 1)])
+
+
+class TestSearch:
+    """With the extra; skipped where it is not installed."""
+
+    @pytest.fixture(autouse=True)
+    def _needs_toulbar2(self) -> None:
+        pytest.importorskip("pytoulbar2", reason="needs the extra exact-search")
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_hard_grids_of_five_labels_are_solved_to_proof(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        grid = LabelGraph.from_lattice((6, 6))
+        unary, tables = rng.normal(size=(36, 5)), rng.normal(size=(grid.n_edges, 5, 5))
+        found = decode(grid, Potentials(unary, pairwise=tables), "toulbar2")
+        tree = BucketTree.of(pairwise_model(unary, grid.edges, pairwise=tables))
+        assert tree is not None
+        best = float(tree.solved(unary)[1][0].max())
+        assert found.status is Status.EXACT
+        assert found.score == pytest.approx(best, rel=1e-12)
+
+    def test_a_limit_ends_the_search_with_a_bound(self) -> None:
+        rng = np.random.default_rng(2)
+        grid = LabelGraph.from_lattice((10, 10))
+        tables = 2 * rng.normal(size=(grid.n_edges, 5, 5))
+        potentials = Potentials(rng.normal(size=(100, 5)), pairwise=tables)
+        found = decode(grid, potentials, "toulbar2", max_iterations=20)
+        assert found.status is Status.STOPPED
+        assert found.gap is not None and found.gap > 0
+        assert found.info["backtracks"] >= 20
+
+    def test_large_numbers_for_rules_do_not_make_it_coarse(self) -> None:
+        rng = np.random.default_rng(4)
+        grid = LabelGraph.from_lattice((5, 5))
+        tables = rng.normal(size=(grid.n_edges, 4, 4))
+        tables[rng.random(tables.shape) < 0.3] = -1e12
+        found = decode(grid, Potentials(rng.normal(size=(25, 4)), pairwise=tables), "toulbar2")
+        assert found.status is Status.EXACT
+
+    def test_factors_of_any_order_and_nodes_of_different_labels(self) -> None:
+        rng = np.random.default_rng(5)
+        sizes = [2, 3, 2, 4, 3]
+        scopes = [(0, 1, 2), (4, 2, 1, 3), (3, 0), (2,)]
+        factors = [Factor(s, rng.normal(size=[sizes[i] for i in s])) for s in scopes]
+        factors[0].table[0, 1] = -np.inf
+        found = search_factors(sizes, factors)
+        every = np.indices(sizes).reshape(len(sizes), -1)
+        scores = sum(f.table[tuple(every[list(f.scope)])] for f in factors)
+        assert found.complete
+        assert found.labels.tolist() == every[:, scores.argmax()].tolist()
+        assert found.bound == pytest.approx(scores.max(), rel=1e-12)
+
+    def test_what_forbids_everything_is_proved_to(self) -> None:
+        unlike = np.where(np.eye(2, dtype=np.bool_), -np.inf, 0.0)
+        factors = [Factor(s, unlike) for s in [(0, 1), (1, 2), (0, 2)]]
+        with pytest.raises(InfeasibleError, match="forbids every labelling"):
+            search_factors([2, 2, 2], factors)
+        with pytest.raises(InfeasibleError, match="forbids every labelling"):
+            search_factors([2], [Factor((0,), np.full(2, -np.inf))])
