@@ -1,0 +1,199 @@
+"""Decoding factors of any order by name: as they are, or as a pairwise model with further nodes."""
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import require_type
+from pgm_places.errors import InfeasibleError, InputError
+from pgm_places.inference.factor_graph import FactorGraph
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.models.decoders import named_decoder
+from pgm_places.models.decoding import ROUNDING, decode
+from pgm_places.models.decoding_task import DecodingAnswer
+from pgm_places.solvers.bucket_tree import Factor
+
+__all__ = ["PAIRWISE_ONLY", "decode_factors"]
+
+PAIRWISE_ONLY = ("graph-cut", "icm", "mean-field")
+"""Decoders that cannot take factors of order 3 and more: a node of a factor forbids too much."""
+
+MAX_SWEEPS = 100
+"""Of the local search that improves what a decoder of the pairwise model has found."""
+
+_NONE = "the factors forbid every labelling; allow at least one (no -inf)"
+
+
+def decode_factors(
+    graph: FactorGraph,
+    method: str = "exact",
+    *,
+    known: ArrayLike | None = None,
+    certify: bool = False,
+    max_iterations: int | None = None,
+) -> Labeling:
+    """A labelling of a factor graph by the named decoder, with its score, bound and status.
+
+    ``exact`` and ``toulbar2`` take factors of any order as they are. All others are given a
+    pairwise model (:meth:`~pgm_places.inference.factor_graph.FactorGraph.pairwise`): factors of
+    order 3 and more become nodes of it, which ``lp``, ``trw-s``, ``max-product``, ``sum-product``
+    and decoders that others have added can take, as long as a factor allows 256 labellings at most.
+
+    Parameters
+    ----------
+    graph : FactorGraph
+        N nodes.
+    method : str
+        The name of a decoder.
+    known : (N,) int, optional
+        Label of the nodes whose label is known, -1 elsewhere.
+    certify, max_iterations
+        As of :func:`~pgm_places.models.decoding.decode`.
+
+    Returns
+    -------
+    Labeling
+        ``beliefs`` are (N, K) for the most labels K that a node has, 0 for those that one has not.
+
+    Raises
+    ------
+    ConfigError
+        No such decoder.
+    InputError
+        The decoder cannot take these factors: the message says which can.
+    InfeasibleError
+        It is proved that no labelling is allowed.
+
+    Examples
+    --------
+    >>> even = np.where(np.indices((2, 2, 2)).sum(axis=0) % 2 == 0, 0.0, -np.inf)
+    >>> graph = FactorGraph.of([2, 2, 2], [(0, 1, 2), (0,), (1,)], [even, [0.0, 1.0], [0.3, 0.0]])
+    >>> found = decode_factors(graph)
+    >>> found.labels.tolist(), found.score, found.status
+    ([1, 0, 1], 1.3, <Status.EXACT: 'exact'>)
+    """
+    require_type("graph", graph, FactorGraph)
+    named_decoder(method)
+    if graph.order > 2 and method in PAIRWISE_ONLY:
+        raise InputError(
+            f"{method!r} takes no factors of more than two nodes, and one has {graph.order}; use "
+            "'exact', 'toulbar2', 'trw-s', 'lp', 'max-product' or 'sum-product'"
+        )
+    whole = graph if known is None else graph.with_known(known)
+    if any(table.max() == -np.inf for table in whole.tables):
+        raise InfeasibleError(_NONE)
+    started = time.perf_counter()
+    info: dict[str, Any] = {"decoder": method, "iterations": 0, "history": ()}
+    if method in _NATIVE:
+        found = _NATIVE[method](whole, max_iterations)
+    else:
+        found = _by_pairs(whole, method, certify, max_iterations)
+    info |= dict(found.info) | {"seconds": time.perf_counter() - started}
+    total = whole.score(found.labels)
+    bound = None if found.bound is None else max(found.bound, total)
+    status = found.status
+    if bound is not None and total > -np.inf and bound - total <= _rounding(whole, total):
+        status = Status.EXACT
+    return Labeling(found.labels, status, found.beliefs, total, bound, info)
+
+
+def _exact(graph: FactorGraph, _: int | None) -> DecodingAnswer:
+    from pgm_places.solvers.bucket_order import MOST_ENTRIES
+    from pgm_places.solvers.bucket_tree import BucketTree
+
+    sizes = graph.n_labels.tolist()
+    tree = BucketTree.of_factors(sizes, _factors(graph))
+    if tree is None:
+        raise InputError(
+            f"'exact' would need tables of more than {MOST_ENTRIES:,} numbers for these "
+            f"{len(graph.scopes)} factors over {graph.n_nodes} nodes. Use 'toulbar2' for the best "
+            "labelling, 'trw-s' for one with a bound, or 'sum-product' for beliefs"
+        )
+    free = [np.zeros(size) for size in sizes]
+    labels = tree.solved(free)[0]
+    whole = tree.marginals(free)
+    beliefs = np.zeros((graph.n_nodes, max(sizes, default=1)))
+    for row, values in zip(beliefs, whole.beliefs, strict=True):
+        row[: len(values)] = values
+    info = {"log_partition": whole.log_partition + graph.constant, "width": tree.order.width}
+    return DecodingAnswer(labels, Status.EXACT, graph.score(labels), beliefs, info)
+
+
+def _toulbar2(graph: FactorGraph, limit: int | None) -> DecodingAnswer:
+    from pgm_places.solvers.exact_search import search_factors
+
+    sizes, factors = graph.n_labels.tolist(), _factors(graph)
+    first = _improved(graph, np.zeros(graph.n_nodes, np.int64))
+    initial = first if graph.score(first) > -np.inf else None
+    limits = {} if limit is None else {"max_backtracks": limit}
+    found = search_factors(sizes, factors, initial=initial, **limits)
+    status = Status.CONVERGED if found.complete else Status.STOPPED
+    if graph.score(found.labels) == -np.inf:
+        status = Status.INFEASIBLE
+    bound = found.bound + graph.constant
+    return DecodingAnswer(found.labels, status, bound, info={"backtracks": found.backtracks})
+
+
+_NATIVE: Mapping[str, Callable[[FactorGraph, int | None], DecodingAnswer]] = {
+    "exact": _exact,
+    "toulbar2": _toulbar2,
+}
+
+
+def _by_pairs(graph: FactorGraph, method: str, certify: bool, limit: int | None) -> DecodingAnswer:
+    """What a decoder finds for the pairwise model, improved node by node where it is not proved."""
+    pairs, potentials = graph.pairwise()
+    if (potentials.unary.max(axis=1, initial=-np.inf) == -np.inf).any():
+        raise InfeasibleError(_NONE)
+    found = decode(pairs, potentials, method, certify=certify, max_iterations=limit)
+    labels = found.labels[: graph.n_nodes].astype(np.int64)
+    if found.status is not Status.EXACT and graph.order > 2:
+        labels = _improved(graph, labels)
+    status = found.status
+    if graph.score(labels) == -np.inf:
+        status = Status.INFEASIBLE
+    elif status is Status.INFEASIBLE:
+        status = Status.REPAIRED
+    most = int(graph.n_labels.max(initial=1))
+    beliefs = None if found.beliefs is None else found.beliefs[: graph.n_nodes, :most]
+    bound = None if found.bound is None else found.bound + graph.constant
+    return DecodingAnswer(labels, status, bound, beliefs, found.info)
+
+
+def _improved(graph: FactorGraph, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The labels after every node has taken its best one given the others, until none changes."""
+    around: list[list[tuple[tuple[int, ...], NDArray[np.float64]]]] = [[] for _ in graph.n_labels]
+    for scope, table in zip(graph.scopes, graph.tables, strict=True):
+        for node in scope:
+            around[node].append((scope, table))
+    labels = labels.copy()
+    for _ in range(MAX_SWEEPS):
+        before = labels.copy()
+        for node, factors in enumerate(around):
+            scores = np.zeros(graph.n_labels[node])
+            for scope, table in factors:
+                at = tuple(slice(None) if other == node else labels[other] for other in scope)
+                scores = scores + table[at]
+            if scores.max(initial=-np.inf) > scores[labels[node]]:
+                labels[node] = scores.argmax()
+        if (labels == before).all():
+            break
+    return labels
+
+
+def _factors(graph: FactorGraph) -> list[Factor]:
+    """The factors, as solvers take them, but for constants."""
+    pairs = zip(graph.scopes, graph.tables, strict=True)
+    return [Factor(scope, table) for scope, table in pairs if scope]
+
+
+def _rounding(graph: FactorGraph, total: float) -> float:
+    """How large a gap is nothing but rounding."""
+    finite = [table[table > -np.inf] for table in graph.tables]
+    ranges = np.array([np.ptp(values) for values in finite if len(values)])
+    ranges = ranges[ranges > 0]
+    unit = float(np.median(ranges)) if len(ranges) else 0.0
+    return ROUNDING * (abs(total) + unit * len(ranges))

@@ -1,0 +1,204 @@
+"""Factors of any order over nodes that may differ in how many labels they have."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import finite_array, frozen, integer_array
+from pgm_places.errors import InputError
+from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.inference.potentials import Potentials
+
+__all__ = ["FactorGraph"]
+
+Array = NDArray[np.float64]
+
+MOST_STATES = 256
+"""Allowed labellings of one factor, up to which it becomes a node of a pairwise model."""
+
+
+@dataclass(frozen=True, eq=False)
+class FactorGraph:
+    """A model whose score is the sum of tables over a few nodes each.
+
+    Where all nodes have the same labels and no table is over more than two of them,
+    :class:`~pgm_places.graph.label_graph.LabelGraph` and
+    :class:`~pgm_places.inference.potentials.Potentials` say the same.
+
+    Parameters
+    ----------
+    n_labels : (N,) int
+        How many labels each node has, at least 1.
+    scopes : tuple of F tuples of int
+        The nodes of each factor, all different; () for a constant.
+    tables : tuple of F arrays of float
+        Log-potentials, larger is better: an axis for each node of the scope, in that order; -inf
+        forbids.
+
+    Examples
+    --------
+    >>> votes = np.zeros((2, 2, 2))
+    >>> votes[1, 1, 0] = votes[0, 0, 0] = 1.0  # the third node is better off without
+    >>> graph = FactorGraph.of([2, 2, 2], [(0, 1, 2), (0,)], [votes, [0.0, 0.5]])
+    >>> graph.order, graph.score([1, 1, 0])
+    (3, 1.5)
+    """
+
+    n_labels: NDArray[np.int64]
+    scopes: tuple[tuple[int, ...], ...]
+    tables: tuple[Array, ...]
+
+    def __post_init__(self) -> None:
+        sizes = integer_array("n_labels", self.n_labels, ("N",), low=1, high=2**31)
+        scopes, tables = list(self.scopes), list(self.tables)
+        if len(scopes) != len(tables):
+            raise InputError(
+                f"got {len(scopes)} scopes but {len(tables)} tables; give one for each"
+            )
+        checked = [
+            _factor(number, scope, table, sizes)
+            for number, (scope, table) in enumerate(zip(scopes, tables, strict=True))
+        ]
+        object.__setattr__(self, "n_labels", frozen(sizes))
+        object.__setattr__(self, "scopes", tuple(scope for scope, _ in checked))
+        object.__setattr__(self, "tables", tuple(frozen(table) for _, table in checked))
+
+    @classmethod
+    def of(
+        cls,
+        n_labels: ArrayLike,
+        scopes: Sequence[Sequence[int]],
+        tables: Sequence[ArrayLike],
+    ) -> Self:
+        """The same from lists."""
+        whole = tuple(tuple(scope) for scope in scopes)
+        return cls(np.asarray(n_labels), whole, tuple(map(np.asarray, tables)))
+
+    @classmethod
+    def of_potentials(cls, graph: LabelGraph, potentials: Potentials) -> Self:
+        """The same model as a factor for each node and each edge."""
+        tables = potentials.edge_tables(graph)
+        scopes = [(node,) for node in range(graph.n_nodes)]
+        pairs = [(int(i), int(j)) for i, j in graph.edges]
+        sizes = np.full(graph.n_nodes, potentials.n_labels)
+        return cls(sizes, (*scopes, *pairs), (*potentials.unary, *tables))
+
+    @property
+    def n_nodes(self) -> int:
+        """N, the number of nodes."""
+        return len(self.n_labels)
+
+    @cached_property
+    def order(self) -> int:
+        """The most nodes that a factor has."""
+        return max(map(len, self.scopes), default=0)
+
+    @property
+    def constant(self) -> float:
+        """What factors of no node add to every score."""
+        pairs = zip(self.scopes, self.tables, strict=True)
+        return float(sum(float(table) for scope, table in pairs if not scope))
+
+    def __repr__(self) -> str:
+        of = f"{len(self.scopes)} factors of up to {self.order}"
+        return f"FactorGraph({self.n_nodes} nodes, {of})"
+
+    def with_known(self, known: ArrayLike) -> "FactorGraph":
+        """The same with all other labels forbidden where a label is known: (N,) int, else -1."""
+        labels = integer_array("known", known, (self.n_nodes,), low=-1, high=2**31)
+        nodes = np.flatnonzero(labels >= 0)
+        beyond = nodes[labels[nodes] >= self.n_labels[nodes]]
+        if len(beyond):
+            raise InputError(
+                f"known gives node {beyond[0]} the label {labels[beyond[0]]}, but it has "
+                f"{self.n_labels[beyond[0]]}, counted from 0"
+            )
+        evidence = [np.full(self.n_labels[node], -np.inf) for node in nodes]
+        for node, row in zip(nodes, evidence, strict=True):
+            row[labels[node]] = 0.0
+        scopes = (*self.scopes, *((int(node),) for node in nodes))
+        return FactorGraph(self.n_labels, scopes, (*self.tables, *evidence))
+
+    def score(self, labels: ArrayLike) -> float:
+        """The log-potential of a labelling (N,): the sum of its factors."""
+        chosen = integer_array("labels", labels, (self.n_nodes,), low=0, high=2**31)
+        beyond = np.flatnonzero(chosen >= self.n_labels)
+        if len(beyond):
+            raise InputError(f"labels gives node {beyond[0]} a label that it does not have")
+        pairs = zip(self.scopes, self.tables, strict=True)
+        return float(sum(float(table[tuple(chosen[list(scope)])]) for scope, table in pairs))
+
+    def pairwise(self) -> tuple[LabelGraph, Potentials]:
+        """The same model as a graph with potentials; factors of order 3 and more add nodes.
+
+        Nodes with fewer labels than others have the rest forbidden. A factor of more than two nodes
+        becomes a node after the first N, with a label for each of its labellings that is allowed
+        and tables that forbid what does not fit it. Constants are left out.
+
+        Raises
+        ------
+        InputError
+            Such a factor allows too many labellings.
+        """
+        nodes = [np.zeros(size) for size in self.n_labels]
+        pairs: dict[tuple[int, int], Array] = {}
+        for number, (scope, table) in enumerate(zip(self.scopes, self.tables, strict=True)):
+            if len(scope) == 1:
+                nodes[scope[0]] = nodes[scope[0]] + table
+            elif len(scope) == 2:
+                _add_pair(pairs, scope, table)
+            elif scope:
+                allowed = np.argwhere(table > -np.inf)
+                _require_few(number, len(allowed), scope)
+                for place, node in enumerate(scope):
+                    fits = allowed[:, place] == np.arange(self.n_labels[node])[:, np.newaxis]
+                    _add_pair(pairs, (node, len(nodes)), np.where(fits, 0.0, -np.inf))
+                nodes.append(table[table > -np.inf])
+        return _padded(nodes, pairs)
+
+
+def _factor(
+    number: int, scope: Iterable[int], table: ArrayLike, sizes: NDArray[np.int64]
+) -> tuple[tuple[int, ...], Array]:
+    nodes = tuple(int(node) for node in scope)
+    outside = [node for node in nodes if not 0 <= node < len(sizes)]
+    if outside or len(set(nodes)) < len(nodes):
+        why = f"there is no node {outside[0]}" if outside else "a node comes twice"
+        raise InputError(f"the scope of factor {number} is {nodes}, but {why}")
+    shape = tuple(int(sizes[node]) for node in nodes)
+    return nodes, finite_array(f"table {number}", table, shape, allow_minus_inf=True)
+
+
+def _require_few(number: int, n_states: int, scope: Sequence[int]) -> None:
+    if n_states > MOST_STATES:
+        raise InputError(
+            f"factor {number} of {len(scope)} nodes allows {n_states} labellings, more than the "
+            f"{MOST_STATES} for which it can become a node; use 'exact' or 'toulbar2'"
+        )
+
+
+def _add_pair(pairs: dict[tuple[int, int], Array], scope: Sequence[int], table: Array) -> None:
+    i, j = scope
+    if i > j:
+        i, j, table = j, i, table.T
+    pairs[i, j] = pairs.get((i, j), 0.0) + table
+
+
+def _padded(
+    nodes: Sequence[Array], pairs: dict[tuple[int, int], Array]
+) -> tuple[LabelGraph, Potentials]:
+    """All tables of one size: labels that a node does not have are forbidden, and earn nothing."""
+    most = max(map(len, nodes), default=1)
+    unary = np.full((len(nodes), most), -np.inf)
+    for row, values in zip(unary, nodes, strict=True):
+        row[: len(values)] = values
+    edges = sorted(pairs)
+    tables = np.zeros((len(edges), most, most))
+    for table, edge in zip(tables, edges, strict=True):
+        found = pairs[edge]
+        table[: found.shape[0], : found.shape[1]] = found
+    return LabelGraph.from_edges(len(nodes), edges), Potentials(unary, pairwise=tables)

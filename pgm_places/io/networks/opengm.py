@@ -1,0 +1,159 @@
+"""Factor graphs as OpenGM's HDF5 files."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._extras import needed
+from pgm_places.errors import InputError
+from pgm_places.inference.factor_graph import FactorGraph
+from pgm_places.io.atomic import atomic_file
+from pgm_places.io.input_file import open_input
+
+__all__ = ["read_opengm", "write_opengm"]
+
+MAX_BYTES = 1 << 32
+_WHAT = "a factor graph (OpenGM's HDF5)"
+_VERSION, _EXPLICIT, _DOUBLE = (2, 0), 16000, 1
+_PURPOSE = "reading and writing OpenGM's HDF5 files"
+
+Array = NDArray[np.float64]
+
+
+def read_opengm(path: Path | str, *, dataset: str = "gm") -> FactorGraph:
+    """The factors of a file whose energies are minimised: log-potentials are minus these.
+
+    Explicit tables and the functions of label distance (Potts, absolute and squared difference,
+    plain and truncated) are read.
+
+    Parameters
+    ----------
+    path : Path
+    dataset : str
+        The name of the model within the file.
+
+    Raises
+    ------
+    InputError
+        h5py is not installed; or the file is missing or damaged, or holds other functions.
+    """
+    path = Path(path)
+    h5py = needed("h5py", extra="networks", purpose=_PURPOSE)
+    with open_input(path, InputError, _WHAT, max_bytes=MAX_BYTES) as raw:
+        try:
+            with h5py.File(raw, "r") as file:
+                group = file[dataset]
+                header, states = group["header"][()].tolist(), group["numbers-of-states"][()]
+                kinds = header[5 : 5 + 2 * header[4] : 2]
+                counts = header[6 : 6 + 2 * header[4] : 2]
+                functions = [
+                    _functions(group[f"function-id-{kind}"], kind, count) if count else []
+                    for kind, count in zip(kinds, counts, strict=True)
+                ]
+                factors = group["factors"][()].tolist() if header[3] else []
+            scopes, tables = _read_factors(factors, functions, header[3])
+        except _UnknownFunctionError as problem:
+            raise InputError(f"{path}: {problem}") from None
+        except (OSError, KeyError, ValueError, IndexError, TypeError, AttributeError) as problem:
+            reason = str(problem).splitlines()[0] if str(problem) else type(problem).__name__
+            raise InputError(f"{path}: not {_WHAT} named {dataset!r} ({reason})") from None
+    return FactorGraph.of(np.asarray(states, np.int64), scopes, tables)
+
+
+def write_opengm(path: Path | str, graph: FactorGraph, *, dataset: str = "gm") -> Path:
+    """The path, once the file holds the factors as explicit tables of energies (float64).
+
+    Raises
+    ------
+    InputError
+        h5py is not installed.
+    OutputError
+        The file cannot be written.
+    """
+    h5py = needed("h5py", extra="networks", purpose=_PURPOSE)
+    count = len(graph.scopes)
+    header = [*_VERSION, graph.n_nodes, count, 1, _EXPLICIT, count, _DOUBLE]
+    indices = [n for table in graph.tables for n in (table.ndim, *table.shape)]
+    values = [-table.ravel(order="F") for table in graph.tables]
+    factors = [n for k, scope in enumerate(graph.scopes) for n in (k, 0, len(scope), *scope)]
+    with atomic_file(path) as temporary, h5py.File(temporary, "w") as file:
+        group = file.create_group(dataset)
+        group["header"] = np.array(header, np.uint64)
+        group["numbers-of-states"] = graph.n_labels.astype(np.uint64)
+        if count:
+            inner = group.create_group(f"function-id-{_EXPLICIT}")
+            inner["indices"] = np.array(indices, np.uint64)
+            inner["values"] = np.concatenate(values)
+            group["factors"] = np.array(factors, np.uint64)
+    return Path(path)
+
+
+class _UnknownFunctionError(Exception):
+    """A function that is not read here."""
+
+
+def _explicit(indices: list[int], values: Array) -> tuple[Array, int, int]:
+    order = indices[0]
+    shape = indices[1 : 1 + order]
+    size = int(np.prod(shape, dtype=np.int64))
+    return values[:size].reshape(shape, order="F"), 1 + order, size
+
+
+def _by_distance(
+    n_values: int, energy: Callable[..., Array]
+) -> Callable[[list[int], Array], tuple[Array, int, int]]:
+    def read(indices: list[int], values: Array) -> tuple[Array, int, int]:
+        far = np.abs(np.subtract.outer(np.arange(indices[0]), np.arange(indices[1])))
+        return energy(far.astype(np.float64), *values[:n_values].tolist()), 2, n_values
+
+    return read
+
+
+def _potts(far: Array, same: float, other: float) -> Array:
+    found: Array = np.where(far == 0, same, other)
+    return found
+
+
+_READERS: Mapping[int, Callable[[list[int], Array], tuple[Array, int, int]]] = {
+    16000: _explicit,
+    16002: _by_distance(1, lambda far, weight: weight * far),
+    16003: _by_distance(2, lambda far, cap, weight: weight * np.minimum(far, cap)),
+    16004: _by_distance(1, lambda far, weight: weight * far**2),
+    16005: _by_distance(2, lambda far, cap, weight: weight * np.minimum(far**2, cap)),
+    16006: _by_distance(2, _potts),
+}
+"""What reads a function: its table, and how many indices and values that took."""
+
+
+def _functions(group: Any, kind: int, count: int) -> list[Array]:
+    if kind not in _READERS:
+        raise _UnknownFunctionError(
+            f"holds functions of OpenGM's type {kind}, which are not read; {_known()}"
+        )
+    indices = group["indices"][()].tolist()
+    values = np.asarray(group["values"][()], np.float64)
+    found = []
+    for _ in range(count):
+        table, n_indices, n_values = _READERS[kind](indices, values)
+        found.append(-table)
+        indices, values = indices[n_indices:], values[n_values:]
+    return found
+
+
+def _known() -> str:
+    return f"types that are: {', '.join(map(str, _READERS))}"
+
+
+def _read_factors(
+    words: list[int], functions: Sequence[Sequence[Array]], count: int
+) -> tuple[list[tuple[int, ...]], list[Array]]:
+    scopes, tables, at = [], [], 0
+    for _ in range(count):
+        number, kind, order = words[at : at + 3]
+        scopes.append(tuple(words[at + 3 : at + 3 + order]))
+        tables.append(functions[kind][number])
+        at += 3 + order
+    return scopes, tables

@@ -1,0 +1,286 @@
+"""Networks, evidence and results as the files of the UAI inference competitions."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places._checks import integer_array
+from pgm_places.errors import InputError
+from pgm_places.inference.factor_graph import FactorGraph
+from pgm_places.inference.labeling import Labeling
+from pgm_places.io.atomic import write_text
+from pgm_places.io.text_file import read_text
+
+__all__ = [
+    "UaiResult",
+    "read_evidence",
+    "read_uai",
+    "read_uai_result",
+    "write_evidence",
+    "write_uai",
+    "write_uai_result",
+]
+
+MAX_BYTES = 1 << 30
+_NETWORK = "a network (UAI)"
+_LARGEST = 700.0
+"""exp of more is beyond float64, exp of less is 0 or loses digits."""
+
+Task = Literal["MAP", "MAR", "PR"]
+
+
+@dataclass(frozen=True, eq=False)
+class UaiResult:
+    """What a result file says; None for what it does not.
+
+    Parameters
+    ----------
+    labels : (N,) int or None
+        Of MAP (or MPE), the label of each node.
+    beliefs : tuple of N arrays or None
+        Of MAR, the probability of each label.
+    log_partition : float or None
+        Of PR, the natural logarithm of the partition function; files hold that to base 10.
+    """
+
+    labels: NDArray[np.int64] | None = None
+    beliefs: tuple[NDArray[np.float64], ...] | None = None
+    log_partition: float | None = None
+
+
+def read_uai(path: Path | str) -> FactorGraph:
+    """The factors of a Markov or Bayesian network, as log-potentials; 0 becomes -inf.
+
+    Raises
+    ------
+    InputError
+        The file is missing or damaged; the message says where.
+    """
+    words = _Words(Path(path), _NETWORK)
+    kind = words.text("MARKOV or BAYES").upper()
+    if kind not in ("MARKOV", "BAYES"):
+        raise words.wrong(f"must begin with MARKOV or BAYES, got {kind[:20]!r}")
+    sizes = [words.whole("a number of labels", least=1) for _ in words.each("nodes")]
+    scopes = [
+        [words.whole("a node", below=len(sizes)) for _ in words.each(f"nodes of factor {number}")]
+        for number, _ in enumerate(words.each("factors"))
+    ]
+    tables = []
+    for number, scope in enumerate(scopes):
+        shape = [sizes[node] for node in scope]
+        count = words.whole(f"the size of table {number}")
+        if count != math.prod(shape):
+            raise words.wrong(f"table {number} must have {math.prod(shape)} entries, got {count}")
+        tables.append(words.numbers(count, f"table {number}").reshape(shape))
+    words.end()
+    with np.errstate(divide="ignore"):  # the logarithm of 0 is meant
+        return FactorGraph.of(
+            np.array(sizes, np.int64), scopes, [np.log(table) for table in tables]
+        )
+
+
+def write_uai(path: Path | str, graph: FactorGraph) -> Path:
+    """The path, once the file holds the factors as a Markov network.
+
+    Raises
+    ------
+    InputError
+        A log-potential whose exponential is beyond float64: UAI files hold no logarithms.
+    OutputError
+        The file cannot be written.
+    """
+    lines = ["MARKOV", str(graph.n_nodes), _joined(graph.n_labels), str(len(graph.scopes))]
+    lines += [_joined([len(scope), *scope]) for scope in graph.scopes]
+    for number, table in enumerate(graph.tables):
+        finite = table[table > -np.inf]
+        if len(finite) and np.abs(finite).max() > _LARGEST:
+            raise InputError(
+                f"table {number} holds a log-potential of {finite[np.abs(finite).argmax()]:.6g}, "
+                "whose exponential no UAI file can hold; divide or shift the log-potentials, or "
+                "write OpenGM's format, which holds them as they are"
+            )
+        lines += ["", str(table.size), _joined(np.exp(table).ravel())]
+    return write_text(path, "\n".join(lines) + "\n")
+
+
+def read_evidence(path: Path | str, n_nodes: int) -> NDArray[np.int64]:
+    """(N,) the label of each node that an evidence file knows, -1 elsewhere.
+
+    A leading count of evidence sets, which must be 1, may be there or not.
+
+    Raises
+    ------
+    InputError
+        The file is missing or damaged, or names a node that the network does not have.
+    """
+    words = _Words(Path(path), "evidence (UAI)")
+    found = words.rest_whole()
+    if len(found) > 1 and found[0] == 1 and len(found) == 2 + 2 * found[1]:
+        found = found[1:]
+    if not found or len(found) != 1 + 2 * found[0]:
+        raise words.wrong("must hold a number of nodes, then a node and its label for each")
+    known = np.full(n_nodes, -1)
+    for node, label in zip(found[1::2], found[2::2], strict=True):
+        if node >= n_nodes:
+            raise words.wrong(f"names node {node}, but the network has {n_nodes}")
+        if known[node] not in (-1, label):
+            raise words.wrong(f"gives node {node} two labels, {known[node]} and {label}")
+        known[node] = label
+    return known
+
+
+def write_evidence(path: Path | str, known: NDArray[np.int64]) -> Path:
+    """The path, once the file holds the labels that are known: (N,) int, -1 elsewhere."""
+    labels = integer_array("known", known, ("N",), low=-1, high=2**31)
+    nodes = np.flatnonzero(labels >= 0)
+    pairs = np.stack([nodes, labels[nodes]], axis=1).ravel()
+    return write_text(path, _joined([len(nodes), *pairs]) + "\n")
+
+
+def write_uai_result(
+    path: Path | str, labeling: Labeling, task: Task, *, graph: FactorGraph
+) -> Path:
+    """The path, once the file holds the answer to a task.
+
+    Parameters
+    ----------
+    path : Path
+    labeling : Labeling
+        What :func:`~pgm_places.models.factor_decoding.decode_factors` found.
+    task : {"MAP", "MAR", "PR"}
+        The best labelling, the probability of each label, or the partition function.
+    graph : FactorGraph
+        The network, which knows how many labels each node has.
+
+    Raises
+    ------
+    InputError
+        The labelling has no beliefs or no partition function, which ``exact`` gives.
+    OutputError
+        The file cannot be written.
+    """
+    if task == "MAP":
+        body = _joined([len(labeling.labels), *labeling.labels])
+    elif task == "MAR":
+        if labeling.beliefs is None:
+            raise InputError(f"MAR needs beliefs, which this labelling lacks: {labeling}")
+        rows = zip(graph.n_labels.tolist(), labeling.beliefs, strict=True)
+        body = " ".join([str(graph.n_nodes), *(f"{n} {_joined(row[:n])}" for n, row in rows)])
+    else:
+        value = labeling.info.get("log_partition")
+        if value is None:
+            raise InputError("PR needs a partition function: take the decoder 'exact'")
+        body = repr(float(value) / math.log(10))
+    return write_text(path, f"{task}\n{body}\n")
+
+
+def read_uai_result(path: Path | str) -> UaiResult:
+    """What a result file of MAP, MPE, MAR or PR says; a leading count of 1 may be there or not.
+
+    Raises
+    ------
+    InputError
+        The file is missing or damaged.
+    """
+    words = _Words(Path(path), "a result (UAI)")
+    task = words.text("MAP, MPE, MAR or PR").upper()
+    if task == "PR":
+        return UaiResult(log_partition=float(words.rest()[-1]) * math.log(10))
+    if task not in ("MAP", "MPE", "MAR"):
+        raise words.wrong(f"must begin with MAP, MPE, MAR or PR, got {task[:20]!r}")
+    numbers = words.rest()
+    for values in (numbers, numbers[1:]):  # without and with a leading count of evidence sets
+        if task == "MAR":
+            beliefs = _beliefs(values)
+            if beliefs is not None:
+                return UaiResult(beliefs=beliefs)
+        elif len(values) and len(values) == 1 + values[0]:
+            return UaiResult(labels=values[1:].astype(np.int64))
+    raise words.wrong("must hold the number of nodes, then what is said of each")
+
+
+def _beliefs(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...] | None:
+    """The rows behind their number and each behind its length; None where they do not end so."""
+    rows, at = [], 1
+    for _ in range(int(values[0]) if len(values) else -1):
+        if at >= len(values):
+            return None
+        size = int(values[at])
+        rows.append(values[at + 1 : at + 1 + size])
+        at += 1 + size
+    sums = [row.sum() for row in rows]
+    whole = at == len(values) and np.allclose(sums, 1, rtol=0, atol=1e-3)
+    return tuple(rows) if whole and len(values) else None
+
+
+def _joined(values: "NDArray[np.float64] | NDArray[np.int64] | list[int]") -> str:
+    """Numbers with as many digits as it takes to read them back unchanged."""
+    return " ".join(repr(value) for value in np.asarray(values).tolist())
+
+
+class _Words:
+    """The words of a file, one after the other, with where they are in messages."""
+
+    def __init__(self, path: Path, what: str) -> None:
+        self.path, self.what = path, what
+        self._words = read_text(path, InputError, what, max_bytes=MAX_BYTES).split()
+        self._at = 0
+
+    def wrong(self, text: str) -> InputError:
+        return InputError(f"{self.path}: {self.what} {text} (word {self._at})")
+
+    def text(self, wanted: str) -> str:
+        if self._at >= len(self._words):
+            raise self.wrong(f"ends where {wanted} should be")
+        self._at += 1
+        return self._words[self._at - 1]
+
+    def whole(self, wanted: str, *, least: int = 0, below: int = 2**31) -> int:
+        word = self.text(wanted)
+        if not (word.isascii() and word.isdigit()) or not least <= int(word[:12]) < below:
+            raise self.wrong(f"has {word[:20]!r} where {wanted} should be")
+        return int(word)
+
+    def each(self, wanted: str) -> Iterator[int]:
+        """As often as the next number says."""
+        count = self.whole(f"the number of {wanted}")
+        if count > len(self._words):
+            raise self.wrong(f"says that there are {count} {wanted}, but ends before")
+        return iter(range(count))
+
+    def numbers(self, count: int, wanted: str) -> NDArray[np.float64]:
+        words = self._words[self._at : self._at + count]
+        if len(words) < count:
+            raise self.wrong(f"ends within {wanted}")
+        self._at += count
+        return self._checked(words, wanted)
+
+    def rest(self) -> NDArray[np.float64]:
+        words, self._at = self._words[self._at :], len(self._words)
+        if not words:
+            raise self.wrong("ends too early")
+        try:
+            return np.array(words, np.float64)
+        except ValueError:
+            raise self.wrong("holds words where numbers should be") from None
+
+    def rest_whole(self) -> list[int]:
+        return [self.whole("a number") for _ in range(self._at, len(self._words))]
+
+    def end(self) -> None:
+        if self._at < len(self._words):
+            raise self.wrong(f"goes on after its last table, with {self._words[self._at][:20]!r}")
+
+    def _checked(self, words: list[str], wanted: str) -> NDArray[np.float64]:
+        try:
+            values = np.array(words, np.float64)
+        except ValueError:
+            raise self.wrong(f"holds words in {wanted}, where numbers should be") from None
+        if not np.isfinite(values).all() or values.min(initial=0.0) < 0:
+            raise self.wrong(f"must hold numbers of at least 0 in {wanted}")
+        return values
