@@ -1,0 +1,42 @@
+"""How the software is cited agrees with what it is."""
+
+import re
+from pathlib import Path
+
+import yaml
+
+from pgm_places import __version__
+from pgm_places.inference.labeling import Status
+from pgm_places.models.built_in_decoders import DECODERS
+
+ROOT = Path(__file__).parents[1]
+
+
+def page(name: str) -> str:
+    return (ROOT / "docs" / name).read_text(encoding="utf-8")
+
+
+def test_the_citation_file_names_this_version() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["cff-version"] == "1.2.0"
+    assert str(cited["version"]) == __version__
+    assert cited["license"] == "MIT"
+    assert {"title", "authors", "message"} <= set(cited)
+    assert f"version = {{{__version__}}}" in page("citing.md")
+
+
+def test_every_paper_that_is_named_has_an_entry_and_every_entry_is_named() -> None:
+    text = page("citing.md")
+    table, *blocks = text.split("## Methods")[1].split("```bibtex")
+    named = set(re.findall(r"`([a-z]+\d{4})`", table))
+    assert named == set(re.findall(r"^@\w+\{([a-z]+\d{4}),", "".join(blocks), re.MULTILINE))
+    assert text.count("{") == text.count("}")
+
+
+def test_every_decoder_is_cited_but_local_search() -> None:
+    table = page("citing.md").split("## Methods")[1]
+    assert [name for name in DECODERS if f"`{name}`" not in table] == ["icm"]
+
+
+def test_every_word_of_a_status_is_explained() -> None:
+    assert all(f"| `{word}` |" in page("status.md") for word in Status)
