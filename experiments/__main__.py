@@ -1,6 +1,7 @@
 """Run the experiments on real buildings and write docs/results.md: python -m experiments.
 
-The paper's sections are those of ``pgm-places reproduce``; the others are the configurations here.
+The paper's sections are those of ``pgm-places reproduce``; ablations, buildings left out, and the
+configurations here are further experiments: ``python -m experiments buildings``.
 What each found last is kept in ``experiments/sections``, so that a single one can be rerun.
 """
 
@@ -9,6 +10,7 @@ import os
 import sys
 from pathlib import Path
 
+from experiments.own_sections import ABLATIONS, BUILDINGS
 from pgm_places.cli.progress import LineProgress
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import load_config
@@ -19,12 +21,15 @@ from pgm_places.reproduce.markdown import markdown_section, markdown_table
 from pgm_places.reproduce.overview import overview_table
 from pgm_places.reproduce.run import RECORD, finished_section, reproduce
 from pgm_places.reproduce.section import Section
-from pgm_places.reproduce.sections import SECTIONS as PAPER_SECTIONS
+from pgm_places.reproduce.sections import SECTIONS as OF_THE_PAPER
 
 FOLDER = Path(__file__).resolve().parent
 DOCS = FOLDER.parent / "docs"
 SECTIONS = FOLDER / "sections"  # what each experiment wrote last
-REPRODUCED = FOLDER / "reproduced"  # the paper's sections with their pictures: not committed
+REPRODUCED = (
+    FOLDER / "reproduced"
+)  # sections with their pictures, and what they keep: not committed
+ALL_SECTIONS = {**OF_THE_PAPER, "buildings": BUILDINGS, **ABLATIONS}
 MAPS = {
     "building79_spaces": "The paper's split, with the list on laser features alone, with the one "
     "that also sees its neighbourhood, and with the one that also sees segments, gates and places, "
@@ -101,26 +106,26 @@ def section(name: str) -> str:
     )
 
 
-def run_paper_section(key: str) -> None:
-    """Rerun a section of the paper; its record without pictures replaces the kept one."""
-    [section] = reproduce([key], REPRODUCED, again=True, progress=LineProgress())
+def run_section(key: str, out: Path) -> None:
+    """Rerun a section; its record without pictures replaces the kept one."""
+    [section] = reproduce([key], out, sections=ALL_SECTIONS, again=True, progress=LineProgress())
     if not section.real:
         sys.exit(f"section {key} did not find all of its real maps; the kept one stays")
-    record = (REPRODUCED / key / RECORD).read_text(encoding="utf-8")
+    record = (out / key / RECORD).read_text(encoding="utf-8")
     (SECTIONS / key).mkdir(exist_ok=True)
     (SECTIONS / key / RECORD).write_text(record, encoding="utf-8")
     print(markdown_section(section, with_pictures=False), flush=True)
 
 
-def kept_paper_sections() -> list[Section]:
-    """The sections of the paper that were run at some time, in its order."""
-    found = [finished_section(SECTIONS, key) for key in PAPER_SECTIONS]
+def kept_sections() -> list[Section]:
+    """The sections that were run at some time, in their order."""
+    found = [finished_section(SECTIONS, key) for key in ALL_SECTIONS]
     return [section for section in found if section is not None]
 
 
 def page() -> str:
     """The whole of docs/results.md from what is kept."""
-    paper = kept_paper_sections()
+    paper = kept_sections()
     files = [
         FOLDER / "unseen_kinds.md",
         FOLDER / "teaching.md",
@@ -142,10 +147,16 @@ def page() -> str:
 
 def main() -> None:
     """Run all, or those that are named, and compose the page."""
-    known = [*PAPER_SECTIONS, *MAPS]
+    known = [*ALL_SECTIONS, *MAPS, "ablations"]
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"some of {', '.join(known)}; all by default")
     parser.add_argument("--compose", action="store_true", help="run nothing, only write the page")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=REPRODUCED,
+        help="folder of sections with their pictures, and of what they resume from (kept/)",
+    )
     arguments = parser.parse_args()
     if not os.environ.get("PGM_PLACES_DATA") and not arguments.compose:
         sys.exit("set PGM_PLACES_DATA to the folder that holds the real maps")
@@ -153,10 +164,13 @@ def main() -> None:
     if unknown:
         sys.exit(f"no experiment {unknown[0]}; there are {', '.join(known)}")
     SECTIONS.mkdir(exist_ok=True)
-    for name in () if arguments.compose else arguments.names or known:
+    wanted = dict.fromkeys(arguments.names or [*ALL_SECTIONS, *MAPS])
+    if "ablations" in wanted:
+        wanted = {**{name: None for name in wanted if name != "ablations"}, **ABLATIONS}
+    for name in () if arguments.compose else wanted:
         print(f"== {name}", flush=True)
-        if name in PAPER_SECTIONS:
-            run_paper_section(name)
+        if name in ALL_SECTIONS:
+            run_section(name, arguments.out)
         else:
             text = section(name)
             _section_file(name).write_text(text, encoding="utf-8")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.buildings.maps import NAMES, real_maps
 from pgm_places import evaluate, trained_labeler
-from pgm_places.reproduce.building_maps import NAMES, real_maps
 
 
 def main() -> None:

@@ -20,10 +20,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from experiments.buildings.maps import real_maps
 from pgm_places import trained_labeler
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.building_maps import real_maps
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher

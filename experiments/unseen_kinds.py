@@ -14,14 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from experiments.setting import asked_setting
-from pgm_places.datasets import MapSimulation, generate_building, simulate_map
-from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels
-from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.refinement import refine
-from pgm_places.reproduce.building_lists import AVERAGE, DOORWAY, RECIPES, Scored, scored_maps
-from pgm_places.reproduce.building_maps import (
+from experiments.buildings.lists import AVERAGE, DOORWAY, RECIPES, Scored, scored_maps
+from experiments.buildings.maps import (
     CELLS_M,
     GENERATED,
     NAMES,
@@ -31,8 +25,14 @@ from pgm_places.reproduce.building_maps import (
     sampled,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import SHIPPED, doors_of, places_of, rescaled
-from pgm_places.reproduce.kept import KeptArrays
+from experiments.buildings.scores import SHIPPED, doors_of, places_of, rescaled
+from experiments.kept import KeptArrays
+from experiments.setting import asked_setting
+from pgm_places.datasets import MapSimulation, generate_building, simulate_map
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.maps.coarsening import Coarsening, coarsen, coarsen_labels
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.refinement import refine
 from pgm_places.reproduce.setting import Setting
 from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.space_model import with_gates

@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 
 from experiments.drives.kept_text import KeptText
+from experiments.kept import fingerprint
 from pgm_places.evaluation.evaluation import Evaluation
 from pgm_places.experiment.comparison import Comparison, MethodResult, score_intervals
 from pgm_places.experiment.config import ExperimentConfig, load_config
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.runs import compare
-from pgm_places.reproduce.kept import fingerprint
 from pgm_places.spaces.door_truth import DoorScores
 
 __all__ = ["graphs_table", "kinds_table", "methods_table"]

@@ -4,12 +4,12 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+from experiments.buildings.maps import WITH_HALLS, KnownMap, real_maps
 from experiments.unseen_kinds import at_model_cells
 from pgm_places.errors import ConfigError
 from pgm_places.io.maps.label_image import load_labels
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.building_maps import WITH_HALLS, KnownMap, real_maps
 
 __all__ = ["GROUPS", "SURE", "robot_maps", "training_maps"]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.buildings.lists import DOORWAY
+from experiments.buildings.maps import NAMES, KnownMap
 from experiments.robot_maps.sources import Found
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.building_lists import DOORWAY
-from pgm_places.reproduce.building_maps import NAMES, KnownMap
 from pgm_places.spaces.door_truth import DoorScores, match_gates, match_painted
 
 __all__ = ["HEADER", "MapFigures", "cut_spaces", "measured", "row", "table", "write_figures"]

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
+from experiments.buildings.maps import known_maps
+from experiments.kept import KeptArrays
 from experiments.tracking_model.drives import BEAMS, EVERY_M, LENGTH_M, simulated_drives
 from experiments.tracking_model.learning import OPTIONS, Table, learned
 from experiments.tracking_model.options import options_table
@@ -21,8 +23,6 @@ from pgm_places.experiment.runs import versions
 from pgm_places.io.checks import sha256_of
 from pgm_places.options import plain_values
 from pgm_places.persistence.stored import save
-from pgm_places.reproduce.building_maps import known_maps
-from pgm_places.reproduce.kept import KeptArrays
 
 HERE = Path(__file__).resolve().parent
 MODEL = HERE.parents[1] / "pgm_places" / "trained" / "tracking"

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.buildings.maps import GENERATED, NAMES, KnownMap
+from experiments.kept import KeptArrays, fingerprint
 from pgm_places._version import __version__
 from pgm_places.labelers.trajectory_labeler import REACH_M
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.building_maps import GENERATED, NAMES, KnownMap
-from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.sensing.sensor import Sensor, SensorNoise
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.buildings.maps import DRAWN, GENERATED, NAMES, SIMULATED
 from experiments.tracking_model.drives import BEAMS, EVERY_M, SENSOR, Observed
 from pgm_places.features.own import feature_values
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.labelers.trajectory_learning import Examples, learn_list, learn_method
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.models.semi_markov import SemiMarkovModel
-from pgm_places.reproduce.building_maps import DRAWN, GENERATED, NAMES, SIMULATED
 from pgm_places.unary.learning import RAREST_FIRST
 from pgm_places.unary.scan_model import ScanModel
 

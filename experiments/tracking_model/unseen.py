@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.buildings.maps import NAMES
+from experiments.kept import KeptArrays
 from experiments.tracking_model.drives import Observed
 from experiments.tracking_model.learning import (
     METHOD,
@@ -21,8 +23,6 @@ from experiments.tracking_model.real_drives import cold_drives, in_lobby, log_of
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.labelers.trajectory_labeler import METHOD as HMM
 from pgm_places.models.decision_list import DecisionListClassifier
-from pgm_places.reproduce.building_maps import NAMES
-from pgm_places.reproduce.kept import KeptArrays
 
 __all__ = [
     "ALONE",

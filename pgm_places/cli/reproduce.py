@@ -18,7 +18,7 @@ def reproduce(
         list[str] | None,
         Argument(
             metavar="SECTION...",
-            help="Sections such as 7.1 7.5, ablations, buildings; 7.1 to 7.6 by default.",
+            help="Sections such as 7.1 7.5; all by default.",
         ),
     ] = None,
     out: Out = Path("reproduced"),
@@ -39,7 +39,7 @@ def reproduce(
     progress = make_progress(quiet=quiet)
     ids = chosen_sections(tuple(names or ()))
     claim(out, force=force)
-    if any(data_for(key) is None for key in ids):
+    if any(data_for(SECTIONS[key]) is None for key in ids):
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
     found = []
     with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from pgm_places._version import __version__
@@ -12,7 +12,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.reproduce.html_page import html_page
 from pgm_places.reproduce.markdown import markdown_page
 from pgm_places.reproduce.section import Section
-from pgm_places.reproduce.sections import SECTIONS
+from pgm_places.reproduce.sections import SECTIONS, PaperSection
 from pgm_places.reproduce.setting import Setting, data_folder
 
 __all__ = ["finished_section", "reproduce"]
@@ -26,6 +26,7 @@ def reproduce(
     ids: Sequence[str],
     out: Path,
     *,
+    sections: Mapping[str, PaperSection] = SECTIONS,
     again: bool = False,
     force: bool = False,
     progress: Progress | None = None,
@@ -36,10 +37,12 @@ def reproduce(
     Parameters
     ----------
     ids : sequence of str
-        Keys of ``SECTIONS``.
+        Keys of ``sections``.
     out : Path
         Receives a folder per section, ``reproduce.md`` and ``reproduce.html``, and in ``kept`` what
         interrupted experiments resume from.
+    sections : mapping of str to PaperSection
+        Those of the paper by default; pages list them in this order.
     again : bool
         Run finished sections again. Those from another version of the package or from other
         buildings are always run again.
@@ -56,30 +59,30 @@ def reproduce(
     progress = progress or Silent()
     claim(out, force=force)
     for key in ids:
-        data = data_for(key)
+        spec = sections[key]
+        data = data_for(spec)
         section = None if again else finished_section(out, key)
         is_new = (
             section is None or section.version != __version__ or section.real != (data is not None)
         )
         with output_set(out, f"section {key}" if is_new else "pages", force=force) as files:
             if section is None or is_new:
-                setting = Setting(data, progress, n_threads, out / KEPT / key)
-                section = _run(key, files.stage / key, setting)
-            _write_pages(files.stage, out)
+                setting = Setting(data, progress, n_threads, out / KEPT / key, spec.configs)
+                section = _run(key, spec, files.stage / key, setting)
+            _write_pages(files.stage, out, sections)
         yield section
 
 
-def data_for(key: str) -> Path | None:
+def data_for(spec: PaperSection) -> Path | None:
     """The folder of the real data if it holds what a section needs."""
     data = data_folder()
-    if data is None or not all((data / name).is_dir() for name in SECTIONS[key].folders):
+    if data is None or not all((data / name).is_dir() for name in spec.folders):
         return None
     return data
 
 
-def _run(key: str, folder: Path, setting: Setting) -> Section:
+def _run(key: str, spec: PaperSection, folder: Path, setting: Setting) -> Section:
     """The section, once its experiment has run and been written to the folder."""
-    spec = SECTIONS[key]
     start = time.perf_counter()
     found = spec.run(setting)
     section = Section(
@@ -111,9 +114,9 @@ def finished_section(out: Path, key: str) -> Section | None:
         return None
 
 
-def _write_pages(stage: Path, out: Path) -> None:
-    """Write the pages of all finished sections, staged ones included, in the paper's order."""
-    found = [finished_section(stage, key) or finished_section(out, key) for key in SECTIONS]
-    sections = [section for section in found if section is not None]
-    write_text(stage / "reproduce.md", markdown_page(sections))
-    write_text(stage / "reproduce.html", html_page(sections, stage, out))
+def _write_pages(stage: Path, out: Path, keys: Iterable[str]) -> None:
+    """Write the pages of all finished sections, staged ones included, in this order."""
+    every = [finished_section(stage, key) or finished_section(out, key) for key in keys]
+    finished = [section for section in every if section is not None]
+    write_text(stage / "reproduce.md", markdown_page(finished))
+    write_text(stage / "reproduce.html", html_page(finished, stage, out))

@@ -19,7 +19,7 @@ from pgm_places.reproduce.stand_ins import STAND_INS, with_stand_ins
 __all__ = ["CONFIGS", "Setting", "data_folder"]
 
 CONFIGS = Path(str(files("pgm_places.reproduce"))) / "configs"
-"""The experiments' configurations, part of the package."""
+"""The configurations of the paper's sections, part of the package."""
 
 
 def data_folder() -> Path | None:
@@ -41,20 +41,23 @@ class Setting:
     kept : Path, optional
         A folder for what is slow to compute, so that an interrupted experiment resumes where it
         stopped.
+    configs : Path
+        The folder of the configurations.
     """
 
     data: Path | None = None
     progress: Progress = field(default_factory=Silent)
     n_threads: int | None = None
     kept: Path | None = None
+    configs: Path = CONFIGS
 
     def experiment(self, name: str, changes: Mapping[str, Any] | None = None) -> Experiment:
         """The experiment of a configuration, with values changed (see ``changed_config``)."""
-        config = load_config(CONFIGS / f"{name}.toml")
+        config = load_config(self.configs / f"{name}.toml")
         if self.data is None:
             config = with_stand_ins(config)
         config = changed_config(config, changes or {})
-        return Experiment(config, CONFIGS, self.progress, self.n_threads)
+        return Experiment(config, self.configs, self.progress, self.n_threads)
 
     def unlabelled_map(self, folder: str) -> OccupancyGrid:
         """A map of the real data, or of the building that stands in for it."""

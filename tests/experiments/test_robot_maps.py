@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from experiments.buildings.maps import KnownMap
 from experiments.robot_maps import __main__ as command
 from experiments.robot_maps import catalogue
 from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures
@@ -17,7 +18,6 @@ from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.reproduce.building_maps import KnownMap
 from pgm_places.unary.map_model import CellScores
 from tests.quick_labeler import places
 from tests.real_data import real_data_folder

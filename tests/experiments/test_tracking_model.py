@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.buildings.maps import GENERATED, NAMES, KnownMap
+from experiments.kept import KeptArrays
 from experiments.tracking_model.drives import Laser, Observed, simulated_drive
 from experiments.tracking_model.learning import Table, by_source, folds, learned
 from experiments.tracking_model.real_drives import in_lobby
 from experiments.tracking_model.unseen import ALONE, WAYS, Answer, floors_table, lasers_table
 from pgm_places.datasets import generate_building
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.reproduce.building_maps import GENERATED, NAMES, KnownMap
-from pgm_places.reproduce.kept import KeptArrays
 from pgm_places.unary.surroundings import N_SURROUNDINGS
 
 LASER = Laser(180.0, 60, 10.0)

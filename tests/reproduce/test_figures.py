@@ -7,17 +7,12 @@ import pytest
 
 from pgm_places.experiment.comparison import TestMap, score_intervals
 from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import UNKNOWN
-from pgm_places.reproduce.ablations import stripe
 from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet, window_grid
 from pgm_places.reproduce.figures import away_from_borders, finding, method_table, percent
-from pgm_places.reproduce.other_maps import seen_part
 from pgm_places.reproduce.overview import overview_table
 from pgm_places.reproduce.scored_steps import scored_steps
 from pgm_places.reproduce.section import Finding, Section
-from pgm_places.sensing.simulated_robot import SimulatedRobot
-from pgm_places.trajectories.scan import ScanGeometry
 from pgm_places.trajectories.trajectory import Trajectory
 from tests.report.comparisons import NAMES, small_comparison, small_map
 
@@ -59,29 +54,6 @@ def test_pictures_show_the_tested_part_of_the_map_only() -> None:
     comparison = small_comparison()
     for sheet in (label_sheet, error_sheet):
         assert sheet(comparison)[1:4] == b"PNG"
-
-
-def test_a_stripe_keeps_the_columns_next_to_the_cut() -> None:
-    item = small_map()
-    known = LabelledMap(item.grid, item.truth)
-    whole, part = stripe(known, 0.0), stripe(known, 0.5)
-    assert whole.labelled_cells.sum() == known.labelled_cells.sum()
-    columns = np.flatnonzero(part.labelled_cells.any(axis=0))
-    assert columns[-1] == 7
-    assert 1 < columns[0] < 7
-
-
-def test_what_a_drive_saw_has_the_labels_of_the_whole_map() -> None:
-    item = small_map()
-    labels = np.where(item.truth >= 0, item.truth, 0).astype(np.int16)
-    whole = LabelledMap(item.grid, np.where(item.grid.free, labels, -1).astype(np.int16))
-    robot = SimulatedRobot(ScanGeometry.full_circle(360, range_max_m=10.0), radius_m=0.2)
-    drive = robot.drive(item.grid, [[1.2, 1.2], [3.0, 1.2]])
-    seen = seen_part(whole, drive)
-    assert seen.labelled_cells.sum() > 5
-    rows, columns = np.nonzero(seen.labelled_cells)
-    at = whole.grid.cells_at_m(seen.grid.cell_centres_m(np.column_stack([rows, columns])))
-    assert (seen.labels[rows, columns] == whole.labels[at[:, 0], at[:, 1]]).all()
 
 
 def test_steps_without_a_true_place_do_not_count() -> None:

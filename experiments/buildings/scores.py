@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.buildings.lists import AVERAGE, DOORWAY, RECIPES, WHOLE, Scored, folded
+from experiments.buildings.maps import LATTICE_STEP, NAMES
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.labeling import Labeling
@@ -15,8 +17,6 @@ from pgm_places.inference.temperature import likeliest_temperature, tempered
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.list_training import platt, temperature
 from pgm_places.models.mrf import PottsField
-from pgm_places.reproduce.building_lists import AVERAGE, DOORWAY, RECIPES, WHOLE, Scored, folded
-from pgm_places.reproduce.building_maps import LATTICE_STEP, NAMES
 from pgm_places.spaces.door_truth import DoorScores, match_doors
 from pgm_places.spaces.gates import gate_candidates
 from pgm_places.spaces.segmentation import Segmentation

@@ -7,14 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pgm_places.datasets import LabelledBuilding, generate_building
-from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.inference.labeling import Labeling, Status
-from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.maps.occupancy_grid import OccupancyGrid
-from pgm_places.reproduce import building_lists, building_maps, buildings
-from pgm_places.reproduce.building_lists import AVERAGE, WHOLE, Scored, scored_maps
-from pgm_places.reproduce.building_maps import (
+from experiments.buildings import lists, maps, section
+from experiments.buildings.lists import AVERAGE, WHOLE, Scored, scored_maps
+from experiments.buildings.maps import (
     DRAWN,
     NAMES,
     SIMULATED,
@@ -23,14 +18,19 @@ from pgm_places.reproduce.building_maps import (
     building_numbers,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import (
+from experiments.buildings.scores import (
     RESCALED,
     lattice_graph,
     places_of,
     rescaled,
     tempered_fields,
 )
-from pgm_places.reproduce.kept import KeptArrays, fingerprint
+from experiments.kept import KeptArrays, fingerprint
+from pgm_places.datasets import LabelledBuilding, generate_building
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.inference.labeling import Labeling, Status
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.reproduce.setting import Setting
 from pgm_places.unary.options import ClassifierOptions, SpaceOptions
 
@@ -43,16 +43,16 @@ def small_building(seed: int, **_: object) -> LabelledBuilding:
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Setting:
     """Two buildings with a robot-like copy each, a generated one, and few rounds of boosting."""
-    monkeypatch.setattr(building_maps, "generate_building", small_building)
-    monkeypatch.setattr(building_maps, "STAND_INS", ("school", "office"))
-    monkeypatch.setattr(building_maps, "GENERATED_STYLES", ("office",))
-    monkeypatch.setattr(building_maps, "PER_STYLE", 1)
-    monkeypatch.setattr(building_maps, "EXAMPLES_PER_MAP", 200)
-    monkeypatch.setattr(buildings, "N_FOLDS", 2)
+    monkeypatch.setattr(maps, "generate_building", small_building)
+    monkeypatch.setattr(maps, "STAND_INS", ("school", "office"))
+    monkeypatch.setattr(maps, "GENERATED_STYLES", ("office",))
+    monkeypatch.setattr(maps, "PER_STYLE", 1)
+    monkeypatch.setattr(maps, "EXAMPLES_PER_MAP", 200)
+    monkeypatch.setattr(section, "N_FOLDS", 2)
     quick = functools.partial(SpaceOptions, n_rounds=5)
-    monkeypatch.setattr(building_lists, "SpaceOptions", quick)
+    monkeypatch.setattr(lists, "SpaceOptions", quick)
     monkeypatch.setattr(
-        building_lists, "ClassifierOptions", functools.partial(ClassifierOptions, n_rounds=5)
+        lists, "ClassifierOptions", functools.partial(ClassifierOptions, n_rounds=5)
     )
     return Setting(kept=tmp_path / "kept")
 
@@ -60,23 +60,23 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Setting:
 def test_every_kind_has_its_figures_and_a_stopped_run_goes_on(
     small: Setting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = buildings.run(small)
+    found = section.run(small)
     by_kind, ablation, calibration, worst = found.tables
     kinds = ["office, drawn", "office, simulated SLAM", "school, drawn", "school, simulated SLAM"]
     assert [row[0] for row in by_kind.rows] == kinds
     assert [row[0] for row in calibration.rows] == kinds
     assert ablation.heading == ("", *kinds, "mean of kinds")
-    assert [row[0] for row in ablation.rows] == list(buildings.ABLATION.values())
+    assert [row[0] for row in ablation.rows] == list(section.ABLATION.values())
     assert len(worst.rows) == 4
     assert {item.file for item in found.pictures} == set(found.files)
 
     def forbidden(*_: object, **__: object) -> None:
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(building_maps, "training_features", forbidden)
-    monkeypatch.setattr(building_maps, "simulate_map", forbidden)
-    monkeypatch.setattr(building_lists, "gate_list", forbidden)
-    assert buildings.run(small) == found
+    monkeypatch.setattr(maps, "training_features", forbidden)
+    monkeypatch.setattr(maps, "simulate_map", forbidden)
+    monkeypatch.setattr(lists, "gate_list", forbidden)
+    assert section.run(small) == found
 
 
 def test_the_labels_of_a_building_do_not_change_its_own_scores(small: Setting) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.kept import KeptArrays, fingerprint
 from pgm_places._version import __version__
 from pgm_places.datasets import generate_building, simulate_map
 from pgm_places.io.maps.label_image import load_labels
@@ -18,7 +19,6 @@ from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Silent
 from pgm_places.reproduce.cold import PLACES, place_classes
-from pgm_places.reproduce.kept import KeptArrays, fingerprint
 from pgm_places.reproduce.setting import Setting
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.halls import HallNames

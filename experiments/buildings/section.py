@@ -5,11 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
-from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
-from pgm_places.report.sheet import Panel, sheet_png
-from pgm_places.reproduce.building_lists import RECIPES, WHOLE, scored_maps
-from pgm_places.reproduce.building_maps import (
+from experiments.buildings.lists import RECIPES, WHOLE, scored_maps
+from experiments.buildings.maps import (
     EXAMPLES_PER_MAP,
     GENERATED,
     LATTICE_STEP,
@@ -17,7 +14,7 @@ from pgm_places.reproduce.building_maps import (
     building_numbers,
     sampled_maps,
 )
-from pgm_places.reproduce.building_scores import (
+from experiments.buildings.scores import (
     AVERAGED,
     GATES,
     POTTS,
@@ -28,6 +25,9 @@ from pgm_places.reproduce.building_scores import (
     map_results,
     means,
 )
+from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches
+from pgm_places.report.canvas import difference_canvas, label_canvas, view_of
+from pgm_places.report.sheet import Panel, sheet_png
 from pgm_places.reproduce.figures import percent
 from pgm_places.reproduce.section import Finding, Outcome, Picture, Table
 from pgm_places.reproduce.setting import Setting
@@ -87,7 +87,7 @@ def run(setting: Setting) -> Outcome:
             f"so is the temperature of the beliefs of {TEMPERED!r}. "
             "The rows without some of the training maps keep the gates of the full training set; "
             "the average is that of their lists, of 66 rounds each. "
-            "Run it with `pgm-places reproduce buildings`.",
+            "Run it with `python -m experiments buildings`.",
         ),
     )
 

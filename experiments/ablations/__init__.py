@@ -1,0 +1,1 @@
+"""What each part contributes: features, beams, cells, noise, options, training data."""
