@@ -1,14 +1,12 @@
 """The planes that one thread works in while it extracts features."""
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.features._fourier_kernels import SUM_ROWS, WORK_ROWS
-from pgm_places.features._lone_scan_kernels import EXACT_ROWS, SINGLE_ROWS, VERTICES, LoneRoom
 from pgm_places.features._polygon_kernels import SHAPE_ROWS
 from pgm_places.features._tiles import N_BEAMS, N_FEATURES, TILE_ROWS
 from pgm_places.kernels.lanes import LANES, aligned_planes
@@ -40,22 +38,6 @@ class Workspace:
         self.calls_for: Any = None
         self.calls: list[Callable[[], None]] = []
         self._blocks: dict[Any, NDArray[Any]] = {}
-
-    @cached_property
-    def lone(self) -> LoneRoom:
-        """Room for the Fourier series of one scan alone."""
-        powers = np.zeros((2 * LANES, VERTICES), np.float32)
-        powers[0] = 1.0
-        return LoneRoom(
-            self.few,
-            np.zeros((SUM_ROWS, LANES), np.float32),
-            np.zeros((EXACT_ROWS, VERTICES + LANES)),
-            np.zeros((SINGLE_ROWS, VERTICES + LANES), np.float32),
-            powers,
-            aligned_planes(2 * VERTICES, np.float32),
-            aligned_planes(4 * 7, np.float32),
-            np.arange(2 * VERTICES),
-        )
 
     def block(self, dtype: Any) -> NDArray[Any]:
         """(16, 16) room for a block of scans of a type."""

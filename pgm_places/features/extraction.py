@@ -15,7 +15,6 @@ from pgm_places.features._beam_kernels import (
     spread_features,
 )
 from pgm_places.features._fourier_kernels import FourierRoom, Outline, fourier_features
-from pgm_places.features._lone_scan_kernels import lone_fourier_features
 from pgm_places.features._minima_kernels import MinimaRoom, minima_features
 from pgm_places.features._polygon_kernels import (
     centroid_features,
@@ -224,20 +223,18 @@ def _extract_part(
     for start in range(0, len(scans), SCANS_PER_GROUP):
         stop = min(start + SCANS_PER_GROUP, len(scans))
         load_tiles(scans, start, stop, limit, space.rows, block, space.rho)
-        for call in _calls(plan, space, -(-(stop - start) // LANES), alone=stop - start == 1):
+        for call in _calls(plan, space, -(-(stop - start) // LANES)):
             call()
         write_rows(space.values, plan.columns, start, stop, space.rows, space.places, rows)
 
 
-def _calls(
-    plan: FeaturePlan, space: Workspace, n_tiles: int, *, alone: bool
-) -> list[Callable[[], None]]:
+def _calls(plan: FeaturePlan, space: Workspace, n_tiles: int) -> list[Callable[[], None]]:
     """What computes the features of a plan in these planes, once the beams are there."""
-    if space.calls_for != (plan, n_tiles, alone):
+    if space.calls_for != (plan, n_tiles):
         calls = [*_beam_families(plan, space, n_tiles), *_polygon_families(plan, space, n_tiles)]
         if plan.fourier is not None:
-            calls.append(_fourier_series(plan.fourier, space, n_tiles, alone=alone))
-        space.calls_for, space.calls = (plan, n_tiles, alone), calls
+            calls.append(_fourier_series(plan.fourier, space, n_tiles))
+        space.calls_for, space.calls = (plan, n_tiles), calls
     return space.calls
 
 
@@ -272,12 +269,8 @@ def _polygon_families(
         yield ready(moment_features, rho, n_tiles, DIRECTIONS, shape, space.few, values)
 
 
-def _fourier_series(
-    plan: FourierPlan, space: Workspace, n_tiles: int, *, alone: bool
-) -> Callable[[], None]:
+def _fourier_series(plan: FourierPlan, space: Workspace, n_tiles: int) -> Callable[[], None]:
     outline = Outline(space.rho, DIRECTIONS, space.edges, space.shape)
-    if alone:
-        return ready(lone_fourier_features, outline, plan, space.lone, space.values)
     room = FourierRoom(space.few, space.outline, space.cells)
     return ready(fourier_features, outline, n_tiles, plan, room, space.values)
 
