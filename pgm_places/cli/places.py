@@ -161,7 +161,8 @@ def export(
         AtLeastZero | None,
         Option(
             "--robot-radius",
-            help="For nav2-route: leave out passages too narrow for this radius (m).",
+            help="For nav2-route: the robot's radius (m), 0.2 by default. What it does not fit "
+            "through is left out, and the places that it cannot reach are listed.",
         ),
     ] = None,
     force: Force = False,
@@ -173,15 +174,26 @@ def export(
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        write_export(
-            topology,
-            to,
-            files.stage,
-            values=_values(values or ()) or None,
-            robot_radius_m=robot_radius_m,
-            lies_in=out or folder,
-        )
+        if to == "nav2-route" and not values:
+            _write_routes(files.stage, topology, robot_radius_m)
+        else:
+            write_export(
+                topology,
+                to,
+                files.stage,
+                values=_values(values or ()) or None,
+                robot_radius_m=robot_radius_m,
+                lies_in=out or folder,
+            )
     say_written(files)
+
+
+def _write_routes(folder: Path, topology: "TopologicalMap", robot_radius_m: float | None) -> None:
+    """The route graph and its picture; says what the robot cannot reach."""
+    from pgm_places.report.topology_output import routes_summary, write_routes
+
+    given = {} if robot_radius_m is None else {"robot_radius_m": robot_radius_m}
+    say(routes_summary(topology, write_routes(folder, topology, **given)))
 
 
 def _values(texts: Sequence[str]) -> dict[str, int]:

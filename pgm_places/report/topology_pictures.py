@@ -1,6 +1,6 @@
 """The topological map drawn over the map, and as a diagram (paper Figs. 9 and 11)."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.palette import ERROR, label_colours, tinted
-from pgm_places.report.canvas import Canvas, label_canvas, view_of
+from pgm_places.report.canvas import Canvas, View, label_canvas, view_of
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.figure import INK, MUTED
 from pgm_places.report.name_spots import name_spots
@@ -18,7 +18,7 @@ from pgm_places.topology.checks import PlaceCheck, places_to_check
 from pgm_places.topology.regions import Region
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["count_line", "marked_checks", "topology_drawing", "topology_picture"]
+__all__ = ["count_line", "marked_checks", "paled_canvas", "topology_drawing", "topology_picture"]
 
 _MOST_PIXELS = 1_000_000
 _LONG_SIDE = 1500
@@ -63,7 +63,7 @@ def topology_drawing(
     'RGB'
     """
     view = view_of(grid, topology.region > 0, most_pixels=_MOST_PIXELS)
-    canvas = label_canvas(grid, topology.labels, topology.label_names, view)
+    canvas = paled_canvas(grid, topology.labels, topology.label_names, view)
     height, width = canvas.indices.shape
     scale = max(1, _LONG_SIDE // max(height, width))
     size = (scale * width, scale * height)
@@ -82,7 +82,7 @@ def topology_drawing(
     if marked_checks(topology):
         caption += "; check those with their numbers in red first"
     page.text(_EDGE, top + 8, caption, size=15, colour=MUTED)
-    over = Drawing.of(_paled(canvas), scale)
+    over = Drawing.of(canvas, scale)
     _draw_gates(over, topology, pixels)
     _draw_graph(over, topology, pixels)
     checks = marked_checks(topology)
@@ -97,8 +97,11 @@ def topology_drawing(
     return page
 
 
-def _paled(canvas: Canvas) -> Canvas:
+def paled_canvas(
+    grid: OccupancyGrid, labels: NDArray[np.int16], label_names: Sequence[str], view: View
+) -> Canvas:
     """The map with its labels' colours (all that come after the four of the ground) made pale."""
+    canvas = label_canvas(grid, labels, label_names, view)
     pale = (tinted(colour, _PALE) for colour in canvas.colours[4:])
     return replace(canvas, colours=(*canvas.colours[:4], *pale))
 

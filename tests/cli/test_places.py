@@ -73,7 +73,7 @@ def test_where(places: Path, run: Run) -> None:
 @pytest.mark.parametrize(
     ("to", "options", "names"),
     [
-        ("nav2-route", [], ["nav2_route.geojson"]),
+        ("nav2-route", [], ["nav2_route.geojson", "nav2_route.png"]),
         ("zones", [], ["zones.png", "zones.yaml", "zones_params.yaml"]),
         ("keepout", ["--set", "room=100"], ["keepout.png"]),
         ("graphml", [], ["places.graphml"]),
@@ -99,7 +99,7 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
         (["export", "--to", "keepout", "--set", "rom=3"], "there is no place 'rom'"),
         (["export", "--to", "keepout", "--set", "room=101"], "must be 0 to 100, got 101"),
         (["export", "--to", "dot", "--set", "room=1"], "takes no values"),
-        (["export", "--to", "nav2-route", "--robot-radius", "50"], "no two regions are connected"),
+        (["export", "--to", "nav2-route", "--robot-radius", "50"], "no two places are connected"),
     ],
 )
 def test_bad_input_is_one_line(arguments: list[str], words: str, places: Path, run: Run) -> None:

@@ -12,15 +12,20 @@ from pgm_places.io.places.graph_files import write_dot, write_graphml, write_nod
 from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_bag import write_place_bag
 from pgm_places.io.places.region_features import write_region_features
+from pgm_places.topology.route_graph import ROBOT_RADIUS_M, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["EXPORTS", "export"]
+__all__ = ["EXPORTS", "ROUTE_FILE", "export"]
 
 Values: TypeAlias = Mapping[str, int] | None
 Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 
+ROUTE_FILE = "nav2_route.geojson"
+
 EXPORTS: dict[str, Writer] = {
-    "nav2-route": lambda folder, t: [write_nav2_route(folder / "nav2_route.geojson", t)],
+    "nav2-route": lambda folder, t: [
+        write_nav2_route(folder / ROUTE_FILE, t, route_graph(t)),
+    ],
     "regions": lambda folder, t: [write_region_features(folder / "regions.geojson", t)],
     "graphml": lambda folder, t: [write_graphml(folder / "places.graphml", t)],
     "node-link": lambda folder, t: [write_node_link(folder / "places.json", t)],
@@ -61,7 +66,7 @@ def export(
     values : mapping of str to int, optional
         Those of a filter mask, by class or name of place.
     robot_radius_m : float, optional
-        For ``nav2-route``: passages that a disc of this radius does not pass are left out.
+        For ``nav2-route``: ways have room for a disc of this radius.
     lies_in : Path, optional
         The folder where the files will lie, if they are moved.
 
@@ -83,8 +88,9 @@ def export(
     if values:
         raise InputError(f"the export {to!r} takes no values; masks that do: {', '.join(MASKS)}")
     if to == "nav2-route":
-        path, radius = folder / "nav2_route.geojson", robot_radius_m or 0.0
-        return [write_nav2_route(path, topology, robot_radius_m=radius)]
+        radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
+        found = route_graph(topology, robot_radius_m=radius)
+        return [write_nav2_route(folder / ROUTE_FILE, topology, found)]
     _refuse_radius(to, robot_radius_m)
     return EXPORTS[to](folder, topology)
 

@@ -1,31 +1,24 @@
-"""The topological map as a graph of Nav2's Route Server (GeoJSON)."""
+"""The route graph for Nav2's Route Server (GeoJSON)."""
 
-import itertools
 import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.places.region_features import DIGITS, LOCAL_METRES
-from pgm_places.topology.passage_paths import PassagePath, passage_paths
+from pgm_places.topology.route_graph import ROBOT_RADIUS_M, RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["nav2_route", "write_nav2_route"]
+__all__ = ["nav2_route", "route_features", "write_nav2_route"]
+
+Feature = dict[str, Any]
 
 
 def nav2_route(
-    topology: TopologicalMap, *, frame: str = "map", robot_radius_m: float = 0.0
+    topology: TopologicalMap, *, frame: str = "map", robot_radius_m: float = ROBOT_RADIUS_M
 ) -> dict[str, Any]:
-    """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
-
-    Nodes are the regions' anchors, with the regions' ids, the midpoints of the passages, and as
-    many points in between as keep every edge, a straight line, inside the regions. Edges come in
-    both directions, each with an id of its own. Ids are unique over nodes and edges. Metadata hold
-    the ``class`` that Nav2's ``SemanticScorer`` looks for and the ``name`` of the place, and no
-    null, which the loader refuses. ``abs_speed_limit`` and operations are left to the user.
+    """The FeatureCollection of a map's route graph for a robot of a radius.
 
     Parameters
     ----------
@@ -33,113 +26,130 @@ def nav2_route(
     frame : str
         Name of the map's frame.
     robot_radius_m : float
-        Connections that a disc of this radius does not pass are left out.
+        Every edge is at least this far from obstacles.
 
     Raises
     ------
     InputError
-        There is no connection: the Route Server refuses a graph without edges.
+        There is no edge: the Route Server refuses such a graph.
     """
-    found = [path for path in passage_paths(topology) if path.width_m >= 2 * robot_radius_m]
-    if not found:
+    found = route_graph(topology, robot_radius_m=robot_radius_m)
+    return route_features(topology, found, frame=frame)
+
+
+def route_features(
+    topology: TopologicalMap, routes: RouteGraph, *, frame: str = "map"
+) -> dict[str, Any]:
+    """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
+
+    The node that stands for a place has the id of the place; every id is used once. Edges come in
+    both directions, each with an id of its own. Metadata hold the ``class`` that Nav2's
+    ``SemanticScorer`` looks for, the ``name`` of the place, the ``clearance_m``, and for nodes in
+    doorways their ``width_m``; never null, which the loader refuses. ``abs_speed_limit`` and
+    operations are left to the user.
+
+    Parameters
+    ----------
+    topology : TopologicalMap
+    routes : RouteGraph
+    frame : str
+        Name of the map's frame.
+
+    Raises
+    ------
+    InputError
+        There is no edge.
+    """
+    if not routes.edges:
         raise InputError(
-            "no two regions are connected by a passage wide enough; Nav2's Route Server needs at "
-            "least one edge"
+            f"a robot with a radius of {routes.robot_radius_m:g} m can go nowhere: no two places "
+            "are connected by a passage wide enough; Nav2's Route Server needs at least one edge"
         )
-    builder = _Builder(topology, frame)
-    for path in found:
-        builder.add(path)
+    free = max((region.id for region in topology.regions), default=0) + 1
+    others = iter(range(free, free + len(routes.nodes)))
+    ids = [node.region if node.is_anchor else next(others) for node in routes.nodes]
+    first = next(others)
     return {
         "type": "FeatureCollection",
         "name": "graph",
         "crs": LOCAL_METRES,
-        "features": [*builder.nodes, *builder.edges],
+        "features": [
+            *_nodes(topology, routes, ids, frame),
+            *_edges(topology, routes, ids, first),
+        ],
     }
 
 
-class _Builder:
-    """Features with unique ids."""
-
-    def __init__(self, topology: TopologicalMap, frame: str) -> None:
-        self.topology, self.frame = topology, frame
-        self.nodes: list[dict[str, Any]] = []
-        self.edges: list[dict[str, Any]] = []
-        self.passages: dict[tuple[float, float], int] = {}
-        self.position: dict[int, tuple[float, float]] = {}
-        for region in topology.regions:
-            self.node(region.id, region.anchor_m, region.id)
-        self.free = max((region.id for region in topology.regions), default=0) + 1
-
-    def next_id(self) -> int:
-        self.free += 1
-        return self.free - 1
-
-    def node(self, number: int, point: tuple[float, float], region_id: int) -> None:
-        region = self.topology.place(region_id)
-        self.position[number] = point
-        self.nodes.append(
+def _nodes(
+    topology: TopologicalMap, routes: RouteGraph, ids: list[int], frame: str
+) -> list[Feature]:
+    found = []
+    for number, node in zip(ids, routes.nodes, strict=True):
+        metadata = {
+            **_place(topology, node.region),
+            "region": node.region,
+            "is_anchor": node.is_anchor,
+            "clearance_m": round(node.clearance_m, DIGITS),
+        }
+        width_m = _door_width_m(topology, node.region)
+        if width_m is not None:
+            metadata["width_m"] = round(width_m, DIGITS)
+        found.append(
             {
                 "type": "Feature",
-                "properties": {
-                    "id": number,
-                    "frame": self.frame,
-                    "metadata": {
-                        "class": region.label,
-                        "name": region.name,
-                        "region": region.id,
-                        "is_anchor": number == region.id,
-                    },
-                },
-                "geometry": {"type": "Point", "coordinates": _rounded(point)},
+                "properties": {"id": number, "frame": frame, "metadata": metadata},
+                "geometry": {"type": "Point", "coordinates": _rounded(node.point_m)},
             }
         )
+    return found
 
-    def add(self, path: PassagePath) -> None:
-        """The nodes and edges from an anchor to the middle of a passage and back."""
-        last = path.points_m[-1]
-        if last not in self.passages:
-            self.passages[last] = self.next_id()
-            self.node(self.passages[last], last, path.region)
-        middle = [self.next_id() for _ in path.points_m[1:-1]]
-        for number, point in zip(middle, path.points_m[1:-1], strict=True):
-            self.node(number, point, path.region)
-        chain = [path.region, *middle, self.passages[last]]
-        for a, b in itertools.pairwise(chain):
-            self.edge(a, b, path)
-            self.edge(b, a, path)
 
-    def edge(self, start: int, end: int, path: PassagePath) -> None:
-        ends = (self.position[start], self.position[end])
-        length = float(np.hypot(*np.subtract(*ends)))
-        region = self.topology.place(path.region)
-        self.edges.append(
-            {
-                "type": "Feature",
-                "properties": {
-                    "id": self.next_id(),
-                    "startid": start,
-                    "endid": end,
-                    "cost": round(length, DIGITS),
-                    "overridable": True,
-                    "metadata": {
-                        "class": region.label,
-                        "name": region.name,
-                        "width_m": round(path.width_m, DIGITS),
-                    },
-                },
-                "geometry": {
-                    "type": "MultiLineString",
-                    "coordinates": [[_rounded(point) for point in ends]],
-                },
+def _edges(
+    topology: TopologicalMap, routes: RouteGraph, ids: list[int], free: int
+) -> list[Feature]:
+    found: list[Feature] = []
+    for edge in routes.edges:
+        metadata = {
+            **_place(topology, edge.region),
+            "clearance_m": round(edge.clearance_m, DIGITS),
+        }
+        for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
+            line = [_rounded(routes.nodes[k].point_m) for k in (start, end)]
+            properties = {
+                "id": free + len(found),
+                "startid": ids[start],
+                "endid": ids[end],
+                "cost": round(edge.length_m, DIGITS),
+                "overridable": True,
+                "metadata": metadata,
             }
-        )
+            geometry = {"type": "MultiLineString", "coordinates": [line]}
+            found.append({"type": "Feature", "properties": properties, "geometry": geometry})
+    return found
+
+
+def _place(topology: TopologicalMap, number: int) -> dict[str, Any]:
+    region = topology.place(number)
+    return {"class": region.label, "name": region.name}
+
+
+def _door_width_m(topology: TopologicalMap, number: int) -> float | None:
+    """The width of a doorway at its narrowest passage; None for other places."""
+    if topology.place(number).label != topology.doorway_label:
+        return None
+    return min(
+        (item.width_m for item in topology.connections if number in (item.first, item.second)),
+        default=None,
+    )
 
 
 def _rounded(point: tuple[float, float]) -> list[float]:
     return [round(value, DIGITS) for value in point]
 
 
-def write_nav2_route(path: Path | str, topology: TopologicalMap, **options: Any) -> Path:
-    """Write the graph for Nav2's Route Server; the path. Options are those of ``nav2_route``."""
-    graph = nav2_route(topology, **options)
+def write_nav2_route(
+    path: Path | str, topology: TopologicalMap, routes: RouteGraph, *, frame: str = "map"
+) -> Path:
+    """Write the graph for Nav2's Route Server; the path."""
+    graph = route_features(topology, routes, frame=frame)
     return write_text(path, json.dumps(graph, allow_nan=False) + "\n")

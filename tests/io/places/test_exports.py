@@ -23,6 +23,7 @@ from pgm_places.io.places.filter_masks import write_filter_mask
 from pgm_places.io.places.nav2_route import nav2_route
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.route_graph import route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 from tests.topology.floors import NAMES, floor_grid, floor_labels, floor_map
 
@@ -53,6 +54,11 @@ def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalM
     assert len(nodes) + len(edges) == len(graph["features"])
     assert nodes
     assert edges
+    doors = [f for f in nodes if f["properties"]["metadata"]["class"] == "doorway"]
+    assert doors
+    assert all(f["properties"]["metadata"]["width_m"] > 0 for f in doors)
+    for f in [*nodes, *edges]:
+        assert f["properties"]["metadata"]["clearance_m"] >= 0.2
     ids = [f["properties"]["id"] for f in graph["features"]]
     assert all(isinstance(number, int) and 0 <= number < 2**16 for number in ids)
     assert len(set(ids)) == len(ids)
@@ -73,7 +79,9 @@ def test_nav2s_loader_would_take_the_route_graph(make: Callable[[], TopologicalM
     assert len(pairs) == len(edges)
     assert {(b, a) for a, b in pairs} == pairs
     route = nx.DiGraph(list(pairs))
-    for a, b in itertools.combinations([r.id for r in topology.regions], 2):
+    named = {f["properties"]["id"] for f in nodes if f["properties"]["metadata"]["is_anchor"]}
+    assert named | {*route_graph(topology).unreachable} == {r.id for r in topology.regions}
+    for a, b in itertools.combinations(sorted(named), 2):
         assert nx.has_path(route, a, b) == nx.has_path(topology.graph, a, b)
 
 
@@ -127,11 +135,12 @@ def test_both_costmaps_keep_out_and_name_the_mask_where_it_will_lie(tmp_path: Pa
 
 def test_a_robot_that_is_too_wide_has_no_ways(tmp_path: Path) -> None:
     topology = floor_map()  # whose passages are all 1.5 m wide
-    [path] = export(topology, "nav2-route", tmp_path)
-    text = path.read_text()
     [path] = export(topology, "nav2-route", tmp_path, robot_radius_m=0.75)
-    assert path.read_text() == text
-    with pytest.raises(InputError, match="no two regions are connected by a passage wide enough"):
+    clearances = [
+        f["properties"]["metadata"]["clearance_m"] for f in json.loads(path.read_text())["features"]
+    ]
+    assert min(clearances) == 0.75
+    with pytest.raises(InputError, match="no two places are connected by a passage wide enough"):
         export(topology, "nav2-route", tmp_path, robot_radius_m=0.76)
     with pytest.raises(InputError, match="the export 'dot' takes no robot radius; nav2-route does"):
         export(topology, "dot", tmp_path, robot_radius_m=0.3)

@@ -1,0 +1,107 @@
+"""The route graph drawn over the places that it leads through."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.palette import ERROR, Swatch, label_colours, label_swatches
+from pgm_places.report.canvas import view_of
+from pgm_places.report.drawing import Drawing
+from pgm_places.report.figure import INK
+from pgm_places.report.name_spots import name_spots
+from pgm_places.report.sheet import Panel, sheet
+from pgm_places.report.topology_pictures import paled_canvas
+from pgm_places.topology.route_graph import RouteGraph
+from pgm_places.topology.topological_map import TopologicalMap
+
+__all__ = ["route_drawing"]
+
+_MOST_PIXELS = 1_000_000
+_LINE, _DISC, _DOOR, _DOT, _NAME = 2.0, 13.0, 9.0, 4.0, 13
+
+
+def route_drawing(
+    topology: TopologicalMap, routes: RouteGraph, *, title: str | None = None
+) -> Drawing:
+    """Nodes and edges over the places; places that cannot be reached are named in red.
+
+    Examples
+    --------
+    >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
+    >>> from pgm_places.topology.from_labels import topological_map
+    >>> from pgm_places.topology.route_graph import route_graph
+    >>> grid = OccupancyGrid([[0, 0, 0, 0]], resolution_m=1.0)
+    >>> found = topological_map(grid, [[0, 0, 1, 1]], ["room", "corridor"])
+    >>> route_drawing(found, route_graph(found)).image.mode
+    'RGB'
+    """
+    view = view_of(topology.grid, topology.region > 0, most_pixels=_MOST_PIXELS)
+    canvas = paled_canvas(topology.grid, topology.labels, topology.label_names, view)
+
+    def draw(panel: Drawing, scale: int) -> None:
+        points = [node.point_m for node in routes.nodes]
+        at = scale * view.pixels_at_m(topology.grid, np.reshape(points, (-1, 2)))
+        for edge in routes.edges:
+            panel.line(at[[edge.first, edge.second]], colour=INK, width=_LINE)
+        _draw_nodes(panel, topology, routes, at)
+        lost = [topology.place(number) for number in routes.unreachable]
+        crossed = [region.anchor_m for region in lost]
+        spots = scale * view.pixels_at_m(topology.grid, np.reshape(crossed, (-1, 2)))
+        _draw_lost(panel, spots)
+        _draw_names(panel, topology, routes, at, spots)
+
+    n_nodes, n_edges = len(routes.nodes), len(routes.edges)
+    line = f"{n_nodes} nodes, {n_edges} edges, for a robot with a radius of "
+    entries = [*label_swatches(topology.label_names)]
+    if routes.unreachable:
+        entries.append(Swatch("cannot be reached", ERROR))
+    panel = Panel(canvas, f"{line}{routes.robot_radius_m:g} m", draw)
+    return sheet([panel], title=title, legend=entries, long_side=1800)
+
+
+def _draw_nodes(
+    panel: Drawing, topology: TopologicalMap, routes: RouteGraph, at: NDArray[np.float64]
+) -> None:
+    colours = dict(zip(topology.label_names, label_colours(topology.label_names), strict=True))
+    for node, (x, y) in zip(routes.nodes, at.tolist(), strict=True):
+        label = topology.place(node.region).label
+        if not node.is_anchor:
+            panel.disc((x, y), diameter=_DOT, fill=INK, edge=INK)
+        elif label == topology.doorway_label:
+            panel.square((x, y), side=_DOOR, fill=colours[label], edge=INK)
+        else:
+            panel.disc((x, y), diameter=_DISC, fill=colours[label], edge=INK)
+
+
+def _draw_lost(panel: Drawing, spots: NDArray[np.float64]) -> None:
+    for x, y in spots.tolist():
+        for slope in (-1, 1):
+            ends = np.array([[x - 6, y - 6 * slope], [x + 6, y + 6 * slope]])
+            panel.line(ends, colour=ERROR, width=3)
+
+
+def _draw_names(
+    panel: Drawing,
+    topology: TopologicalMap,
+    routes: RouteGraph,
+    at: NDArray[np.float64],
+    lost: NDArray[np.float64],
+) -> None:
+    """The names of places other than doorways, and of all that cannot be reached."""
+    doors, names, discs, colours = [], [], [], []
+    for node, point in zip(routes.nodes, at, strict=True):
+        region = topology.place(node.region)
+        if not node.is_anchor or region.id in routes.unreachable:
+            continue
+        if region.label == topology.doorway_label:
+            doors.append(point)
+        else:
+            names.append(region.name)
+            discs.append(point)
+            colours.append(INK)
+    for number, point in zip(routes.unreachable, lost, strict=True):
+        names.append(topology.place(number).name)
+        discs.append(point)
+        colours.append(ERROR)
+    spots = name_spots(names, discs, doors, size=_NAME, radius=_DISC / 2)
+    for name, colour, (x, y) in zip(names, colours, spots.tolist(), strict=True):
+        panel.text(x, y, name, size=_NAME, centred=True, halo=2, colour=colour)

@@ -1,0 +1,170 @@
+"""Ways that a robot can drive: clear of obstacles, hardly longer than needed, honest about gaps."""
+
+import itertools
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from experiments.routes import cell_lengths, ratios
+from pgm_places.datasets import generate_building
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.topology._route_kernels import needed_edges, segment_clearances, stays_between
+from pgm_places.topology.from_labels import topological_map
+from pgm_places.topology.route_graph import RouteGraph, route_graph
+from pgm_places.topology.topological_map import TopologicalMap
+from tests.real_data import real_data_folder
+from tests.reference.routes import segment_clearance, spanner
+from tests.topology.floors import NAMES, floor_grid, floor_map
+
+
+def check(topology: TopologicalMap, found: RouteGraph) -> None:
+    """Every node and edge keeps its clearance, and nodes and edges know their places."""
+    blocked = np.pad(topology.region == 0, 1, constant_values=True)
+    for edge in found.edges:
+        a, b = (found.nodes[k] for k in (edge.first, edge.second))
+        assert edge.length_m == pytest.approx(np.hypot(*np.subtract(a.point_m, b.point_m)))
+        assert edge.clearance_m >= found.robot_radius_m - 1e-9
+        assert edge.clearance_m <= min(a.clearance_m, b.clearance_m) + 1e-9
+        for t in np.linspace(0, 1, 20):
+            x, y = (1 - t) * np.array(a.point_m) + t * np.array(b.point_m)
+            at = topology.region_at(x, y)
+            assert at is not None
+            assert at.id in (a.region, b.region)
+    side_m = topology.grid.resolution_m
+    for node in found.nodes[:: 1 + len(found.nodes) // 30]:
+        place = topology.region_at(*node.point_m)
+        assert place is not None
+        assert place.id == node.region
+        [cell] = topology.grid.cells_at_m([node.point_m]) + 1
+        ends = np.array([*cell, *cell], float)
+        wanted = side_m * segment_clearance(blocked, ends, 2.0 / side_m)
+        assert node.clearance_m == pytest.approx(wanted)
+
+
+def route_map(**frame: object) -> TopologicalMap:
+    """The floor with corridor, rooms and doorways in cells of 0.5 m."""
+    return floor_map(**frame)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.1])
+def test_every_place_of_a_floor_is_reached(yaw_rad: float) -> None:
+    topology = route_map(yaw_rad=yaw_rad, origin_xy_m=(2.0, 5.0))
+    found = route_graph(topology)
+    check(topology, found)
+    assert found.unreachable == ()
+    assert [n.region for n in found.nodes if n.is_anchor] == [r.id for r in topology.regions]
+    assert nx.is_connected(found.graph)
+
+
+def test_ways_of_a_building_are_clear_and_hardly_longer_than_needed() -> None:
+    made = generate_building(size="small")
+    topology = topological_map(made.grid, made.labels, made.label_names)
+    found = route_graph(topology)
+    check(topology, found)
+    values = ratios(topology, found)
+    assert len(values) == 10
+    assert np.median(values) < 1.06
+    assert values.max() < 1.3
+
+
+def test_a_ring_of_corridors_closes() -> None:
+    labels = np.full((60, 90), -1, np.int16)
+    labels[1:59, 1:89] = 0
+    labels[11:49, 11:79] = -1
+    topology = topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES)
+    found = route_graph(topology)
+    check(topology, found)
+    assert len(nx.cycle_basis(found.graph)) >= 1
+    length = {frozenset(edge): edge for edge in found.graph.edges}
+    assert len(length) == len(found.edges)
+    corners = [node.point_m for node in found.nodes]
+    for x, y in ((0.6, 3.0), (8.4, 3.0), (4.5, 0.6), (4.5, 5.4)):  # all four sides have ways
+        assert min(np.hypot(a - x, b - y) for a, b in corners) < 2.5
+
+
+def narrow_map(width: int) -> TopologicalMap:
+    """Two rooms of 3 m, joined by a doorway of so many cells of 0.1 m, and a third through 2 m."""
+    labels = np.full((32, 98), -1, np.int16)
+    for left in (1, 33, 65):
+        labels[1:31, left : left + 30] = 1
+    labels[6:26, 63:65] = 2
+    labels[10 : 10 + width, 31:33] = 2
+    return topological_map(floor_grid(labels, resolution_m=0.1), labels, NAMES, correct=False)
+
+
+@pytest.mark.parametrize(("radius_m", "n_lost"), [(0.34, 0), (0.35, 0), (0.36, 2)])
+def test_what_does_not_fit_is_left_out_and_said(radius_m: float, n_lost: int) -> None:
+    topology = narrow_map(7)
+    found = route_graph(topology, robot_radius_m=radius_m)
+    check(topology, found)
+    assert len(found.unreachable) == n_lost
+    if n_lost:
+        lost = [topology.place(number) for number in found.unreachable]
+        assert sorted(place.label for place in lost) == ["doorway", "room"]
+        assert all(place.anchor_m[0] < 3.4 for place in lost)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    raster=arrays(np.bool_, (7, 9)),
+    ends=arrays(np.float64, (4,), elements=st.integers(0, 24).map(lambda k: 0.5 + k / 4)),
+    most=st.sampled_from([0.5, 1.7, 20.0]),
+)
+def test_clearance_is_the_exact_distance(raster: np.ndarray, ends: np.ndarray, most: float) -> None:
+    blocked = np.pad(raster, 1, constant_values=True)
+    found = np.empty(1)
+    segment_clearances(blocked, ends[None], np.array([most]), found)
+    assert found[0] == pytest.approx(segment_clearance(blocked, ends, most), abs=1e-9)
+
+
+def test_edges_stay_in_the_places_of_their_ends() -> None:
+    region = np.ones((3, 9), np.int32)
+    region[:, 4], region[:, 5:] = 2, 3
+    ends = np.array([[1, 0, 1, 3.4], [1, 0, 1, 4], [1, 0, 1, 5], [1, 4, 1, 8]], float)
+    found = np.empty(4, np.bool_)
+    stays_between(region, ends, found)
+    assert found.tolist() == [True, True, False, True]
+
+
+@settings(max_examples=40, deadline=None)
+@given(points=arrays(np.int64, (9, 2), elements=st.integers(0, 40)), data=st.data())
+def test_needed_edges_are_those_of_a_greedy_spanner(
+    points: np.ndarray, data: st.DataObject
+) -> None:
+    pairs = np.array(list(itertools.combinations(range(9), 2)))
+    pairs = pairs[data.draw(arrays(np.bool_, len(pairs)))]
+    length = np.rint(1000 * np.hypot(*(points[pairs[:, 0]] - points[pairs[:, 1]]).T))
+    order = np.argsort(length, kind="stable")
+    edges, sorted_length = pairs[order], length[order].astype(np.int64)
+    needed = np.empty(len(edges), np.bool_)
+    needed_edges(edges, sorted_length, 1.3, 9, needed)
+    np.testing.assert_array_equal(needed, spanner(edges, sorted_length, 1.3, 9))
+
+
+def test_the_lengths_compared_with_are_those_over_cells() -> None:
+    topology = topological_map(
+        OccupancyGrid(np.zeros((1, 8), np.int8), 0.5), np.array([[1] * 4 + [0] * 4]), NAMES
+    )
+    points = [(0.25, 0.25), (3.75, 0.25)]
+    assert cell_lengths(topology, 0.2, points)[0, 1] == pytest.approx(3.5)
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", ["freiburg079", "freiburg052"])
+def test_real_buildings_have_short_and_clear_ways(name: str) -> None:
+    folder = real_data_folder(name)
+    names = ("corridor", "room", "doorway")
+    grid = load_map(folder / "map.yaml").grid
+    labels = load_labels(folder / "labels.png", names, grid=grid)
+    topology = topological_map(grid, labels, names)
+    found = route_graph(topology)
+    check(topology, found)
+    values = ratios(topology, found)
+    assert np.median(values) < 1.06
+    assert np.quantile(values, 0.99) < 1.3
