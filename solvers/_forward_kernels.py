@@ -78,7 +78,7 @@ class Steps(NamedTuple):
 
 @njit
 def filter_steps(
-    belief: NDArray[np.float64], begun: bool, arrival: NDArray[np.float64], steps: Steps
+    belief: NDArray[np.float64], begun: bool, arrival: NDArray[np.float64], steps: Steps, each: Any
 ) -> float:
     """Filter some steps on from ``belief`` (K,), of any sum, left at the last (paper eq. 3).
 
@@ -88,37 +88,48 @@ def filter_steps(
     what is in ``scale``: that of the products carried, which needs no logarithm per step.
     """
     action, log_likelihood, likelihood, scale, out, impossible = steps
-    n_steps, n_labels = likelihood.shape
-    carried, predicted = belief.copy(), belief.copy()
-    mass = carried.sum()
+    n_steps, n_labels = len(likelihood), len(each)
+    carried, predicted = blank(each), blank(each)
+    for k in range(n_labels):
+        carried = replaced(carried, k, belief[k])
+    mass = belief.sum()
     evidence = -np.log(mass)
     for t in range(n_steps):
         if t > 0 or begun:
+            a = action[t]
             for k in range(n_labels):
-                arriving = 0.0
-                for m in range(n_labels):
-                    arriving += arrival[action[t], k, m] * carried[m]
-                predicted[k] = arriving
+                arriving = arrival[a, k, 0] * carried[0]
+                for m in range(1, n_labels):
+                    arriving += arrival[a, k, m] * carried[m]
+                predicted = replaced(predicted, k, arriving)
+        else:
+            carried, predicted = predicted, carried
         mass = 0.0
         for k in range(n_labels):
-            carried[k] = predicted[k] * likelihood[t, k]
-            mass += carried[k]
+            weighed = predicted[k] * likelihood[t, k]
+            carried = replaced(carried, k, weighed)
+            mass += weighed
         impossible[t] = False
         if mass < SMALLEST_TOTAL:
-            carried[:] = predicted
-            gained = weigh_in_logs(log_likelihood[t], carried)
+            for k in range(n_labels):
+                belief[k] = predicted[k]
+            gained = weigh_in_logs(log_likelihood[t], belief)
+            for k in range(n_labels):
+                carried = replaced(carried, k, belief[k])
             impossible[t] = gained == -np.inf
             evidence += gained
             scale[t] = 0.0
             mass = 1.0
         elif mass < SMALL_TOTAL:
             evidence += np.log(mass)
-            carried /= mass
+            for k in range(n_labels):
+                carried = replaced(carried, k, carried[k] / mass)
             mass = 1.0
         factor = 1.0 / mass
         for k in range(n_labels):
             out[t, k] = carried[k] * factor
-    belief[:] = carried
+    for k in range(n_labels):
+        belief[k] = carried[k]
     return evidence + np.log(mass)
 
 

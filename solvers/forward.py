@@ -276,13 +276,13 @@ def _filter(
     """
     from pgm_places.solvers._forward_kernels import Steps, filter_steps, subtract_best
 
-    belief, evidence = chain.start.copy(), 0.0
+    belief, each, evidence = chain.start.copy(), _each(len(chain.start)), 0.0
     for part in _blocks(len(chain.observed)):
         rows = _checked(chain.observed, part)
         scaled, scale = np.empty(rows.shape), np.empty(len(rows))
         subtract_best(rows, scaled, scale)
         np.exp(scaled, out=scaled)
         steps = Steps(chain.led[part], rows, scaled, scale, beliefs[part], impossible[part])
-        evidence += filter_steps(belief, begun or part.start > 0, chain.arrival, steps)
+        evidence += filter_steps(belief, begun or part.start > 0, chain.arrival, steps, each)
         evidence += float(scale.sum())
     return evidence
