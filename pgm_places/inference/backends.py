@@ -98,8 +98,8 @@ def backend_names() -> list[str]:
     return METHODS.names()
 
 
-def build(name: str, options: Mapping[str, Any] | None = None) -> Any:
-    """The method of that name with those options.
+def build(name: str, options: Mapping[str, Any] | None = None, /, **further: Any) -> Any:
+    """The method of that name with those options, given as a mapping, by keyword, or both.
 
     Raises
     ------
@@ -110,5 +110,7 @@ def build(name: str, options: Mapping[str, Any] | None = None) -> Any:
     --------
     >>> build("independent")
     Independent()
+    >>> build("potts", weight=0.5).weight
+    0.5
     """
-    return METHODS.build(name, options)
+    return METHODS.build(name, {**(options or {}), **further})

@@ -130,6 +130,12 @@ class Labeler:
         ]
         return f"{type(self).__name__}({', '.join(shown)})"
 
+    def _repr_html_(self) -> str:
+        """The options as notebooks show scikit-learn's estimators."""
+        from sklearn.utils import estimator_html_repr
+
+        return str(estimator_html_repr(self))
+
     @classmethod
     def _defaults(cls) -> dict[str, Any]:
         """The constructor's parameters in order, with their defaults."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.inference.problem import LabelingProblem, labelled_problems
+from pgm_places.labelers.label_names import numbered
 
 __all__ = ["node_scorer"]
 
@@ -40,8 +41,9 @@ def node_scorer(metric: str | Callable[..., float] = "accuracy") -> Scorer:
     """
 
     def scored(labeler: Any, X: Sequence[LabelingProblem], y: Sequence[NDArray[np.int64]]) -> float:
-        truth = np.concatenate([labels for _, labels in labelled_problems(X, y)])
-        found = np.concatenate(labeler.predict(X))
+        pairs = labelled_problems(X, numbered(X, y)[0])
+        truth = np.concatenate([labels for _, labels in pairs])
+        found = np.concatenate(numbered(X, labeler.predict(X))[0])
         known = truth >= 0
         return float(_of_labels(metric)(truth[known], found[known]))
 

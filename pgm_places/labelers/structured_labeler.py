@@ -22,6 +22,7 @@ from pgm_places.inference.problem import (
     weights_of,
 )
 from pgm_places.inference.temperature import calibrated
+from pgm_places.labelers.label_names import named, numbered
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import as_backend, check_labels_any_graph, infer
 from pgm_places.progress import Progress
@@ -37,7 +38,8 @@ class StructuredLabeler(Labeler):
     """A classifier that looks at each node alone, and a backend that labels all nodes together.
 
     It follows scikit-learn's rules with lists in place of arrays: ``X`` is a list of
-    :class:`~pgm_places.inference.problem.LabelingProblem`, ``y`` a list of (N,) label indices.
+    :class:`~pgm_places.inference.problem.LabelingProblem`, ``y`` a list of (N,) label indices or
+    of (N,) label names; :meth:`predict` answers in kind.
     Cross validation therefore splits by whole problems, as it must: neighbouring nodes are alike,
     and nodes of one graph on both sides of a split would make every score too good.
 
@@ -67,6 +69,10 @@ class StructuredLabeler(Labeler):
     ----------
     label_names_ : tuple of K str
         The labels that were learned: those of the training problems.
+    classes_ : (K,) int or str
+        What :meth:`predict` answers with: label indices, or names where ``y`` had names.
+    named_ : bool
+        Whether ``y`` had names.
     classifier_ : scikit-learn classifier or None
         The fitted classifier: what is known of a node before its neighbours are asked.
     backend_ : Backend
@@ -95,6 +101,7 @@ class StructuredLabeler(Labeler):
 
     classifier_: Any
     backend_: Any
+    named_: bool
     learn_seconds_: float
 
     stored_as: ClassVar[str] = "structured-labeler"
@@ -133,8 +140,9 @@ class StructuredLabeler(Labeler):
         ----------
         X : sequence of LabelingProblem
             With ``node_features``, or with ``unary`` where there is no classifier.
-        y : sequence of (N,) int
-            The true label index of every node, -1 where it is unknown.
+        y : sequence of (N,) int or str
+            The true label of every node by index, -1 where it is unknown; or by name, "" or None
+            where it is unknown.
         sample_weight : sequence of float or (N,) float, optional
             For each problem a weight of all its nodes or of each, for classifiers and methods whose
             ``fit`` takes one; others are refused by name.
@@ -191,6 +199,7 @@ class StructuredLabeler(Labeler):
     ) -> dict[str, Self]:
         """A labeler per backend; the last of them is this one."""
         self.check_options()
+        y, by_name = numbered(X, y)
         problems, truths = _checked(X, y)
         if not all(problem.graph.is_chain for problem in problems):
             for backend in methods.values():
@@ -222,7 +231,8 @@ class StructuredLabeler(Labeler):
                 backend = backend.fit(seen, truths, **extra)
             if self.learn_on == "out-of-fold":
                 backend = calibrated(backend, seen, _counted(truths, weights))
-            return {"classifier_": classifier, "backend_": backend, "label_names_": names}
+            fitted = {"classifier_": classifier, "backend_": backend}
+            return {**fitted, "label_names_": names, "named_": by_name}
 
         return self.set_learned_with(methods, learn, progress)
 
@@ -313,9 +323,17 @@ class StructuredLabeler(Labeler):
         seen = self.problem(problem)
         return infer(self.backend_, seen, truth)
 
-    def predict(self, X: Sequence[LabelingProblem]) -> list[Truth]:
-        """For each problem the (N,) label indices of its nodes."""
-        return [self.label(problem).labels for problem in listed_problems(X)]
+    @property
+    def classes_(self) -> NDArray[Any]:
+        """(K,) what :meth:`predict` answers with: label indices, or names where ``y`` had names."""
+        if not self.__sklearn_is_fitted__():
+            raise AttributeError("classes_ is there once fit(X, y) has been called")
+        return np.array(self.label_names_) if self.named_ else np.arange(len(self.label_names_))
+
+    def predict(self, X: Sequence[LabelingProblem]) -> list[NDArray[Any]]:
+        """For each problem the (N,) labels of its nodes: indices, or names if ``y`` had names."""
+        found = [self.label(problem).labels for problem in listed_problems(X)]
+        return [named(labels, self.label_names_) for labels in found] if self.named_ else found
 
     def predict_proba(self, X: Sequence[LabelingProblem]) -> list[NDArray[np.float64]]:
         """For each problem the (N, K) probabilities of its nodes' labels.
@@ -329,12 +347,20 @@ class StructuredLabeler(Labeler):
 
     def score(self, X: Sequence[LabelingProblem], y: Sequence[Truth]) -> float:
         """The ``metric`` over the labelled nodes of all problems together; larger is better."""
-        problems, truths = _checked(X, y)
-        found = self.predict(problems)
+        problems, truths = _checked(X, numbered(X, y)[0])
+        found = [self.label(problem).labels for problem in problems]
         result = evaluate(np.concatenate(truths), np.concatenate(found), problems[0].label_names)
         return float(getattr(result, self.metric))
 
     # ------------------------------------------------------------------ checks
+
+    def __sklearn_tags__(self) -> Any:
+        from sklearn.utils import ClassifierTags, Tags, TargetTags
+
+        target = TargetTags(required=True, multi_output=True)
+        return Tags(
+            estimator_type="classifier", target_tags=target, classifier_tags=ClassifierTags()
+        )
 
     def _check_labels(self, problem: LabelingProblem) -> None:
         self.check_fitted()

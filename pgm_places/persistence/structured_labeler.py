@@ -29,6 +29,7 @@ def dump(labeler: StructuredLabeler) -> tuple[dict[str, Any], Arrays]:
         classifier = dump_estimator(arrays, "classifier", labeler.classifier_)
     manifest = {
         "label_names": list(labeler.label_names_),
+        "named": labeler.named_,
         "options": {name: getattr(labeler, name) for name in OPTIONS},
         "classifier": classifier,
         "backend": dump_backend(arrays, "backend", labeler.backend_),
@@ -49,4 +50,9 @@ def load(manifest: Mapping[str, Any], arrays: Arrays) -> StructuredLabeler:
     labeler = StructuredLabeler(unfitted(backend), before, **options)
     labeler.check_options()
     names = tuple(str(name) for name in manifest["label_names"])
-    return labeler.set_learned(classifier_=fitted, backend_=backend, label_names_=names)
+    return labeler.set_learned(
+        classifier_=fitted,
+        backend_=backend,
+        label_names_=names,
+        named_=bool(manifest.get("named", False)),
+    )

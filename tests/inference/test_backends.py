@@ -45,6 +45,13 @@ def test_unknown_option_offers_the_nearest() -> None:
         build(f"{__name__}:AlwaysFirst", {"time": 3})
 
 
+def test_options_may_be_keywords() -> None:
+    assert build("potts", weight=0.5) == build("potts", {"weight": 0.5})
+    assert build("potts", {"weight": 0.5}, certify=True).certify
+    with pytest.raises(ConfigError, match=r"has no option 'wait'\. Did you mean 'weight'"):
+        build("potts", wait=0.5)
+
+
 def test_missing_module_is_named() -> None:
     with pytest.raises(ConfigError, match="needs 'not_there'"):
         METHODS.find("not_there:Thing")

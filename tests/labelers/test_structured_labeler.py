@@ -3,18 +3,23 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sklearn.base import clone
+from sklearn.base import clone, is_classifier
 from sklearn.linear_model import LogisticRegression, Perceptron
 from sklearn.metrics import balanced_accuracy_score
-from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from sklearn.model_selection import (
+    GridSearchCV,
+    GroupKFold,
+    cross_val_score,
+)
 from sklearn.tree import DecisionTreeClassifier
 
-from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler
+from pgm_places import LabelGraph, LabelingProblem, StructuredLabeler, load, save
 from pgm_places.errors import ConfigError, InputError, LabelError, NotFittedError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.inference.temperature import calibrated
@@ -300,3 +305,58 @@ def test_problems_and_nodes_of_weight_zero_do_not_calibrate() -> None:
     ]
     assert found == pytest.approx(expected, rel=1e-3)
     assert misled > 1.5 * found
+
+
+def test_labels_go_by_name_where_the_truth_does(
+    chains: list[LabelingProblem], truths: list[NDArray[np.int64]], tmp_path: Path
+) -> None:
+    words = [np.array(NAMES)[truth] for truth in truths]
+    words[0] = np.where(np.arange(len(TRUTH)) % 5 == 0, "", words[0])
+    numbers = [np.where(np.arange(len(TRUTH)) % 5 == 0, -1, TRUTH), *truths[1:]]
+    labeler = StructuredLabeler("potts", LogisticRegression())
+    by_name, by_number = (clone(labeler).fit(chains, y) for y in (words, numbers))
+    assert by_name.classes_.tolist() == list(NAMES)
+    assert by_number.classes_.tolist() == [0, 1, 2]
+    for named, index in zip(by_name.predict(chains), by_number.predict(chains), strict=True):
+        np.testing.assert_array_equal(named, np.array(NAMES)[index])
+    assert by_name.score(chains, words) == by_number.score(chains, numbers)
+    assert by_name.score(chains, numbers) == by_number.score(chains, words)
+    again = load(save(by_name, tmp_path / "model"))
+    assert again.predict(chains[:1])[0].tolist() == by_name.predict(chains[:1])[0].tolist()
+    with pytest.raises(
+        LabelError, match=r"labelings\[1\] has 'wlak' at node 0. Did you mean 'walk'"
+    ):
+        labeler.fit(chains, [words[0], np.full(60, "wlak"), *words[2:]])
+    with pytest.raises(AttributeError, match=r"classes_ is there once fit\(X, y\) has been called"):
+        clone(labeler).classes_  # noqa: B018  the access is what is tested
+
+
+@pytest.mark.parametrize("lengths", [(60, 60, 60, 60), (60, 58, 56, 54)])
+def test_scikit_learn_takes_it_for_a_classifier_and_still_splits_by_problems(
+    chains: list[LabelingProblem], lengths: tuple[int, ...]
+) -> None:
+    labeler = StructuredLabeler("potts", LogisticRegression())
+    assert is_classifier(labeler)
+    parts = [_start(problem, n) for problem, n in zip(chains, lengths, strict=True)]
+    numbers = [TRUTH[:n] for n in lengths]
+    words = [np.array(NAMES)[truth] for truth in numbers]
+    scores = cross_val_score(labeler, parts, numbers, cv=2, error_score="raise")
+    np.testing.assert_array_equal(cross_val_score(labeler, parts, words, cv=2), scores)
+    macro = node_scorer("f1_macro")
+    by_name, by_number = (
+        cross_val_score(labeler, parts, y, cv=2, scoring=macro) for y in (words, numbers)
+    )
+    np.testing.assert_allclose(by_name, by_number)
+
+
+def _start(problem: LabelingProblem, n: int) -> LabelingProblem:
+    assert problem.node_features is not None
+    graph = LabelGraph.from_lattice((n,))
+    return LabelingProblem(graph, NAMES, node_features=problem.node_features[:n])
+
+
+def test_notebooks_show_it_as_they_show_scikit_learns_estimators() -> None:
+    shown = StructuredLabeler("potts", LogisticRegression(C=3.0))._repr_html_()
+    assert "StructuredLabeler" in shown
+    assert "LogisticRegression" in shown
+    assert "sk-estimator" in shown
