@@ -1,7 +1,7 @@
 """The decoders that ship with the package: each asks one solver."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -58,7 +58,12 @@ def _mean_field(problem: DecodingTask) -> DecodingAnswer:
     found: GridMeanField | MeanField | None = _mean_field_on_raster(problem)
     if found is None:
         found = mean_field(*problem.arrays, **problem.limited())
-    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
+    info: dict[str, Any] = {}
+    if problem.inside:
+        first, second = problem.graph.edges.T
+        of_pairs = np.einsum("ek,el->ekl", found.beliefs[first], found.beliefs[second])
+        info["pair_beliefs"] = of_pairs
+    return DecodingAnswer(found.labels, converged(found.converged), None, found.beliefs, info)
 
 
 def _mean_field_on_raster(problem: DecodingTask) -> "GridMeanField | None":
@@ -82,16 +87,21 @@ def _max_product(problem: DecodingTask) -> DecodingAnswer:
     from pgm_places.solvers.belief_propagation import belief_propagation
 
     found = belief_propagation(*problem.arrays, kind="max-product", **problem.limited())
+    info = {"messages": found.messages} if problem.inside else {}
     if found.exact:
-        return DecodingAnswer(found.labels, Status.EXACT, found.score)
-    return DecodingAnswer(found.labels, converged(found.converged))
+        return DecodingAnswer(found.labels, Status.EXACT, found.score, info=info)
+    return DecodingAnswer(found.labels, converged(found.converged), info=info)
 
 
 def _sum_product(problem: DecodingTask) -> DecodingAnswer:
-    from pgm_places.solvers.belief_propagation import belief_propagation
+    from pgm_places.solvers.belief_propagation import belief_propagation, pair_beliefs
 
     found = belief_propagation(*problem.arrays, kind="sum-product", **problem.limited())
-    return DecodingAnswer(found.labels, converged(found.converged), beliefs=found.beliefs)
+    info: dict[str, Any] = {}
+    if problem.inside:
+        of_pairs = pair_beliefs(*problem.arrays, messages=found.messages)
+        info = {"pair_beliefs": of_pairs, "messages": found.messages}
+    return DecodingAnswer(found.labels, converged(found.converged), None, found.beliefs, info)
 
 
 def _exact(problem: DecodingTask) -> DecodingAnswer:
@@ -103,8 +113,10 @@ def _exact(problem: DecodingTask) -> DecodingAnswer:
     if not is_forest(around):
         return _exact_on_cycles(problem, around)
     arrays = (problem.potentials.unary, around, *problem.arrays[2:])
-    best, whole = forest_maximum(*arrays), forest_marginals(*arrays)
-    info = {"log_partition": whole.log_partition}
+    best, whole = forest_maximum(*arrays), forest_marginals(*arrays, pairs=problem.inside)
+    info: dict[str, Any] = {"log_partition": whole.log_partition}
+    if problem.inside:
+        info["pair_beliefs"] = whole.pair_beliefs
     return DecodingAnswer(best.labels, Status.EXACT, best.score, whole.beliefs, info)
 
 
@@ -123,8 +135,11 @@ def _exact_on_cycles(problem: DecodingTask, around: "Adjacency") -> DecodingAnsw
             "a bound, or 'sum-product' for beliefs"
         )
     labels, marginals = tree.solved(unary)
-    whole = tree.marginals(unary)
-    info = {"log_partition": whole.log_partition, "width": tree.order.width}
+    edges = [(int(i), int(j)) for i, j in around.edges] if problem.inside else []
+    whole = tree.marginals(unary, edges)
+    info: dict[str, Any] = {"log_partition": whole.log_partition, "width": tree.order.width}
+    if problem.inside:
+        info["pair_beliefs"] = np.array(whole.joints)
     best = float(marginals[0].max())
     return DecodingAnswer(labels, Status.EXACT, best, np.array(whole.beliefs), info)
 

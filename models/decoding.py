@@ -44,6 +44,7 @@ def decode(
     certify: bool = False,
     max_iterations: int | None = None,
     on_iteration: Callable[[int, float], None] | None = None,
+    inside: bool = False,
 ) -> Labeling:
     """A labelling of the graph by the named method, with its score, bound and status.
 
@@ -68,6 +69,11 @@ def decode(
     on_iteration : callable, optional
         Called after each of them with its number and the method's figure: score (``graph-cut``),
         bound (``trw-s``), changed nodes (``icm``), largest change (the others).
+    inside : bool
+        Show in ``info`` what led to the labelling: ``pair_beliefs`` (E, K, K), the probability of
+        the labels at both ends of each edge, and ``disagreement`` (E,), that they differ, from
+        ``exact``, ``sum-product`` and ``mean-field``; ``messages`` (2 E, K) from ``sum-product``
+        and ``max-product``. Refused where a decoder has neither.
 
     Returns
     -------
@@ -113,6 +119,7 @@ def decode(
         certify=certify,
         max_iterations=max_iterations,
         on_iteration=on_iteration,
+        inside=inside,
     )
 
 
@@ -125,6 +132,7 @@ def decode_by(
     certify: bool,
     max_iterations: int | None,
     on_iteration: Callable[[int, float], None] | None,
+    inside: bool = False,
 ) -> Labeling:
     """What a function finds that is called ``name``; all else as of :func:`decode`."""
     started = time.perf_counter()
@@ -136,7 +144,7 @@ def decode_by(
             on_iteration(iteration, value)
 
     limit = {} if max_iterations is None else {"limit": max_iterations}
-    answer = decoder(DecodingTask(graph, potentials, record, **limit))
+    answer = decoder(DecodingTask(graph, potentials, record, **limit, inside=inside))
     _check_form(name, answer, potentials)
     total = score(graph, potentials, answer.labels)
     if total == -np.inf:
@@ -145,6 +153,8 @@ def decode_by(
     info: dict[str, Any] = {"decoder": name, "iterations": len(history)}
     info |= {"seconds": time.perf_counter() - started, "history": tuple(history)}
     info.update(answer.info)
+    if inside:
+        info.update(_inside(name, answer))
     bound = answer.bound
     if certify and bound is None:
         bound, info["certificate"] = _certificate(graph, potentials, answer.labels)
@@ -188,6 +198,19 @@ def _model(graph: LabelGraph, potentials: Potentials) -> "PairwiseModel":
 
     arrays = (potentials.unary, graph.edges, potentials.agreement, potentials.pairwise)
     return pairwise_model(*arrays)
+
+
+def _inside(name: str, answer: DecodingAnswer) -> dict[str, Any]:
+    """What follows from what the answer shows; refused where it shows nothing."""
+    of_pairs = answer.info.get("pair_beliefs")
+    if of_pairs is not None:
+        return {"disagreement": 1 - np.einsum("ekk->e", of_pairs)}
+    if "messages" not in answer.info:
+        raise InputError(
+            f"{name!r} has no messages and no beliefs to look at; 'exact', 'sum-product', "
+            "'mean-field' and 'max-product' have"
+        )
+    return {}
 
 
 def _check_form(name: str, answer: DecodingAnswer, potentials: Potentials) -> None:

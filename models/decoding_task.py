@@ -26,12 +26,15 @@ class DecodingTask:
         To be called after each iteration with its number, from 1, and a figure of the decoder's.
     limit : int, optional
         Of the iterations, where the user has set one.
+    inside : bool
+        Whether ``info`` is to show what led to the answer, where there is something to show.
     """
 
     graph: LabelGraph
     potentials: Potentials
     record: Callable[[int, float], None]
     limit: int | None = None
+    inside: bool = False
 
     @property
     def arrays(self) -> tuple[Any, ...]:

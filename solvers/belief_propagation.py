@@ -23,7 +23,7 @@ from pgm_places.solvers.mean_field import check_schedule, normalised
 from pgm_places.solvers.pairwise import PairwiseModel, pairwise_model, total_score
 from pgm_places.solvers.set_beliefs import SetMessages, SetTables, set_unit
 
-__all__ = ["BeliefPropagation", "belief_propagation"]
+__all__ = ["BeliefPropagation", "belief_propagation", "pair_beliefs"]
 
 ROUNDING = 1e-14
 """Changes below this share of the potentials' unit are rounding, whatever the tolerance."""
@@ -61,6 +61,9 @@ class BeliefPropagation:
     exact : bool
         Whether there are no cycles and no sets: beliefs are then the model's own, and the labels
         of ``"max-product"`` the best of all.
+    messages : (2 E, K) float
+        Log-messages: row ``2 e`` is what the first node of edge ``e`` says to the second, row
+        ``2 e + 1`` the answer. A node's log-beliefs are its unary plus what it hears.
     """
 
     labels: NDArray[np.int64]
@@ -70,6 +73,7 @@ class BeliefPropagation:
     converged: bool
     history: NDArray[np.float64]
     exact: bool
+    messages: NDArray[np.float64]
 
 
 def belief_propagation(
@@ -165,6 +169,7 @@ def belief_propagation(
         converged=exact or history[-1] <= still,
         history=frozen(np.array(history)),
         exact=exact,
+        messages=frozen(message),
     )
 
 
@@ -246,3 +251,28 @@ def beliefs_from_messages(
             "least one labelling (no -inf)"
         )
     return normalised(log_beliefs)
+
+
+def pair_beliefs(
+    unary: ArrayLike,
+    edges: ArrayLike,
+    agreement: ArrayLike | None,
+    pairwise: ArrayLike | None,
+    *,
+    messages: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(E, K, K) what sum messages (2 E, K) say of the labels at both ends of each edge.
+
+    Each is the edge's potential plus what both ends have heard from others than each other; exact
+    without cycles.
+    """
+    model = pairwise_model(unary, edges, agreement, pairwise)
+    heard = heard_from_all(model, messages)
+    first, second = model.around.edges.T
+    with np.errstate(invalid="ignore"):  # what is impossible stays so
+        said = heard[first] - messages[1::2]
+        answered = heard[second] - messages[0::2]
+    said, answered = (np.where(np.isnan(part), -np.inf, part) for part in (said, answered))
+    joint = model.edge_tables + said[:, :, np.newaxis] + answered[:, np.newaxis, :]
+    flat = joint.reshape(len(joint), model.n_labels**2)
+    return normalised(flat).reshape(joint.shape)
