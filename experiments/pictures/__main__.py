@@ -56,6 +56,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "own_problem": learning.own_problem,
     "kinds_of_buildings": training.kinds_of_buildings,
     "simulated_maps": training.simulated_maps,
+    "robot_effects": training.robot_effects,
     "conventions": frames.conventions,
     "configuration": guides.configuration,
     "extending": guides.extending,

@@ -15,6 +15,7 @@ from pgm_places.datasets.filling import draw_floor
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.datasets.furniture import furnish, hang_doors
 from pgm_places.datasets.kinds import KINDS, style_of_kind
+from pgm_places.datasets.large_furniture import furnish_largely
 from pgm_places.datasets.layout import draw_layout
 from pgm_places.datasets.raster import main_component, mapped_span
 from pgm_places.datasets.style import OFFICE, Style, StyleName, draw_style
@@ -24,15 +25,12 @@ from pgm_places.errors import InputError
 from pgm_places.maps.occupancy_grid import FREE, OccupancyGrid
 from pgm_places.unary.options import HallsAs
 
-__all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "generate_building"]
+__all__ = ["LABEL_NAMES", "STYLES", "LabelledBuilding", "fair_split", "generate_building"]
 
 LABEL_NAMES = ("corridor", "room", "doorway")
 """The labels of the generated building, in index order."""
 
 _CORRIDOR, _ROOM, _DOORWAY, _HALL = range(4)
-
-_DOORWAY_MARGIN_CM = 30
-"""A doorway reaches so far before and behind its wall: what hand-made labels of real maps show."""
 
 _MARGIN_CM = 150
 """Unknown space that is left around a building."""
@@ -57,7 +55,8 @@ class LabelledBuilding:
     label_names : tuple of str
         Name of each label index.
     split_column : int
-        The column where the right half begins; both halves hold every label.
+        The column where the right half begins; both halves hold every label that is found on the
+        map, unless it is too rare.
     name : str
         What to call the building.
     """
@@ -120,9 +119,9 @@ def generate_building(
     style : str
         ``"office"``; or, for floors only, ``"varied"``: corridors of 1.2 to 3.8 m, rooms from cells
         to halls, doors of 0.7 to 1.8 m, drawn for each building; or a kind of building:
-        ``"cells"``, ``"clinic"``, ``"hall"``, ``"home"``, ``"hotel"``, ``"mall"``, ``"museum"``,
-        ``"open-plan"``, ``"ring"``, ``"school"``, ``"suite"``, ``"university"``, with the sizes
-        that real ones have.
+        ``"apartment"``, ``"atrium"``, ``"cells"``, ``"clinic"``, ``"hall"``, ``"home"``,
+        ``"hotel"``, ``"lab"``, ``"mall"``, ``"museum"``, ``"open-plan"``, ``"passage"``,
+        ``"ring"``, ``"school"``, ``"suite"``, ``"university"``, with the sizes that real ones have.
     furniture : bool
         Whether anybody has moved in.
     slam_noise : bool
@@ -146,13 +145,17 @@ def generate_building(
     """
     _check(seed, wings, size, style, halls)
     scale = Scale(_millimetres(resolution_m, size))
-    shape, plan, split = _draw_plan(seed, scale, style, _SIZES[size], wings)
-    labels = _truth(scale, plan, shape, _HALL if halls == "hall" else LABEL_NAMES.index(halls))
+    shape, plan, split, drawn = _draw_plan(seed, scale, style, _SIZES[size], wings)
+    margin = scale.cells(drawn.doorway_margin_cm)
+    labels = _truth(margin, plan, shape, _HALL if halls == "hall" else LABEL_NAMES.index(halls))
     solid = _walls(plan, shape)
     glass = ~_open(plan.windows, shape) & solid
     hang_doors(Dice(seed, 1), scale, plan, solid)
     if furniture:
         furnish(Dice(seed, 2), scale, plan, solid)
+        if drawn.large_furniture:
+            amounts = [drawn.large_furniture] * len(plan.rooms)
+            furnish_largely(Dice(seed, 6), scale, plan, solid, amounts)
     cells = survey(Dice(seed, 3), scale, plan, solid, glass, noise=slam_noise)
     if slam_noise:
         cells, labels = shifted(Dice(seed, 4), cells, labels)
@@ -162,7 +165,7 @@ def generate_building(
     if split is None:
         kept = mapped_span(cells.T, scale.cells(_MARGIN_CM))
         cells, labels = cells[:, kept], labels[:, kept]
-        split = _fair_split(labels)
+        split = fair_split(labels)
     grid = OccupancyGrid(cells, scale.mm_per_cell / 1000)
     names = (*LABEL_NAMES, "hall") if halls == "hall" else LABEL_NAMES
     return LabelledBuilding(grid, labels, names, split, f"generated building {seed}")
@@ -195,11 +198,11 @@ def _millimetres(resolution_m: float | None, size: str) -> int:
 
 def _draw_plan(
     seed: int, scale: Scale, style: str, size: _Size, wings: int
-) -> tuple[tuple[int, int], FloorPlan, int | None]:
-    """Shape of the raster, the plan in its cells, and the split column of a building of wings."""
+) -> tuple[tuple[int, int], FloorPlan, int | None, Style]:
+    """Shape of the raster, plan in its cells, split column of a building of wings, its style."""
     if style not in KINDS:
         drawn = OFFICE if style == "office" else draw_style(Dice(seed, 5))
-        return _draw_wings(Dice(seed, 0), scale, drawn, size, wings)
+        return *_draw_wings(Dice(seed, 0), scale, drawn, size, wings), drawn
     dice = Dice(seed, crc32(style.encode()))  # a school and a clinic of one seed are not alike
     kind = style_of_kind(dice, style)
     length = sum(dice.integer(*size.wing_cm) for _ in range(wings))
@@ -207,7 +210,7 @@ def _draw_plan(
     width, height = (scale.cells(cm + kind.deepest_cm) for cm in layout.size)
     plan = draw_floor(dice, scale, kind, layout, (height, width))
     margin = scale.cells(_MARGIN_CM)
-    return (height + 2 * margin, width + 2 * margin), plan.moved(margin, margin), None
+    return (height + 2 * margin, width + 2 * margin), plan.moved(margin, margin), None, kind
 
 
 def _draw_wings(
@@ -260,19 +263,29 @@ def _walls(plan: FloorPlan, shape: tuple[int, int]) -> NDArray[np.bool_]:
     return solid
 
 
-def _truth(scale: Scale, plan: FloorPlan, shape: tuple[int, int], hall: int) -> NDArray[np.int16]:
-    """(H, W) label of each cell of the empty building, -1 in walls; ``hall`` is that of halls."""
+def _truth(margin: int, plan: FloorPlan, shape: tuple[int, int], hall: int) -> NDArray[np.int16]:
+    """(H, W) label of each cell of the empty building, -1 in walls; ``hall`` is that of halls.
+
+    A doorway reaches ``margin`` cells before and behind its wall.
+    """
     labels = np.full(shape, -1, np.int16)
     for label, parts in ((_ROOM, plan.rooms), (_CORRIDOR, plan.corridors), (hall, plan.halls)):
         for part in parts:
             labels[part.slices] = label
     for door in plan.doors:
-        labels[door.region(scale.cells(_DOORWAY_MARGIN_CM)).slices] = _DOORWAY
+        labels[door.region(margin).slices] = _DOORWAY
     return labels
 
 
-def _fair_split(labels: NDArray[np.int16]) -> int:
-    """The column nearest to the middle with every label of LABEL_NAMES on both sides of it."""
-    columns = [np.flatnonzero((labels == k).any(axis=0)) for k in range(len(LABEL_NAMES))]
+def fair_split(labels: NDArray[np.int16]) -> int:
+    """The column nearest to the middle with every label of LABEL_NAMES on both sides of it.
+
+    Labels that nothing has do not count: a small building may have no corridor, and a survey may
+    see no room.
+    """
+    found = [np.flatnonzero((labels == k).any(axis=0)) for k in range(len(LABEL_NAMES))]
+    columns = [seen for seen in found if len(seen)]
+    if not columns:
+        return labels.shape[1] // 2
     first, last = max(c[0] for c in columns) + 1, min(c[-1] for c in columns)
     return int(np.clip(labels.shape[1] // 2, first, max(first, last)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Frontage, Rect, Scale, row_of_rooms
 from pgm_places.datasets.layout import Layout
-from pgm_places.datasets.style import Style
+from pgm_places.datasets.style import OFFICE, Style
 from pgm_places.datasets.wings import partition
 
 __all__ = ["draw_floor"]
@@ -20,9 +20,6 @@ _WALL_CM = 15
 
 _THIN_WALL_CM = 10
 """What is left where a room is enlarged."""
-
-_GROWTH_CM = 500
-"""Rooms are enlarged by at most so much into space that is left over."""
 
 _SHALLOWEST_CM = 290
 """No row of rooms where there is less depth, walls included."""
@@ -41,7 +38,7 @@ def draw_floor(
 
     Every room has a door to one of them.
     """
-    site = Site(scale, shape)
+    site = Site(scale, shape, style.growth_cm)
     plan = FloorPlan(
         corridors=[_in_cells(scale, part) for part in layout.corridors],
         halls=[_in_cells(scale, part) for part in layout.halls],
@@ -61,6 +58,8 @@ def draw_floor(
     for frontage, row in rows:
         back = max((frontage.extent(room)[3] for room in row.rooms), default=0)
         row.rooms = [site.enlarged(dice, frontage, room, back) for room in row.rooms]
+        if style.openings is not None:
+            _open_up(dice, scale, style, frontage, row)
         _add_inner_rooms(dice, scale, style, frontage, row)
         if style.back_rooms is not None:
             _add_back_rooms(dice, scale, style.back_rooms, frontage, row)
@@ -68,6 +67,10 @@ def draw_floor(
     for corridor in plan.corridors:
         if dice.chance(1, 4):
             plan.add(_fire_door(dice, scale, corridor, plan, site))
+    if style.pilasters is not None:
+        for corridor in plan.corridors:
+            if dice.chance(*style.pilasters):
+                plan.walls += _pilasters(dice, scale, corridor, plan)
     return plan
 
 
@@ -100,13 +103,17 @@ class Site:
         The size of a cell.
     shape : (int, int)
         Rows and columns.
+    growth_cm : int
+        Rooms are enlarged by at most so much.
     """
 
-    def __init__(self, scale: Scale, shape: tuple[int, int]) -> None:
+    def __init__(
+        self, scale: Scale, shape: tuple[int, int], growth_cm: int = OFFICE.growth_cm
+    ) -> None:
         self._taken = np.zeros(shape, bool)
         self._wall, self._thin = scale.cells(_WALL_CM), scale.cells(_THIN_WALL_CM)
         self._least, self._step = scale.cells(_SHALLOWEST_CM), scale.cells(_STEP_CM)
-        self._growth = scale.cells(_GROWTH_CM)
+        self._growth = scale.cells(growth_cm)
 
     def take(self, part: Rect) -> None:
         """Build on these cells."""
@@ -192,6 +199,44 @@ def _large_room(dice: Dice, scale: Scale, style: Style, room: Rect, corridor: Re
     return FloorPlan(
         rooms=[room], doors=[Door(Rect(corridor.x1, low, room.x0, low + width), (1, 0))]
     )
+
+
+def _open_up(dice: Dice, scale: Scale, style: Style, frontage: Frontage, row: FloorPlan) -> None:
+    """Make cased openings without leaves of some doors of a row, at times as wide as the room."""
+    assert style.openings is not None
+    for index, door in enumerate(row.doors):
+        if door.inward != frontage.inward or not dice.chance(*style.openings):
+            continue
+        u0, u1, v0, v1 = frontage.extent(door.gap)
+        beyond = frontage.rect(u0, u1, v1, v1 + 1)
+        spans = [frontage.extent(room)[:2] for room in row.rooms if room.overlaps(beyond)]
+        jamb = scale.cells(dice.choice((5, 10, 25)))
+        low, high = (spans[0][0] + jamb, spans[0][1] - jamb) if spans else (u0, u1)
+        width = min(max(u1 - u0, scale.cells(dice.integer(*style.opening_cm))), high - low)
+        start = min(max(low, (u0 + u1 - width) // 2), high - width)
+        if width > 1:
+            gap = frontage.rect(start, start + width, v0, v1)
+            row.doors[index] = Door(gap, door.inward, has_leaf=False)
+
+
+def _pilasters(dice: Dice, scale: Scale, corridor: Rect, plan: FloorPlan) -> list[Rect]:
+    """Blocks along the sides of a corridor, where it stays wide enough and no door is near."""
+    along: Literal["x", "y"] = "x" if corridor.size[0] > corridor.size[1] else "y"
+    long, wide = max(corridor.size), min(corridor.size)
+    side = Frontage(along, (corridor.x0, corridor.y0), 1, long, wide)
+    pitch, length = scale.cells(dice.integer(250, 700)), scale.cells(dice.integer(20, 150))
+    deep = min(scale.cells(dice.integer(12, 45)), (wide - scale.cells(120)) // 2)
+    clear = scale.cells(25)
+    ways = [part for part in plan.corridors + plan.halls if part != corridor]
+    found = []
+    for start in range(dice.integer(0, pitch), long - length, pitch):
+        for low, high in ((0, deep), (wide - deep, wide)):
+            block = side.rect(start, start + length, low, max(low, high))
+            around = block.grown(clear, clear)
+            taken = any(around.overlaps(door.gap) for door in plan.doors)
+            if deep > 0 and not taken and not any(around.overlaps(way) for way in ways):
+                found.append(block)
+    return found
 
 
 def _add_inner_rooms(

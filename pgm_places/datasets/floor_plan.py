@@ -200,7 +200,7 @@ def row_of_rooms(dice: Dice, scale: Scale, style: Style, frontage: Frontage) -> 
         return plan
     previous: Rect | None = None
     for start, end in _slots(dice, scale, style, frontage.length):
-        if dice.chance(1, 12) and previous is not None:
+        if dice.chance(*style.vacant) and previous is not None:
             previous = None  # a shaft, a staircase, a room that stayed locked
             continue
         wall = scale.cells(dice.choice((10, 15, 15, 20)))

@@ -1,6 +1,7 @@
 """Furniture as seen by a laser near the floor: legs, boxes, cupboards, door leaves."""
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, FloorPlan, Rect, Scale
 
-__all__ = ["FULL", "furnish", "hang_doors"]
+__all__ = ["FULL", "Mover", "furnish", "hang_doors"]
 
 _SLANTS = ((0, 1), (0, 1), (-1, 2), (-1, 1), (1, 3), (1, 1))
 """Where a leaf points from its hinge: (across the gap, into the room)."""
@@ -61,12 +62,7 @@ def furnish(
     The way through each door stays free. ``in_rooms`` and ``in_corridors`` are the amounts in each
     room and in the corridors, in thousandths of what is usual.
     """
-    keep_free = np.zeros_like(solid)
-    clear = scale.cells(90)
-    for door in plan.doors:
-        for part in (door.region(clear), door.gap.grown(1, 1)):
-            keep_free[part.within(solid.shape).slices] = True
-    put = _Mover(solid, keep_free)
+    put = Mover.of_plan(scale, plan, solid)
     for index, room in enumerate(plan.rooms):
         _furnish_room(dice, scale, room, put, FULL if in_rooms is None else in_rooms[index])
     for corridor in plan.corridors:
@@ -76,14 +72,25 @@ def furnish(
         _furnish_hall(dice, scale, hall, put)
 
 
-class _Mover:
+class Mover:
     """Carries pieces into a building, and leaves outside what would block a door."""
 
     def __init__(self, solid: NDArray[np.bool_], keep_free: NDArray[np.bool_]) -> None:
         self._solid = solid
         self._keep_free = keep_free
 
+    @classmethod
+    def of_plan(cls, scale: Scale, plan: FloorPlan, solid: NDArray[np.bool_]) -> Self:
+        """One who keeps the way through each door of a plan free."""
+        keep_free = np.zeros_like(solid)
+        clear = scale.cells(90)
+        for door in plan.doors:
+            for part in (door.region(clear), door.gap.grown(1, 1)):
+                keep_free[part.within(solid.shape).slices] = True
+        return cls(solid, keep_free)
+
     def __call__(self, piece: Rect, room: Rect) -> bool:
+        """Put a piece where it lies in a room; False if it would block a door."""
         inside = piece.cut(room)
         if min(inside.size) < 1 or self._keep_free[inside.slices].any():
             return False
@@ -91,7 +98,7 @@ class _Mover:
         return True
 
 
-def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: _Mover, amount: int) -> None:
+def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: Mover, amount: int) -> None:
     if amount == 0:
         return
     columns, rows = room.size
@@ -113,7 +120,7 @@ def _furnish_room(dice: Dice, scale: Scale, room: Rect, put: _Mover, amount: int
         _thing(dice, scale, room, put)
 
 
-def _furnish_hall(dice: Dice, scale: Scale, hall: Rect, put: _Mover) -> None:
+def _furnish_hall(dice: Dice, scale: Scale, hall: Rect, put: Mover) -> None:
     """Benches along the walls, pillars, a counter, plants: much of a hall is empty."""
     square_metres = hall.size[0] * hall.size[1] // scale.cells(100) ** 2
     for _ in range(square_metres // 12):
@@ -137,7 +144,7 @@ def _along_wall(
     dice: Dice,
     scale: Scale,
     room: Rect,
-    put: _Mover,
+    put: Mover,
     length_cm: tuple[int, int],
     depth_cm: tuple[int, int],
 ) -> None:
@@ -153,7 +160,7 @@ def _along_wall(
     put(dice.choice(pieces[:2] if room.size[0] > room.size[1] and depth < 8 else pieces), room)
 
 
-def _pillar(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+def _pillar(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
     """A pillar or a duct in a corner."""
     side, other = scale.cells(dice.integer(25, 60)), scale.cells(dice.integer(20, 45))
     x = dice.choice((room.x0, room.x1 - side))
@@ -161,7 +168,7 @@ def _pillar(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
     put(Rect(x, y, x + side, y + other), room)
 
 
-def _legs(dice: Dice, scale: Scale, table: Rect, room: Rect, put: _Mover) -> None:
+def _legs(dice: Dice, scale: Scale, table: Rect, room: Rect, put: Mover) -> None:
     """The four legs of a table, one of them at times hidden."""
     leg = scale.cells(5)
     for x in (table.x0, table.x1 - leg):
@@ -170,7 +177,7 @@ def _legs(dice: Dice, scale: Scale, table: Rect, room: Rect, put: _Mover) -> Non
                 put(Rect(x, y, x + leg, y + leg), room)
 
 
-def _chair(dice: Dice, scale: Scale, x: int, y: int, room: Rect, put: _Mover) -> None:
+def _chair(dice: Dice, scale: Scale, x: int, y: int, room: Rect, put: Mover) -> None:
     """The feet of a swivel chair: specks on a small circle, some of them run together."""
     radius = scale.cells(20)
     feet = ((0, 0), (2, 0), (1, 2), (-2, 1), (-2, -1), (1, -2))
@@ -181,7 +188,7 @@ def _chair(dice: Dice, scale: Scale, x: int, y: int, room: Rect, put: _Mover) ->
             put(Rect(px, py, px + wide, py + long), room)
 
 
-def _desk(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+def _desk(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
     """A desk: legs and mostly a pedestal of drawers under it, and a chair before it."""
     x, y = _spot(dice, scale, room)
     length, depth = scale.cells(dice.integer(120, 180)), scale.cells(dice.integer(60, 80))
@@ -196,7 +203,7 @@ def _desk(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
     _chair(dice, scale, (table.x0 + table.x1) // 2, table.y1 + scale.cells(15), room, put)
 
 
-def _rows_of_tables(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+def _rows_of_tables(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
     """A seminar room: tables in a grid with chairs between them."""
     pitch_x, pitch_y = scale.cells(dice.integer(150, 190)), scale.cells(dice.integer(140, 170))
     edge, length, depth = scale.cells(110), scale.cells(120), scale.cells(60)
@@ -208,7 +215,7 @@ def _rows_of_tables(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
                     _chair(dice, scale, seat, y + depth + scale.cells(20), room, put)
 
 
-def _thing(dice: Dice, scale: Scale, room: Rect, put: _Mover) -> None:
+def _thing(dice: Dice, scale: Scale, room: Rect, put: Mover) -> None:
     """A bin, a box, a bag, a heap: lumps that touch."""
     x, y = _spot(dice, scale, room)
     spread = scale.cells(15)

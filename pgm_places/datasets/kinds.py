@@ -152,6 +152,66 @@ _CELLS = Style(
     layouts=("bar", "comb", "ladder", "ladder"),
     halls=(0, 1),
 )
+_APARTMENT = Style(
+    fronts_cm=((150, 220), (220, 310), (280, 400), (350, 560)),
+    narrowest_cm=150,
+    small_depth_cm=(200, 400),
+    large_depth_cm=(280, 480),
+    deepest_cm=520,
+    side_door_cm=(75, 200),
+    layouts=("flat",),
+    large_room_cm=((300, 560), (300, 520)),
+    side_doors=(1, 3),
+    length_percent=(8, 13),
+    vacant=(0, 1),
+    openings=(1, 3),
+    opening_cm=(80, 200),
+    growth_cm=220,
+    large_furniture=1000,
+    doorway_margin_cm=15,
+)
+_ATRIUM = Style(
+    fronts_cm=(*_OFFICE_FRONTS, (600, 1000)),
+    narrowest_cm=240,
+    small_depth_cm=(300, 600),
+    large_depth_cm=(450, 900),
+    deepest_cm=950,
+    layouts=("atrium",),
+    vacant=(1, 3),
+    openings=(1, 12),
+    opening_cm=(140, 250),
+    pilasters=(1, 4),
+    large_furniture=500,
+)
+_LAB = Style(
+    fronts_cm=((280, 400), (600, 1000), (800, 1600)),
+    narrowest_cm=260,
+    small_depth_cm=(350, 600),
+    large_depth_cm=(600, 1300),
+    deepest_cm=1350,
+    layouts=("bar", "bar", "comb", "passage"),
+    halls=(0, 1),
+    side_doors=(1, 4),
+    length_percent=(25, 80),
+    doors_apart_cm=800,
+    back_rooms=(1, 3),
+    vacant=(1, 6),
+    pilasters=(1, 2),
+    large_furniture=1200,
+)
+_PASSAGE = Style(
+    fronts_cm=(*_OFFICE_FRONTS, (600, 1200)),
+    narrowest_cm=240,
+    small_depth_cm=(300, 600),
+    large_depth_cm=(450, 900),
+    deepest_cm=950,
+    layouts=("passage",),
+    halls=(0, 1),
+    length_percent=(40, 110),
+    vacant=(1, 2),
+    pilasters=(1, 2),
+    large_furniture=300,
+)
 
 KINDS: dict[str, tuple[Style, tuple[Span, ...], tuple[Span, ...]]] = {
     "cells": (_CELLS, ((120, 160), (150, 200), (180, 240)), ((70, 85), (75, 90))),
@@ -165,6 +225,10 @@ KINDS: dict[str, tuple[Style, tuple[Span, ...], tuple[Span, ...]]] = {
     "ring": (_RING, _OFFICE_CORRIDORS, _DOORS),
     "school": (_SCHOOL, _SCHOOL_CORRIDORS, ((85, 100), (90, 120), (100, 170))),
     "suite": (_SUITE, _OFFICE_CORRIDORS, _DOORS),
+    "apartment": (_APARTMENT, ((90, 110), (100, 130), (120, 150)), ((70, 85), (75, 95))),
+    "atrium": (_ATRIUM, _OFFICE_CORRIDORS, ((85, 100), (90, 120), (100, 170))),
+    "lab": (_LAB, ((180, 240), (220, 300), (280, 400)), ((85, 100), (90, 120), (100, 170))),
+    "passage": (_PASSAGE, ((160, 240), (220, 350), (300, 600)), ((85, 100), (90, 120))),
     "university": (_UNIVERSITY, ((160, 210), (200, 260), (240, 320)), _DOORS),
 }
 """Style, widths of corridors and widths of doors of each kind; one width of each is drawn for a

@@ -69,7 +69,7 @@ def draw_layout(dice: Dice, style: Style, length_cm: int) -> Layout:
     layout = LAYOUTS[dice.choice(style.layouts)](dice, style, length_cm)
     for _ in range(dice.integer(*style.halls)):
         layout = _with_hall(dice, layout)
-    if style.large_room_cm is not None and dice.chance(1, 2):
+    if style.large_room_cm is not None and layout.corridors and dice.chance(1, 2):
         layout = _with_large_room(dice, style.large_room_cm, layout)
     return layout.with_margin(style.deepest_cm)
 
@@ -131,12 +131,70 @@ def _foyer(dice: Dice, style: Style, length: int) -> Layout:
     return Layout(tuple(arms), halls=(Rect(0, 0, columns, rows),))
 
 
+def _flat(dice: Dice, style: Style, length: int) -> Layout:
+    """The circulation of a home: a hallway, one with a corner, or an entrance hall, or both."""
+    width, other = dice.integer(*style.corridor_cm), dice.integer(*style.branch_cm)
+    hallway = Rect(0, 0, length, width)
+    kind = dice.integer(0, 4)
+    if kind <= 1:
+        return Layout((hallway,))
+    if kind == 2:
+        x = dice.choice((0, dice.integer(0, length - other), length - other))
+        return Layout((hallway, Rect(x, width, x + other, width + dice.integer(180, 450))))
+    columns, rows = dice.integer(220, 480), dice.integer(170, 320)
+    if kind == 3:
+        return Layout((), halls=(Rect(0, 0, columns, rows),))
+    y = dice.integer(0, rows - width)
+    return Layout(
+        (Rect(columns, y, columns + length, y + width),), halls=(Rect(0, 0, columns, rows),)
+    )
+
+
+def _atrium(dice: Dice, style: Style, length: int) -> Layout:
+    """A large hall of one or two parts, from which corridors lead away, or none."""
+    columns, rows = dice.integer(800, 2600), dice.integer(700, 1800)
+    halls = [Rect(0, 0, columns, rows)]
+    if dice.chance(1, 2):  # an L, a T or a Z
+        more, deep = dice.integer(500, columns), dice.integer(400, 1200)
+        x = dice.integer(-more // 2, columns - more // 2)
+        halls.append(Rect(x, rows, x + more, rows + deep))
+    width, arm = dice.integer(*style.corridor_cm), dice.integer(600, max(600, length // 3))
+    low, left = dice.integer(0, rows - width), dice.integer(0, columns - width)
+    arms = (
+        Rect(-arm, low, 0, low + width),
+        Rect(columns, low, columns + arm, low + width),
+        Rect(left, -arm, left + width, 0),
+    )
+    return Layout(tuple(part for part in arms if dice.chance(1, 2)), halls=tuple(halls))
+
+
+def _passage(dice: Dice, style: Style, length: int) -> Layout:
+    """A way that may turn or branch, with niches and bays at its sides, and few rooms."""
+    width, branch = dice.integer(*style.corridor_cm), dice.integer(*style.branch_cm)
+    ways = [Rect(0, 0, length, width)]
+    x = dice.choice((0, dice.integer(0, length - branch), length - branch))
+    if dice.chance(2, 3):
+        ways.append(Rect(x, width, x + branch, width + dice.integer(500, 2500)))
+    if dice.chance(1, 3):
+        x = dice.choice((0, dice.integer(0, length - branch), length - branch))
+        ways.append(Rect(x, -dice.integer(500, 2500), x + branch, 0))
+    for _ in range(dice.integer(0, 1 + length // 1000)):
+        long, deep = dice.integer(120, 600), dice.integer(50, 250)
+        x = dice.integer(0, max(0, length - long))
+        y = dice.choice((width, -deep))
+        ways.append(Rect(x, y, min(x + long, length), y + deep))
+    return Layout(tuple(ways))
+
+
 LAYOUTS: dict[str, Callable[[Dice, Style, int], Layout]] = {
+    "atrium": _atrium,
     "bar": _bar,
     "comb": _comb,
     "court": _court,
+    "flat": _flat,
     "foyer": _foyer,
     "ladder": _ladder,
+    "passage": _passage,
 }
 """The ways in which corridors run, by name."""
 

@@ -56,6 +56,19 @@ class MapSimulation:
         Scale factor of the building's size.
     cell : (float, float)
         Scale factor of the cell size.
+    windows : (float, float)
+        Share of the rooms, corridors and halls with windows or glass doors in their outer walls,
+        through which rays leave the building.
+    glass_fronts : (float, float)
+        Share of the rooms whose walls to corridors and halls are of glass, seen in pieces.
+    closed_doors : (float, float)
+        Share of the doors that are closed.
+    large_furniture : (float, float)
+        Amount of furniture that looks like walls: wardrobes, beds, counters, benches (1 = usual).
+    slip_m : (float, float)
+        Displacement of a part of the drive, which doubles walls (m).
+    least_seen : float
+        Share of a room that must be seen for the room to be labelled.
     passages : tuple of str
         Labels of corridors and halls.
     doorways : tuple of str
@@ -88,6 +101,12 @@ class MapSimulation:
     specks: tuple[Share, Share] = (0.0, 0.001)
     scale: tuple[Factor, Factor] = (0.85, 1.18)
     cell: tuple[Factor, Factor] = (0.8, 1.25)
+    windows: tuple[Share, Share] = (0.0, 0.0)
+    glass_fronts: tuple[Share, Share] = (0.0, 0.0)
+    closed_doors: tuple[Share, Share] = (0.0, 0.0)
+    large_furniture: tuple[Amount, Amount] = (0.0, 0.0)
+    slip_m: tuple[Metres, Metres] = (0.0, 0.0)
+    least_seen: Probability = 0.0
     passages: tuple[str, ...] = ("corridor", "hall")
     doorways: tuple[str, ...] = ("doorway",)
 

@@ -12,6 +12,7 @@ from pgm_places.datasets.floor_plan import Rect, Scale
 from pgm_places.datasets.raster import main_component
 from pgm_places.datasets.survey import crowded, grid_in
 from pgm_places.errors import InputError
+from pgm_places.maps.components import connected_components
 
 __all__ = ["Routes", "draw_routes"]
 
@@ -74,9 +75,13 @@ def draw_routes(
         The share of the places to visit; those farthest from the start are left out.
     """
     stride = max(1, scale.cells(_PLANNING_CM))
-    ground = main_component(~crowded(scale, solid)[::stride, ::stride])
-    in_passages = _stops(scale, ground, passages, _PASSAGE_PITCH_CM, stride)
-    in_rooms = _stops(scale, ground, rooms, _ROOM_PITCH_CM, stride)
+    drivable = ~crowded(scale, solid)[::stride, ::stride]
+    ground = main_component(drivable)
+    in_passages, in_rooms = _all_stops(scale, ground, rooms, passages, stride)
+    if len(in_passages) + len(in_rooms) == 0:  # the largest piece may lie behind closed doors
+        in_passages, in_rooms = _all_stops(scale, drivable, rooms, passages, stride)
+        ground = _piece_with(drivable, in_passages if len(in_passages) else in_rooms)
+        in_passages, in_rooms = _all_stops(scale, ground, rooms, passages, stride)
     stops = np.union1d(in_passages, in_rooms)
     if len(stops) == 0:
         raise InputError("the robot fits into no labelled place of the plan; check its resolution")
@@ -92,6 +97,28 @@ def draw_routes(
     rows, columns = np.divmod(np.concatenate(drives), ground.shape[1])
     route = np.repeat(np.arange(n_routes), [len(cells) for cells in drives])
     return Routes(np.column_stack([columns, rows]) * stride, route)
+
+
+def _all_stops(
+    scale: Scale,
+    ground: NDArray[np.bool_],
+    rooms: Sequence[Sequence[Rect]],
+    passages: Sequence[Sequence[Rect]],
+    stride: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The stops in passages and those in rooms."""
+    return (
+        _stops(scale, ground, passages, _PASSAGE_PITCH_CM, stride),
+        _stops(scale, ground, rooms, _ROOM_PITCH_CM, stride),
+    )
+
+
+def _piece_with(drivable: NDArray[np.bool_], stops: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(H, W) the connected piece of ground with the most stops."""
+    piece = connected_components(drivable, connectivity=4).piece
+    if not len(stops):
+        return drivable
+    return np.asarray(piece == np.bincount(piece.ravel()[stops]).argmax())
 
 
 def _stops(

@@ -1,19 +1,23 @@
 """Robot-like maps of labelled plans: the map a robot would have made of a drawn floor."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.datasets.bending import pushed
 from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.floor_plan import Frontage, Rect, Scale, windows
+from pgm_places.datasets.floor_plan import FloorPlan, Frontage, Rect, Scale, windows
 from pgm_places.datasets.furniture import FULL, furnish, hang_doors
+from pgm_places.datasets.large_furniture import furnish_largely
 from pgm_places.datasets.map_simulation import MapSimulation
 from pgm_places.datasets.plan_reading import ReadPlan, read_plan
 from pgm_places.datasets.raster import main_component, mapped_span
 from pgm_places.datasets.routes import Routes, draw_routes
+from pgm_places.datasets.see_through import BEYOND_CM, fronts, open_ground, windows_out
 from pgm_places.datasets.survey import N_RAYS, Tour, budgets, mapped
+from pgm_places.datasets.unfinished import close_doors, forget_glimpses
 from pgm_places.errors import InputError, LabelError
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -24,7 +28,10 @@ _MARGIN_CM = 100
 """Unknown space that is left around a map."""
 
 _PADDING = 3
-"""Cells around the plan: the outermost lose every ray, and a wall may stand at the plan's edge."""
+"""Cells around the plan: the outermost lose every ray, and a wall may stand at the plan's edge.
+
+Where there are windows, the ground outside is added.
+"""
 
 _KNOT_CM = 600
 """The drift changes its direction after so much way."""
@@ -88,8 +95,19 @@ def simulate_map(
         for names in (options.passages, options.doorways)
     )
     read = read_plan(scale, labels, solid, passages=passages, doorways=doorways)
+    is_doorway, is_passage = np.isin(labels, doorways), np.isin(labels, passages)
+    is_room = (labels >= 0) & ~is_doorway & ~is_passage
+    seen_through = _gaps(Dice(seed, 27), scale, read, solid, is_passage, options)
+    if options.closed_doors[1] > 0:
+        dice = Dice(seed, 25)
+        share = round(1000 * _between(dice, options.closed_doors))
+        doors = close_doors(dice, scale, read.doors, solid, labels, is_doorway, share)
+        read = replace(read, doors=doors)
     _furnish(Dice(seed, 21), scale, read, solid, options)
-    found = _survey(Dice(seed, 22), scale, read, solid, options)
+    _furnish_largely(Dice(seed, 26), scale, read, solid, options)
+    found = _survey(seed, scale, read, solid, seen_through, options)
+    if options.least_seen > 0:
+        forget_glimpses(labels, found, is_room, options.least_seen)
     _add_specks(Dice(seed, 23), found, options)
     found, labels = _bent(Dice(seed, 24), scale, found, labels, options)
     labels[~main_component(found == FREE)] = -1
@@ -147,9 +165,12 @@ def _resampled(
     to = np.minimum(to, last)
     fine[to[:, 0], to[:, 1]] = OCCUPIED
     found[fine != FREE] = -1
+    around = _PADDING
+    if options.windows[1] > 0:
+        around += round(BEYOND_CM / (100 * resolution_m))
     return (
-        np.pad(fine, _PADDING, constant_values=UNKNOWN),
-        np.pad(found, _PADDING, constant_values=-1).astype(np.int16),
+        np.pad(fine, around, constant_values=UNKNOWN),
+        np.pad(found, around, constant_values=-1).astype(np.int16),
         resolution_m,
     )
 
@@ -178,10 +199,48 @@ def _furnish(
     furnish(dice, scale, plan, solid, in_rooms=in_rooms, in_corridors=in_corridors)
 
 
-def _survey(
+def _furnish_largely(
     dice: Dice, scale: Scale, read: ReadPlan, solid: NDArray[np.bool_], options: MapSimulation
+) -> None:
+    """Put furniture that looks like walls into the largest rectangle of each room."""
+    usual = round(FULL * _between(dice, options.large_furniture))
+    if usual:
+        rooms = [room[0] for room in read.rooms if room]
+        amounts = [usual * dice.integer(0, 1500) // 1000 for _ in rooms]
+        furnish_largely(dice, scale, FloorPlan(rooms=rooms, doors=read.doors), solid, amounts)
+
+
+def _gaps(
+    dice: Dice,
+    scale: Scale,
+    read: ReadPlan,
+    solid: NDArray[np.bool_],
+    is_passage: NDArray[np.bool_],
+    options: MapSimulation,
+) -> NDArray[np.bool_]:
+    """(H, W) what is solid for the robot and not for its laser."""
+    outer, inner = (
+        round(1000 * _between(dice, span)) for span in (options.windows, options.glass_fronts)
+    )
+    gaps = np.zeros_like(solid)
+    if inner:
+        gaps |= fronts(dice, scale, read.rooms, is_passage, inner)
+    if outer:
+        ground = open_ground(dice, scale, solid)
+        gaps |= windows_out(dice, scale, (*read.rooms, *read.passages), ground, outer) | ground
+    return gaps
+
+
+def _survey(
+    seed: int,
+    scale: Scale,
+    read: ReadPlan,
+    solid: NDArray[np.bool_],
+    gaps: NDArray[np.bool_],
+    options: MapSimulation,
 ) -> NDArray[np.int8]:
-    """(H, W) cells as the robot maps them."""
+    """(H, W) cells as the robot maps them; its laser sees through ``gaps``."""
+    dice = Dice(seed, 22)
     enters = round(1000 * _between(dice, options.entered_rooms))
     routes = draw_routes(
         dice,
@@ -196,13 +255,14 @@ def _survey(
     glazed = round(1000 * _between(dice, options.glass))
     tour = Tour(
         routes.stations,
-        _pose_errors(dice, scale, routes, _between(dice, options.pose_noise_m)),
+        _pose_errors(dice, scale, routes, _between(dice, options.pose_noise_m))
+        + _slip(Dice(seed, 28), scale, len(routes.stations), options),
         budgets(dice, scale, n_rays, opacity=dice.integer(1, 6)),
         _range_errors(dice, scale, n_rays, _between(dice, options.range_noise_m)),
     )
     glass = _panes(dice, scale, read.rooms, glazed, solid)
     reach = scale.cells(round(100 * _between(dice, options.reach_m)))
-    return mapped(tour, solid, glass, reach=reach)
+    return mapped(tour, solid & ~gaps, glass & ~gaps, reach=reach)
 
 
 def _panes(
@@ -236,6 +296,17 @@ def _pose_errors(dice: Dice, scale: Scale, routes: Routes, most_m: float) -> NDA
             here = dice.integers(-most, most, 2)
         here = np.clip(here + moves[station], -most, most)
         offsets[station] = here
+    return offsets
+
+
+def _slip(dice: Dice, scale: Scale, n_stations: int, options: MapSimulation) -> NDArray[np.int64]:
+    """(S, 2) columns and rows by which a part of the drive, from somewhere on, is displaced."""
+    most = round(1000 * _between(dice, options.slip_m) / scale.mm_per_cell)
+    offsets = np.zeros((n_stations, 2), np.int64)
+    if most:
+        first, last = sorted(dice.integer(0, n_stations) for _ in range(2))
+        far = dice.choice((-most, most))
+        offsets[first:last] = dice.shuffled((far, dice.integer(-most, most)))
     return offsets
 
 

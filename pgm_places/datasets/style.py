@@ -22,6 +22,10 @@ StyleName = Literal[
     "school",
     "suite",
     "university",
+    "apartment",
+    "atrium",
+    "lab",
+    "passage",
 ]
 """Offices, offices with other widths and sizes, and kinds of buildings."""
 
@@ -66,6 +70,21 @@ class Style:
         The distance between the doors of a large room; one or two doors by default.
     back_rooms : (int, int) or None
         How many large rooms of so many have smaller ones along their back wall; none by default.
+    vacant : (int, int)
+        How many rooms of so many are left out: shafts, staircases, rooms that stayed locked.
+    openings : (int, int) or None
+        How many doors to the corridor of so many are cased openings without leaves; none by
+        default.
+    opening_cm : (int, int)
+        Width of such openings; less where the room is narrower.
+    pilasters : (int, int) or None
+        How many corridors of so many have pilasters, with alcoves between them; none by default.
+    growth_cm : int
+        Rooms are enlarged by at most so much into space that is left over.
+    large_furniture : int
+        Amount of furniture that looks like walls, in thousandths.
+    doorway_margin_cm : int
+        How far a doorway reaches before and behind its wall.
     """
 
     corridor_cm: Span = (165, 250)
@@ -87,6 +106,13 @@ class Style:
     length_percent: Span = (60, 110)
     doors_apart_cm: int | None = None
     back_rooms: tuple[int, int] | None = None
+    vacant: tuple[int, int] = (1, 12)
+    openings: tuple[int, int] | None = None
+    opening_cm: Span = (80, 200)
+    pilasters: tuple[int, int] | None = None
+    growth_cm: int = 500
+    large_furniture: int = 0
+    doorway_margin_cm: int = 30
 
 
 OFFICE = Style()

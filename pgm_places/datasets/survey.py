@@ -10,7 +10,7 @@ from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import FloorPlan, Rect, Scale
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
-__all__ = ["N_RAYS", "Tour", "budgets", "crowded", "grid_in", "mapped", "survey"]
+__all__ = ["N_RAYS", "Tour", "budgets", "crowded", "grid_in", "mapped", "survey", "wider"]
 
 _GLASS_OPACITY = 6
 """One ray in so many goes through a pane."""
@@ -128,15 +128,19 @@ def grid_in(rect: Rect, pitch: int, edge: int) -> list[tuple[int, int]]:
 
 def crowded(scale: Scale, solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Cells nearer to an obstacle than a robot can be."""
-    crowded = solid.copy()
-    for _ in range(scale.cells(15)):
-        wider = crowded.copy()
-        wider[1:] |= crowded[:-1]
-        wider[:-1] |= crowded[1:]
-        wider[:, 1:] |= crowded[:, :-1]
-        wider[:, :-1] |= crowded[:, 1:]
-        crowded = wider
-    return crowded
+    return wider(solid, scale.cells(15))
+
+
+def wider(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+    """The mask and all cells that are reached from it in so many steps to the four sides."""
+    for _ in range(steps):
+        grown = mask.copy()
+        grown[1:] |= mask[:-1]
+        grown[:-1] |= mask[1:]
+        grown[:, 1:] |= mask[:, :-1]
+        grown[:, :-1] |= mask[:, 1:]
+        mask = grown
+    return mask
 
 
 def _fan() -> NDArray[np.int64]:

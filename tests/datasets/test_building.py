@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pgm_places.datasets import LABEL_NAMES, LabelledBuilding, building_tiled, generate_building
+from pgm_places.datasets.building import fair_split
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.style import draw_style
 from pgm_places.errors import InputError
@@ -64,6 +65,16 @@ def test_both_halves_hold_every_label(small: LabelledBuilding) -> None:
     halves = small.labels[:, : small.split_column], small.labels[:, small.split_column :]
     for half in halves:
         assert np.bincount(half[half >= 0], minlength=len(LABEL_NAMES)).min() > 20
+
+
+def test_labels_that_no_cell_has_do_not_hinder_the_split() -> None:
+    """A survey may see no room, and a small home may have no corridor."""
+    labels = np.full((4, 40), -1, np.int16)
+    assert fair_split(labels) == 20
+    labels[1, 2:12] = 0
+    assert fair_split(labels) == 11
+    labels[2, 6:30] = 2
+    assert fair_split(labels) == 11
 
 
 def test_labelled_space_is_one_piece(small: LabelledBuilding) -> None:

@@ -9,9 +9,9 @@ from scipy import ndimage
 
 from pgm_places.datasets import STYLES, LabelledBuilding, generate_building
 from pgm_places.datasets.dice import Dice
-from pgm_places.datasets.filling import Site
+from pgm_places.datasets.filling import Site, draw_floor
 from pgm_places.datasets.floor_plan import Frontage, Rect, Scale
-from pgm_places.datasets.kinds import KINDS
+from pgm_places.datasets.kinds import KINDS, style_of_kind
 from pgm_places.datasets.layout import LAYOUTS, draw_layout
 from pgm_places.datasets.style import StyleName
 from pgm_places.unary.options import HallsAs
@@ -40,6 +40,10 @@ def test_every_kind_is_a_style() -> None:
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [
+        ("apartment", "6e040da8d4acf456"),
+        ("atrium", "59751be32d19365b"),
+        ("lab", "66f9edeb32071ded"),
+        ("passage", "a2e08737d19fdc90"),
         ("cells", "08ab2412da499dee"),
         ("clinic", "2942ae8481ce5db2"),
         ("hall", "ccaf34ca4cc1ea6a"),
@@ -109,7 +113,9 @@ def test_every_room_is_left_by_doorways_only(empty: LabelledBuilding) -> None:
 
 def test_both_halves_hold_every_label(empty: LabelledBuilding) -> None:
     for half in (empty.labels[:, : empty.split_column], empty.labels[:, empty.split_column :]):
-        assert {CORRIDOR, ROOM, DOORWAY} <= set(np.unique(half).tolist())
+        expected = set(np.unique(empty.labels).tolist()) & {CORRIDOR, ROOM, DOORWAY}
+        assert expected <= set(np.unique(half).tolist())
+        assert ROOM in expected
 
 
 def test_sizes_differ_between_kinds() -> None:
@@ -152,6 +158,50 @@ def test_a_home_is_small() -> None:
         return float((made.labels >= 0).sum() * 0.01)
 
     assert 30 < area_m2("home") < 300 < area_m2("hotel")
+
+
+def test_an_apartment_is_a_home_with_a_narrow_hallway() -> None:
+    areas, widths, n_without = [], [], 0
+    for seed in range(60):
+        style = style_of_kind(Dice(seed, 1), "apartment")
+        layout = draw_layout(Dice(seed, 2), style, 600)
+        plan = draw_floor(Dice(seed, 3), Scale(100), style, layout, (260, 260))
+        parts = plan.rooms + plan.corridors + plan.halls
+        areas.append(sum(part.size[0] * part.size[1] for part in parts) * 0.01)
+        widths += [min(part.size) * 0.1 for part in plan.corridors]
+        n_without += not plan.corridors
+    assert 50 < np.median(areas) < 110 and max(areas) < 180
+    assert 0.85 < min(widths) < max(widths) < 1.55
+    assert 0 < n_without < 30
+
+
+def test_cased_openings_stay_in_their_rooms_and_have_no_leaf() -> None:
+    style = replace(KINDS["apartment"][0], openings=(1, 1), inner_rooms=(0, 1), side_doors=(0, 1))
+    layout = draw_layout(Dice(4, 0), style, 900)
+    plan = draw_floor(Dice(4, 1), Scale(50), style, layout, (500, 500))
+    front = [door for door in plan.doors if max(door.gap.size) > 10]
+    assert len(front) >= 3
+    assert sum(not door.has_leaf for door in front) >= 3
+    for door in front:
+        before = door.region(1)
+        assert any(before.overlaps(room) for room in plan.rooms)
+
+
+def test_pilasters_leave_a_corridor_wide_and_its_doors_free() -> None:
+    for seed in range(6):
+        style = replace(KINDS["lab"][0], pilasters=(1, 1), layouts=("bar",), halls=(0, 0))
+        style = replace(style, corridor_cm=(200, 300), large_room_cm=None)
+        layout = draw_layout(Dice(seed, 0), style, 3000)
+        plan = draw_floor(Dice(seed, 1), Scale(100), style, layout, (330, 580))
+        (corridor,) = plan.corridors
+        blocks = [wall for wall in plan.walls if wall.overlaps(corridor)]
+        assert len(blocks) > 3
+        solid = np.zeros((330, 580), np.bool_)
+        for block in blocks:
+            assert not any(block.overlaps(door.gap) for door in plan.doors)
+            solid[block.slices] = True
+        across = (~solid[corridor.slices]).sum(axis=0)
+        assert across.min() >= 10
 
 
 def test_halls_fold_into_corridors_rooms_or_stay() -> None:

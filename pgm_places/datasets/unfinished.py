@@ -1,0 +1,97 @@
+"""What a visit leaves open: doors that stay closed, and rooms that were not seen well enough."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.datasets.dice import Dice
+from pgm_places.datasets.floor_plan import Door, Rect, Scale
+from pgm_places.maps.components import connected_components
+from pgm_places.maps.occupancy_grid import FREE
+
+__all__ = ["close_doors", "forget_glimpses"]
+
+_WIDEST_CM = 260
+"""Wider openings have no doors."""
+
+
+def close_doors(
+    dice: Dice,
+    scale: Scale,
+    doors: list[Door],
+    solid: NDArray[np.bool_],
+    labels: NDArray[np.int16],
+    is_doorway: NDArray[np.bool_],
+    share: int,
+) -> list[Door]:
+    """Close ``share`` of a thousand doors, in ``solid`` and ``labels`` (H, W); the others.
+
+    A closed door looks like a wall: what was its doorway belongs to the places on its two sides.
+    ``doors`` are those of the connected parts of ``is_doorway``, in their order.
+    """
+    left = []
+    windows = connected_components(is_doorway, connectivity=4).windows()
+    for door, (rows, columns) in zip(doors, windows, strict=True):
+        narrow = max(door.gap.size) <= scale.cells(_WIDEST_CM)
+        if not (dice.chance(share, 1000) and narrow):
+            left.append(door)
+            continue
+        box = Rect(columns.start, rows.start, columns.stop, rows.stop)
+        leaf = _leaf(dice, scale, door)
+        for part, step in _halves(box, door.inward):
+            mine = is_doorway[part.slices]
+            labels[part.slices][mine] = _beside(labels, box, step)
+        solid[leaf.slices] = True
+        labels[leaf.slices] = -1
+    return left
+
+
+def _leaf(dice: Dice, scale: Scale, door: Door) -> Rect:
+    """The leaf across a gap, flush with one side of the wall or within it."""
+    gap, across = door.gap, door.inward[0] != 0
+    deep = gap.size[0] if across else gap.size[1]
+    thick = min(deep, max(2, scale.cells(8)))
+    at = dice.choice((0, (deep - thick) // 2, deep - thick))
+    if across:
+        return Rect(gap.x0 + at, gap.y0, gap.x0 + at + thick, gap.y1)
+    return Rect(gap.x0, gap.y0 + at, gap.x1, gap.y0 + at + thick)
+
+
+def _halves(box: Rect, inward: tuple[int, int]) -> list[tuple[Rect, tuple[int, int]]]:
+    """The two halves of a doorway, and the steps that lead out of it from them."""
+    if inward[0]:
+        middle = (box.x0 + box.x1) // 2
+        low, high = Rect(box.x0, box.y0, middle, box.y1), Rect(middle, box.y0, box.x1, box.y1)
+        return [(low, (-1, 0)), (high, (1, 0))]
+    middle = (box.y0 + box.y1) // 2
+    low, high = Rect(box.x0, box.y0, box.x1, middle), Rect(box.x0, middle, box.x1, box.y1)
+    return [(low, (0, -1)), (high, (0, 1))]
+
+
+def _beside(labels: NDArray[np.int16], box: Rect, step: tuple[int, int]) -> int:
+    """The most frequent label right beside a rectangle, where ``step`` leads out of it; or -1."""
+    beside = {
+        (1, 0): Rect(box.x1, box.y0, box.x1 + 1, box.y1),
+        (-1, 0): Rect(box.x0 - 1, box.y0, box.x0, box.y1),
+        (0, 1): Rect(box.x0, box.y1, box.x1, box.y1 + 1),
+        (0, -1): Rect(box.x0, box.y0 - 1, box.x1, box.y0),
+    }
+    edge = beside[step].within(labels.shape)
+    found = labels[edge.slices]
+    found = found[found >= 0]
+    return int(np.bincount(found).argmax()) if len(found) else -1
+
+
+def forget_glimpses(
+    labels: NDArray[np.int16],
+    found: NDArray[np.int8],
+    is_room: NDArray[np.bool_],
+    least: float,
+) -> None:
+    """Take the labels off rooms of which less than ``least`` was seen; ``labels`` (H, W).
+
+    ``found`` (H, W) are the cells as mapped, ``is_room`` where the plan's rooms are.
+    """
+    parts = connected_components(is_room, connectivity=4)
+    seen = np.bincount(parts.piece[is_room & (found == FREE)], minlength=len(parts.size))
+    glimpsed = seen < least * parts.size
+    labels[parts.on_cells(glimpsed, False)] = -1
