@@ -211,10 +211,12 @@ def _open_up(dice: Dice, scale: Scale, style: Style, frontage: Frontage, row: Fl
         beyond = frontage.rect(u0, u1, v1, v1 + 1)
         spans = [frontage.extent(room)[:2] for room in row.rooms if room.overlaps(beyond)]
         jamb = scale.cells(dice.choice((5, 10, 25)))
-        low, high = (spans[0][0] + jamb, spans[0][1] - jamb) if spans else (u0, u1)
+        low, high = (u0, u1)
+        if spans:  # an enlarged room is longer than its side of the corridor
+            low, high = max(spans[0][0], 0) + jamb, min(spans[0][1], frontage.length) - jamb
         width = min(max(u1 - u0, scale.cells(dice.integer(*style.opening_cm))), high - low)
         start = min(max(low, (u0 + u1 - width) // 2), high - width)
-        if width > 1:
+        if width >= u1 - u0:
             gap = frontage.rect(start, start + width, v0, v1)
             row.doors[index] = Door(gap, door.inward, has_leaf=False)
 
@@ -255,7 +257,7 @@ def _add_inner_rooms(
                 before = room.grown(scale.cells(40), scale.cells(40))
                 bare += [door for door in row.doors if door.gap.overlaps(before)]
             inner.add(drawn)
-    row.doors = [replace(door, has_leaf=door not in bare) for door in row.doors]
+    row.doors = [replace(door, has_leaf=door.has_leaf and door not in bare) for door in row.doors]
     if inner.doors:  # a door to the neighbours might lead into a washroom, or be walled up
         row.doors = [door for door in row.doors if door.inward == frontage.inward]
     row.add(inner)

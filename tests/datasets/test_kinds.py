@@ -175,16 +175,20 @@ def test_an_apartment_is_a_home_with_a_narrow_hallway() -> None:
     assert 0 < n_without < 30
 
 
-def test_cased_openings_stay_in_their_rooms_and_have_no_leaf() -> None:
-    style = replace(KINDS["apartment"][0], openings=(1, 1), inner_rooms=(0, 1), side_doors=(0, 1))
-    layout = draw_layout(Dice(4, 0), style, 900)
-    plan = draw_floor(Dice(4, 1), Scale(50), style, layout, (500, 500))
-    front = [door for door in plan.doors if max(door.gap.size) > 10]
-    assert len(front) >= 3
-    assert sum(not door.has_leaf for door in front) >= 3
-    for door in front:
-        before = door.region(1)
-        assert any(before.overlaps(room) for room in plan.rooms)
+def test_cased_openings_lead_into_rooms_and_have_no_leaf() -> None:
+    style = replace(KINDS["apartment"][0], openings=(1, 1), side_doors=(0, 1), large_room_cm=None)
+    for seed in range(5):
+        layout = draw_layout(Dice(seed, 0), style, 900)
+        plan = draw_floor(Dice(seed, 1), Scale(50), style, layout, (500, 500))
+        across = [door for door in plan.doors if any(map(door.gap.overlaps, plan.corridors))]
+        front = [door for door in plan.doors if door not in across]
+        assert len(front) >= 3
+        for door in front:
+            assert not door.has_leaf
+            (room,) = (room for room in plan.rooms if door.region(1).overlaps(room))
+            low, high = (0, 2) if door.inward[1] else (1, 3)
+            corners = [(part.x0, part.y0, part.x1, part.y1) for part in (door.gap, room)]
+            assert corners[1][low] <= corners[0][low] < corners[0][high] <= corners[1][high]
 
 
 def test_pilasters_leave_a_corridor_wide_and_its_doors_free() -> None:
