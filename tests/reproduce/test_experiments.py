@@ -12,7 +12,7 @@ from pgm_places.reproduce import poses, resolutions, topology
 from pgm_places.reproduce.setting import Setting
 from tests.reproduce.small_data import write_small_data
 
-QUICK = {"classifier.n_rounds": 5, "classifier.n_folds": 2}
+QUICK = {"classifier.n_rounds": 5, "classifier.n_folds": 2, "space.n_rounds": 5}
 
 
 class QuickSetting(Setting):
