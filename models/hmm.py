@@ -17,6 +17,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, weights_of
+from pgm_places.inference.traits import Traits
 from pgm_places.models.chain_evidence import Observation, log_likelihood, possible
 from pgm_places.models.chain_statistics import (
     count_chains,
@@ -101,9 +102,9 @@ class HiddenMarkovModel:
     [0, 0, 0, 1, 1, 1]
     """
 
-    uses_node_features: ClassVar[bool] = False
-    chains_only: ClassVar[bool] = True
-    labelling_options: ClassVar[tuple[str, ...]] = ("mode",)
+    traits: ClassVar[Traits] = Traits(
+        uses_node_features=False, chains_only=True, labelling_options=("mode",)
+    )
 
     mode: Mode = "filter"
     observation: Observation = "posterior"

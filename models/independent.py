@@ -7,6 +7,7 @@ from pgm_places._checks import sealed
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.potentials import Potentials, score
 from pgm_places.inference.problem import LabelingProblem, evident_unary
+from pgm_places.inference.traits import Traits
 from pgm_places.solvers.relaxation import starting_beliefs
 
 __all__ = ["Independent"]
@@ -19,7 +20,7 @@ class Independent:
     With the decision list's histogram z (paper eq. 8) as unary this is AdaBoost alone.
     """
 
-    uses_node_features: ClassVar[bool] = False
+    traits: ClassVar[Traits] = Traits(uses_node_features=False)
 
     def infer(self, problem: LabelingProblem) -> Labeling:
         """The argmax of the unary at every node; beliefs are the normalised unaries.

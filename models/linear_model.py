@@ -12,6 +12,7 @@ from pgm_places.errors import InputError, NotFittedError
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import ONE_BY_ONE, LabelingProblem
+from pgm_places.inference.traits import Traits
 from pgm_places.models.cliques import check_clique_weights, clique_sizes, learned_rewards
 from pgm_places.models.feature_scaling import CLIP, Scale, Standardization
 from pgm_places.models.learning_record import N_RECORD, LearningRecord, history_array
@@ -58,7 +59,7 @@ class LinearModel:
         :class:`pgm_places.models.feature_scaling.Standardization`.
     """
 
-    labelling_options: ClassVar[tuple[str, ...]] = ("inference", "max_iterations", "certify")
+    traits: ClassVar[Traits] = Traits(labelling_options=("inference", "max_iterations", "certify"))
 
     scale: Scale = "auto"
     node_weights: NDArray[np.float64] | None = learned()

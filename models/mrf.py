@@ -14,6 +14,7 @@ from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.potentials import Potentials
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
 from pgm_places.inference.temperature import Temperature, tempered
+from pgm_places.inference.traits import Traits
 from pgm_places.models.cliques import decode_cliques_as
 from pgm_places.models.decoders import Decoder, gives_beliefs
 from pgm_places.options import AtLeastZero, Whole, check_options
@@ -70,7 +71,7 @@ class PottsField:
     [0, 0, 0]
     """
 
-    uses_node_features: ClassVar[bool] = False
+    traits: ClassVar[Traits] = Traits(uses_node_features=False)
 
     weight: float | Literal["auto"] = "auto"
     inference: Decoder = "graph-cut"

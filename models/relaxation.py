@@ -16,6 +16,7 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.backends import learned
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.inference.problem import LabelingProblem, evident_unary, labelled_problems
+from pgm_places.inference.traits import Traits
 from pgm_places.options import AtLeastZero, Whole, check_options
 from pgm_places.solvers.compatibility import (
     DIRECTIONS,
@@ -67,9 +68,9 @@ class Relaxation:
     [0, 0, 0, 1, 1, 1]
     """
 
-    uses_node_features: ClassVar[bool] = False
-    learns_from_labels: ClassVar[bool] = True
-    takes_single_precision: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        uses_node_features=False, learns_from_labels=True, takes_single_precision=True
+    )
 
     max_iterations: Whole = 50
     tolerance: AtLeastZero = 1e-4

@@ -2,12 +2,8 @@
 
 A backend is a frozen dataclass. Its fields are its options, its defaults are the defaults, its
 docstring is their reference. Fields that learning fills carry ``metadata={"learned": True}`` and
-are NumPy arrays or None; they are saved with the model and are no options. One that never looks at
-a problem's node features says so with a class attribute ``uses_node_features = False``, one that
-labels nothing but chains with ``chains_only = True``, and one whose ``fit`` looks at labels alone,
-not at what classifiers say of the nodes, with ``learns_from_labels = True``. One with options that
-only ``infer`` reads names them, ``labelling_options = ("inference",)``: backends that differ in
-nothing else learn the same, and are fitted once.
+are NumPy arrays or None; they are saved with the model and are no options. What labelers may take
+for granted of it, it declares as :class:`~pgm_places.inference.traits.Traits`.
 """
 
 import dataclasses
@@ -29,7 +25,6 @@ __all__ = [
     "backend_names",
     "build",
     "learned",
-    "uses_node_features",
 ]
 
 BACKENDS: Mapping[str, str] = {
@@ -86,11 +81,6 @@ class Learnable(Protocol):
 def learned(**keywords: Any) -> Any:
     """A dataclass field that learning fills: an array or None, stored with the model."""
     return dataclasses.field(default=None, repr=False, metadata={"learned": True}, **keywords)
-
-
-def uses_node_features(backend: Any) -> bool:
-    """Whether node features have to be computed for a backend: unless it says that it uses none."""
-    return bool(getattr(backend, "uses_node_features", True))
 
 
 def backend_names() -> list[str]:

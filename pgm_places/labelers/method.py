@@ -14,6 +14,7 @@ from pgm_places.inference.backends import BACKENDS, METHODS, Backend, build
 from pgm_places.inference.evidence import keep_evidence
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.traits import traits_of
 from pgm_places.models.decoders import named_decoder
 from pgm_places.options import check_options
 
@@ -25,9 +26,7 @@ __all__ = [
     "check_labels_maps",
     "infer",
     "infer_further",
-    "labels_chains_only",
     "place_methods",
-    "takes_single_precision",
     "unfitted",
     "with_edge_kinds",
 ]
@@ -121,16 +120,6 @@ def with_edge_kinds(backend: Any) -> Any:
     return dataclasses.replace(backend, edge_features=("constant", "kind"))
 
 
-def labels_chains_only(backend: Any) -> bool:
-    """Whether a backend needs an order of the nodes, as along a trajectory."""
-    return bool(getattr(backend, "chains_only", False))
-
-
-def takes_single_precision(backend: Any) -> bool:
-    """Whether log-probabilities in single precision are good enough for a backend's labels."""
-    return bool(getattr(backend, "takes_single_precision", False))
-
-
 def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
     """Refuse a method for chains where the graph is none, before anything is learned.
 
@@ -139,8 +128,8 @@ def check_labels_any_graph(name: str, backend: Any, what: str) -> None:
     ConfigError
         With the methods that label any graph.
     """
-    if labels_chains_only(backend):
-        others = [other for other in BACKENDS if not labels_chains_only(METHODS.find(other))]
+    if traits_of(backend).chains_only:
+        others = [other for other in BACKENDS if not traits_of(METHODS.find(other)).chains_only]
         raise ConfigError(
             f"{name} ({type(backend).__name__}) labels only chains such as trajectories, and "
             f"{what} is not a chain; use one of {', '.join(others)}"

@@ -11,16 +11,15 @@ from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
-from pgm_places.inference.backends import uses_node_features
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
+from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.labeler import Labeler
 from pgm_places.labelers.method import (
     PlaceMethod,
     check_labels_maps,
     infer,
     place_methods,
-    takes_single_precision,
 )
 from pgm_places.labelers.place_problem import cells_problem, shown_names
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
@@ -299,14 +298,15 @@ class PlaceLabeler(Labeler):
         """
         self.check_fitted()
         chosen = [self.method(name) for name in (methods or self.methods_)]
+        traits = [traits_of(method.backend) for method in chosen]
         graph = LabelGraph.from_grid(grid, connectivity=self.connectivity, mask=mask)
         scores = self.unary_model_.scores(
             grid,
             graph,
             unaries={method.unary for method in chosen},
-            with_node_features=any(uses_node_features(method.backend) for method in chosen),
+            with_node_features=any(item.uses_node_features for item in traits),
             with_halls=self.halls != "corridor",
-            single=lean and all(takes_single_precision(method.backend) for method in chosen),
+            single=lean and all(item.takes_single_precision for item in traits),
             with_spaces=not lean,
             known=known,
             own=own,

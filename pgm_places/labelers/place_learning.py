@@ -15,6 +15,7 @@ from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.temperature import calibrated
+from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.labelers.place_problem import cells_problem
@@ -95,7 +96,7 @@ def movement_of(
 def learn_from_scores(methods: Mapping[str, PlaceMethod]) -> bool:
     """Whether any method learns from the scores of cells, not from their labels alone."""
     learners = [item.backend for item in methods.values() if isinstance(item.backend, Learnable)]
-    return not all(getattr(backend, "learns_from_labels", False) for backend in learners)
+    return not all(traits_of(backend).learns_from_labels for backend in learners)
 
 
 def learn_methods(

@@ -5,6 +5,7 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from pgm_places.inference.backends import Learnable
+from pgm_places.inference.traits import traits_of
 from pgm_places.options import option_values
 
 __all__ = ["as_fitted", "learned_with"]
@@ -41,22 +42,18 @@ def learned_with(methods: Mapping[str, tuple[Any, str]]) -> dict[str, str]:
 
 def as_fitted(backend: Any, fitted: Any) -> Any:
     """The fitted backend, labelling as another one does that learns the same."""
-    chosen = {name: getattr(backend, name) for name in _labelling_options(backend)}
+    chosen = {name: getattr(backend, name) for name in traits_of(backend).labelling_options}
     return dataclasses.replace(fitted, **chosen)
-
-
-def _labelling_options(backend: Any) -> tuple[str, ...]:
-    return tuple(getattr(backend, "labelling_options", ()))
 
 
 def _what_is_learned(backend: Any) -> Hashable | None:
     """What learning depends on; None for what learns nothing, or says nothing of that."""
-    if not isinstance(backend, Learnable) or not _labelling_options(backend):
+    if not isinstance(backend, Learnable) or not traits_of(backend).labelling_options:
         return None
     options = {
         name: value
         for name, value in option_values(backend).items()
-        if name not in _labelling_options(backend)
+        if name not in traits_of(backend).labelling_options
     }
     arrays = [
         id(getattr(backend, item.name))

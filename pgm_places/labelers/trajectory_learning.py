@@ -12,7 +12,7 @@ from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, ma
 from pgm_places.features.own import feature_values
 from pgm_places.inference.backends import Learnable
 from pgm_places.inference.problem import LabelingProblem
-from pgm_places.labelers.method import labels_chains_only
+from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.movement import learn_movement
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -233,7 +233,7 @@ def learn_method(
 
 def loops_for(method: Any, loop_m: float) -> float:
     """The distance within which loops are closed: 0 for methods that label chains only."""
-    return 0.0 if labels_chains_only(method) else loop_m
+    return 0.0 if traits_of(method).chains_only else loop_m
 
 
 def segment_problem(

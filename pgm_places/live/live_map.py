@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pgm_places.errors import MapError
-from pgm_places.inference.backends import uses_node_features
+from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.live.growing_features import GrowingFeatures, Update
@@ -121,7 +121,7 @@ class LiveMap:
         self._features = None
         if not model.features:
             columns = model.columns(
-                [chosen.unary], node_features=uses_node_features(chosen.backend)
+                [chosen.unary], node_features=traits_of(chosen.backend).uses_node_features
             )
             self._features = GrowingFeatures(model.sensor, columns, n_threads=n_threads)
         self._settled, self._memory = SettledMap(few_cells, few_maps), PlaceMemory()

@@ -9,6 +9,7 @@ import pytest
 from pgm_places import LabelGraph, Labeling, LabelingProblem, Status
 from pgm_places.errors import ConfigError, ModelFileError
 from pgm_places.inference.backends import BACKENDS, METHODS, Backend, backend_names, build
+from pgm_places.inference.traits import Traits, traits_of
 from pgm_places.models.decoders import Decoder
 from pgm_places.options import AtLeastZero, Positive, Whole, option_hints, option_values
 
@@ -112,3 +113,15 @@ def test_a_stored_model_of_a_learner_that_is_gone_labels_on() -> None:
     assert METHODS.restored("amn", {"learner": "frank-wolfe"}).learner == "cutting-plane"
     with pytest.raises(ConfigError, match="learner must be 'cutting-plane' or 'qp'"):
         build("amn", {"learner": "frank-wolfe"})
+
+
+def test_a_method_declares_its_traits_as_one_record() -> None:
+    assert traits_of(build(f"{__name__}:AlwaysFirst")) == Traits()
+    assert traits_of(build("relaxation")).takes_single_precision
+    assert traits_of(build("crf")).labelling_options == ("inference", "max_iterations", "certify")
+
+    class OfAnEarlierVersion:
+        chains_only = True
+
+    with pytest.raises(ConfigError, match=r"OfAnEarlierVersion declares chains_only by itself; .*"):
+        traits_of(OfAnEarlierVersion())

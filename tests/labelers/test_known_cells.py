@@ -10,9 +10,9 @@ from pgm_places import LabelledMap, OccupancyGrid, PlaceLabeler, topological_map
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
 from pgm_places.inference.backends import BACKENDS, METHODS, build
+from pgm_places.inference.traits import traits_of
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
-from pgm_places.labelers.method import labels_chains_only
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.refinement import refine
 from pgm_places.models.decision_list import DecisionListClassifier
@@ -21,7 +21,7 @@ from pgm_places.trained import trained_labeler
 from pgm_places.unary.options import SpaceOptions
 
 NAMES = ("corridor", "room", "doorway")
-MAP_METHODS = [name for name in BACKENDS if not labels_chains_only(METHODS.find(name))]
+MAP_METHODS = [name for name in BACKENDS if not traits_of(METHODS.find(name)).chains_only]
 QUICK: dict[str, dict[str, Any]] = {"crf": {"learner": "piecewise"}, "amn": {"max_cuts": 5}}
 """Options of methods that learn for long."""
 
