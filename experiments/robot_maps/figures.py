@@ -15,7 +15,7 @@ from experiments.robot_maps.sources import Found
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.labelled_map import LabelledMap
-from pgm_places.spaces.door_truth import DoorScores, match_gates, match_painted
+from pgm_places.spaces.door_truth import DoorMatch, DoorScores, match_gates, match_painted
 
 __all__ = ["HEADER", "MapFigures", "cut_spaces", "measured", "row", "table", "write_figures"]
 
@@ -90,8 +90,8 @@ def measured(known: KnownMap, weight: float, found: Found) -> MapFigures:
     )
     painted = match_painted(found.labels, item.grid, item.labels, DOORWAY)
     gates = match_gates(doorways.gates if doorways else (), item.grid, item.labels, DOORWAY)
-    scores = [match.scores(np.ones(len(match.door), np.bool_)) for match in (painted, gates)]
-    return MapFigures(known, weight, cells, *scores, *cut_spaces(item, found.labels))
+    cut, spaces = cut_spaces(item, found.labels)
+    return MapFigures(known, weight, cells, _all_of(painted), _all_of(gates), cut, spaces)
 
 
 def cut_spaces(item: LabelledMap, labels: NDArray[np.int64]) -> tuple[int, int]:
@@ -151,6 +151,10 @@ def write_figures(path: Path, figures: Sequence[MapFigures]) -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def _all_of(match: DoorMatch) -> DoorScores:
+    return match.scores(np.ones(len(match.door), np.bool_))
 
 
 def _doors(scores: Sequence[DoorScores]) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.labelers.place_labeler import PlaceLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -55,7 +56,7 @@ class Source:
             scores = replace(scores, space=self.evidence(grid, graph, scores))
         labeling = self.labeler.infer(graph, scores, method=name)
         doorways = None if scores.spaces is None else scores.spaces.doorways
-        assert graph.layout is not None  # the graph is that of a map
+        assert isinstance(graph.layout, GridLayout)  # the graph is that of a map
         return Found(graph.layout.to_raster(labeling.labels, fill=-1), labeling, doorways)
 
 

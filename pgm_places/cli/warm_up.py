@@ -171,10 +171,15 @@ def _warm_up_segments() -> None:
 
 
 def _warm_up_space() -> None:
-    """Looking up what one cell sees of a segment, and trees; the run itself divides the map."""
+    """Looking up what one cell sees of a segment, trees, and making spaces whole.
+
+    The run itself divides the map.
+    """
     import numpy as np
 
+    from pgm_places.maps.components import connected_components
     from pgm_places.models.boosted_trees import BoostedTrees
+    from pgm_places.solvers.max_flow import minimum_cut
     from pgm_places.spaces.segment_lookup import SegmentLookup
 
     none, one = np.zeros(1, np.int64), np.zeros((1, 1), np.float32)
@@ -185,6 +190,8 @@ def _warm_up_space() -> None:
     lookup.write(cells, cells[0, :1], np.zeros(1), none, none, one)
     cut, value = np.full((1, 3), np.inf, np.float32), np.zeros((1, 4), np.float32)
     BoostedTrees(np.full((1, 3), -1, np.int32), cut, value).scores(one)
+    minimum_cut([1.0, 0.0], [0.0, 1.0], [(0, 1)], [1.0], [1.0])
+    connected_components(cells)
 
 
 def _warm_up_topology() -> None:

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pgm_places._checks import nearest_name
+from pgm_places._checks import nearest_name, sealed
 from pgm_places.errors import ConfigError
 from pgm_places.evaluation.evaluation import evaluate
 from pgm_places.features.own import as_features
 from pgm_places.graph.label_graph import LabelGraph
+from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.inference.traits import traits_of
@@ -22,6 +23,7 @@ from pgm_places.labelers.method import (
     place_methods,
 )
 from pgm_places.labelers.place_problem import cells_problem, shown_names
+from pgm_places.labelers.whole_spaces import with_whole_spaces
 from pgm_places.maps.labelled_map import LabelledMap, require_examples
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
@@ -83,6 +85,10 @@ class PlaceLabeler(Labeler):
     halls : {"corridor", "room", "hall"}
         What halls are labelled, where ``hall`` is one of the labels beside ``corridor`` and
         ``room``. A fitted labeler changes its mind by ``with_options(halls="hall")``.
+    whole_spaces : bool
+        Whether borders between ``corridor`` and ``room`` run along openings of segments where
+        little speaks for two spaces, for methods that see segments: see
+        :mod:`pgm_places.labelers.whole_spaces`.
 
     Attributes
     ----------
@@ -137,6 +143,7 @@ class PlaceLabeler(Labeler):
         max_examples_per_map: NumberOfExamples | None = None,
         features: Sequence[Any] = (),
         halls: HallsAs = "corridor",
+        whole_spaces: bool = True,
     ) -> None:
         self.label_names = label_names
         self.methods = methods
@@ -151,6 +158,7 @@ class PlaceLabeler(Labeler):
         self.max_examples_per_map = max_examples_per_map
         self.features = features
         self.halls = halls
+        self.whole_spaces = whole_spaces
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so before anything else.
@@ -387,7 +395,13 @@ class PlaceLabeler(Labeler):
 
         ``known`` (N,) holds the learned labels of cells that are known, -1 elsewhere.
         """
-        return cells_problem(graph, self.learned_names, scores, method.unary, known)
+        names, layout = self.learned_names, graph.layout
+        problem = cells_problem(graph, names, scores, method.unary, known)
+        segment, unary = scores.segment, problem.unary
+        if not self.whole_spaces or method.unary in ("laser", "context") or segment is None:
+            return problem
+        assert unary is not None and isinstance(layout, GridLayout)  # there are scores of a map
+        return problem.with_unary(sealed(with_whole_spaces(unary, segment, layout, names, known)))
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

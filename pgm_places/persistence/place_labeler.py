@@ -34,8 +34,8 @@ __all__ = ["KIND", "check_savable", "dump", "load"]
 
 KIND = "place-labeler"
 
-OPTIONS = ("learn_on", "n_folds", "n_node_features", "max_examples_per_map")
-"""What only learning reads, kept so that a loaded labeler can be fitted again."""
+OPTIONS = ("learn_on", "n_folds", "n_node_features", "max_examples_per_map", "whole_spaces")
+"""What learning reads, kept so that a loaded labeler can be fitted again, and how it labels."""
 
 
 def dump(labeler: PlaceLabeler) -> tuple[dict[str, Any], Arrays]:

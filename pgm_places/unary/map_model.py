@@ -54,6 +54,8 @@ class CellScores:
         The probability that each node lies in a hall if it is circulation, where it was asked for.
     doorways : Doorways or None
         The accepted gates, where ``spaces`` were not kept.
+    segment : (N,) int16 or int32, or None
+        The segment of the finest scale that each node lies in, -1 for none, beside ``space``.
     """
 
     laser: NDArray[np.float64] | None
@@ -63,6 +65,7 @@ class CellScores:
     spaces: MapSpaces | None = None
     hall: NDArray[np.float32] | None = None
     doorways: Doorways | None = None
+    segment: NDArray[np.int32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +214,8 @@ class UnaryModel:
         laser, context, space = (sealed(found[name]) if name in found else None for name in UNARIES)
         handed_on = None if features is None else sealed(features)
         hall = None if around is None or around.hall is None else sealed(around.hall)
-        return CellScores(laser, context, space, handed_on, spaces, hall, doorways)
+        segment = None if around is None else sealed(around.features.segment)
+        return CellScores(laser, context, space, handed_on, spaces, hall, doorways, segment)
 
     def _stream(
         self,

@@ -1,0 +1,156 @@
+"""Whole spaces: borders between corridor and room run along openings of segments, or not at all."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.graph.bands import bands_of_rows
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.components import Components, connected_components
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+
+__all__ = ["with_whole_spaces"]
+
+_PAIR = ("corridor", "room")
+"""Only these change places: doorways keep their cells, and other labels need not follow spaces."""
+
+_INSIDE, _OPENING = 4.0, 1.0
+"""What a metre of border costs inside a segment and along an opening, in nats times square metres:
+the evidence of a cell counts by its area. Chosen on half of the buildings (docs/spaces.md)."""
+
+_SHARE = np.log([0.65, 0.35])
+"""The new and the old label of cells that change, of what both had: about as many are right."""
+
+_KNOWN = 1e9
+"""What a known cell says for its label: more than all others."""
+
+_CITY_BLOCK = np.pi / 4
+"""The length of a line over the number of cell sides along it, in the mean of all directions."""
+
+
+def with_whole_spaces(
+    log_z: NDArray[np.float64],
+    segment: NDArray[np.int32],
+    layout: GridLayout,
+    label_names: tuple[str, ...],
+    known: NDArray[np.int64] | None = None,
+) -> NDArray[np.float64]:
+    """The scores of cells, those of parts that saw a space in two given to the label around them.
+
+    Connected cells of one segment and one label, corridor or room, are a *part*. The labels of all
+    parts maximise the evidence of their cells less the length of the borders between both labels,
+    which costs more within a segment than along an opening: an exact minimum cut. So a border in
+    open space moves to an opening of its segment, or goes, unless much speaks for both sides.
+
+    Parameters
+    ----------
+    log_z : (N, K) float
+        Log-probabilities; the array itself comes back where nothing changes.
+    segment : (N,) int
+        The segment of the finest scale that each cell lies in, -1 for none.
+    layout : GridLayout
+        Of the N cells.
+    label_names : tuple of K str
+        Without both corridor and room among them nothing changes.
+    known : (N,) int, optional
+        Labels of the cells that are known, -1 elsewhere: their parts keep them.
+    """
+    if not set(_PAIR) <= set(label_names):
+        return log_z
+    pair = [label_names.index(name) for name in _PAIR]
+    label = log_z.argmax(axis=1)
+    if known is not None:
+        label = np.where(known >= 0, known, label)
+    parts = _Parts.of(label, segment, layout, pair)
+    odds = np.asarray(log_z[:, pair[0]] - log_z[:, pair[1]], np.float64)
+    if known is not None:
+        for sign, k in zip((1, -1), pair, strict=True):
+            odds[known == k] = sign * _KNOWN
+    changed = parts.changed(parts.sums(odds, layout))
+    moves = layout.from_raster(parts.pieces.on_cells(changed, False))
+    if known is not None:
+        moves &= known < 0
+    return _moved(log_z, moves, label, pair)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """The parts of all segments.
+
+    Parameters
+    ----------
+    pieces : Components
+        Where each part is.
+    is_room : (P,) bool
+    segment : (P,) int64
+    resolution_m : float
+    """
+
+    pieces: Components
+    is_room: NDArray[np.bool_]
+    segment: NDArray[np.int64]
+    resolution_m: float
+
+    @classmethod
+    def of(
+        cls,
+        label: NDArray[np.int64],
+        segment: NDArray[np.int32],
+        layout: GridLayout,
+        pair: list[int],
+    ) -> Self:
+        """Those of cells with these labels."""
+        inside = (label == pair[0]) | (label == pair[1])
+        code = np.where(inside, 2 * (segment.astype(np.int32) + 1) + (label == pair[1]), -1)
+        pieces = connected_components(layout.to_raster(code.astype(np.int32), fill=-1))
+        assert isinstance(layout.source, OccupancyGrid)  # segments are those of a map
+        number = pieces.label.astype(np.int64) // 2 - 1
+        return cls(pieces, pieces.label % 2 == 1, number, layout.source.resolution_m)
+
+    def sums(self, odds: NDArray[np.float64], layout: GridLayout) -> NDArray[np.float64]:
+        """(P,) what speaks for corridor rather than room, times square metres."""
+        piece = layout.from_raster(self.pieces.piece)
+        inside = piece >= 0
+        total = np.bincount(piece[inside], odds[inside], minlength=self.pieces.count)
+        return np.asarray(total * self.resolution_m**2, np.float64)
+
+    def borders(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """(B, 2) the parts that share a border, and its length (B,) in metres."""
+        found = []
+        for rows in bands_of_rows(self.pieces.piece.shape):
+            high = slice(rows.start, rows.stop + 1)  # and the first row of the next band
+            above = self.pieces.piece[high]
+            beside = self.pieces.piece[rows]
+            for one, other in ((above[:-1], above[1:]), (beside[:, :-1], beside[:, 1:])):
+                meet = (one != other) & (one >= 0) & (other >= 0)
+                found.append(np.sort(np.stack([one[meet], other[meet]], axis=1), axis=1))
+        pairs, sides = np.unique(np.concatenate(found), axis=0, return_counts=True)
+        length_m = np.asarray(sides * (self.resolution_m * _CITY_BLOCK), np.float64)
+        return pairs.astype(np.int64), length_m
+
+    def changed(self, sums: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(P,) the parts whose label is the other one in the best labelling of all."""
+        from pgm_places.solvers.max_flow import minimum_cut
+
+        pairs, length_m = self.borders()
+        within = self.segment[pairs[:, 0]] == self.segment[pairs[:, 1]]
+        cost = np.where(within, _INSIDE, _OPENING) * length_m
+        best = minimum_cut(np.maximum(sums, 0), np.maximum(-sums, 0), pairs, cost, cost)
+        return np.asarray(~best.source_side != self.is_room)
+
+
+def _moved(
+    log_z: NDArray[np.float64], moves: NDArray[np.bool_], label: NDArray[np.int64], pair: list[int]
+) -> NDArray[np.float64]:
+    """(N, K) the scores of cells that move: both labels share what they had together."""
+    nodes = np.flatnonzero(moves)
+    if not len(nodes):
+        return log_z
+    found = log_z.copy()
+    both = np.logaddexp(log_z[nodes, pair[0]], log_z[nodes, pair[1]])
+    old = label[nodes]
+    found[nodes, np.where(old == pair[0], pair[1], pair[0])] = both + _SHARE[0]
+    found[nodes, old] = both + _SHARE[1]
+    return found

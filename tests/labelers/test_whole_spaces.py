@@ -1,0 +1,127 @@
+"""Spaces as wholes: where borders between corridor and room run after the scores are known."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pgm_places.datasets import generate_building
+from pgm_places.graph.layout import GridLayout
+from pgm_places.labelers.whole_spaces import with_whole_spaces
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from tests.quick_labeler import places
+from tests.reference.whole_spaces import best_labels
+
+NAMES = ("corridor", "room", "doorway")
+CORRIDOR, ROOM, DOORWAY = range(3)
+CELLS_M = 0.1
+
+
+def layout_of(shape: tuple[int, int]) -> GridLayout:
+    return GridLayout.of_map(OccupancyGrid(np.zeros(shape, np.int8), resolution_m=CELLS_M))
+
+
+def scores(label: NDArray[np.int64], sure: Any = 0.7) -> NDArray[np.float64]:
+    """(H W, 3) log-probabilities of cells that are as sure of their labels as they say."""
+    right = np.broadcast_to(np.asarray(sure, float), label.shape).ravel()
+    found = np.repeat(((1 - right) / 2)[:, None], 3, axis=1)
+    found[np.arange(label.size), label.ravel()] = right
+    return np.log(found)
+
+
+def labels(
+    given: NDArray[np.float64], segment: NDArray[np.int64], **more: Any
+) -> NDArray[np.int64]:
+    found = with_whole_spaces(
+        given, segment.ravel().astype(np.int32), layout_of(segment.shape), NAMES, **more
+    )
+    return found.argmax(axis=1).reshape(segment.shape)
+
+
+def test_a_border_in_the_open_goes_where_little_speaks_for_the_smaller_side() -> None:
+    hall = np.zeros((40, 100), int)
+    label = np.where(np.arange(100) < 80, ROOM, CORRIDOR) + hall
+    assert (labels(scores(label, 0.6), hall) == ROOM).all()
+
+
+def test_a_border_in_the_open_stays_where_much_speaks_for_both_sides() -> None:
+    hall = np.zeros((40, 100), int)
+    label = np.where(np.arange(100) < 50, ROOM, CORRIDOR) + hall
+    given = scores(label, 0.99)
+    found = with_whole_spaces(given, hall.ravel().astype(np.int32), layout_of(hall.shape), NAMES)
+    assert found is given
+
+
+def test_a_border_beside_an_opening_moves_to_it() -> None:
+    segment = np.zeros((20, 100), int)
+    segment[:, 50:] = 1
+    label = np.where(np.arange(100) < 42, ROOM, CORRIDOR) + np.zeros_like(segment)
+    found = labels(scores(label, 0.8), segment)
+    assert (found == np.where(segment == 0, ROOM, CORRIDOR)).all()
+
+
+def test_doorways_stay_and_keep_their_probability() -> None:
+    hall = np.zeros((20, 60), int)
+    label = np.where(np.arange(60) < 45, ROOM, CORRIDOR) + hall
+    label[8:12, 43:47] = DOORWAY
+    given = scores(label, 0.6)
+    found = with_whole_spaces(given, hall.ravel().astype(np.int32), layout_of(hall.shape), NAMES)
+    moved = (label == CORRIDOR).ravel()
+    assert (found.argmax(axis=1)[~moved] == label.ravel()[~moved]).all()
+    assert (found.argmax(axis=1)[moved] == ROOM).all()
+    np.testing.assert_array_equal(found[:, DOORWAY], given[:, DOORWAY])
+    np.testing.assert_allclose(np.exp(found).sum(axis=1), 1.0, rtol=1e-12)
+    share = np.exp(found[moved, ROOM]) / np.exp(found[moved][:, [CORRIDOR, ROOM]]).sum(axis=1)
+    np.testing.assert_allclose(share, 0.65, rtol=1e-12)
+
+
+def test_known_cells_keep_their_part_and_bring_over_what_is_doubtful() -> None:
+    hall = np.zeros((20, 60), int)
+    label = np.where(np.arange(60) < 45, ROOM, CORRIDOR) + hall
+    known = np.full(label.shape, -1)
+    known[5, 50:55] = CORRIDOR
+    doubtful = scores(label, 0.4)
+    assert (labels(doubtful, hall) == ROOM).all()
+    assert (labels(doubtful, hall, known=known.ravel()) == CORRIDOR).all()
+    sure = np.where(label == ROOM, 0.999, 0.6)
+    assert (labels(scores(label, sure), hall, known=known.ravel()) == label).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_labels_are_the_best_of_all(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (int(rng.integers(2, 4)), int(rng.integers(3, 5)))
+    segment = np.repeat(rng.integers(-1, 2, (1, shape[1])), shape[0], axis=0)
+    label = rng.choice(3, shape, p=[0.45, 0.45, 0.1])
+    given = scores(label, 0.99)
+    odds = (rng.exponential(60.0, shape) * np.where(label == CORRIDOR, 1, -1)).ravel()
+    other = np.where(label == DOORWAY, 0.0, -1e6).ravel()
+    given[:, :2] = np.stack([odds / 2, -odds / 2], axis=1) - 1e4
+    given[:, DOORWAY] = other
+    expected = best_labels(odds.reshape(shape), label, segment, CELLS_M)
+    np.testing.assert_array_equal(labels(given, segment), expected)
+
+
+def test_other_labels_are_left_alone() -> None:
+    given = scores(np.zeros((4, 4), int))
+    one = np.zeros(16, np.int32)
+    assert with_whole_spaces(given, one, layout_of((4, 4)), ("office", "room", "door")) is given
+
+
+def test_labelers_do_so_for_methods_that_see_segments_unless_told_otherwise() -> None:
+    labeler, grid = places(), generate_building(4, size="small", resolution_m=0.05).grid
+    graph, found = labeler.scores(grid)
+    method, names = labeler.method(), labeler.learned_names
+    assert method.unary == "space"
+    specks = np.random.default_rng(0).integers(0, 2, graph.n_nodes)
+    found = replace(found, space=scores(specks, 0.4))
+    assert found.segment is not None
+    assert isinstance(graph.layout, GridLayout)
+    assert found.space is not None
+    expected = with_whole_spaces(found.space, found.segment, graph.layout, names)
+    assert (expected != found.space).any()
+    np.testing.assert_array_equal(labeler.problem_of(graph, found, method).unary, expected)
+    plain = labeler.with_options(whole_spaces=False)
+    np.testing.assert_array_equal(plain.problem_of(graph, found, method).unary, found.space)
