@@ -222,7 +222,7 @@ def choose_penalty(
         options, learner="cutting-plane", tolerance=SEARCH_TOLERANCE, certified_tolerance=None
     )
     truth: list[NDArray[np.int64]] = []
-    found: list[list[NDArray[np.int64]]] = [[] for _ in penalties]
+    answers: list[list[NDArray[np.int64]]] = [[] for _ in penalties]
     for part in range(n_blocks):
         train = [_restricted(p, at != part) for p, at in zip(problems, parts, strict=True)]
         held_out = joined(
@@ -244,8 +244,8 @@ def choose_penalty(
             solution = learn(priced, quick, cuts=cuts)
             cuts = solution.cuts  # planes hold at any C
             labels = oracle(*potentials_of(held_out, solution.weights))
-            found[number].append(labels[counts])
-    return best_value(penalties, truth, found)
+            answers[number].append(labels[counts])
+    return best_value(penalties, truth, answers)
 
 
 def learn_hidden(
@@ -286,12 +286,12 @@ def choose_completed(
     best = problem_oracle(problem)
 
     def labels_with(labels: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-        found = []
+        labelings = []
         for penalty in penalties:
             priced = replace(problem, penalty=penalty)
             solution = learn_hidden(priced, labels, class_weight, quick).solution
-            found.append(best(*potentials_of(problem, solution.weights)))
-        return found
+            labelings.append(best(*potentials_of(problem, solution.weights)))
+        return labelings
 
     return best_of_hidden(truth, parts, penalties, labels_with)
 

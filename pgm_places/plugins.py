@@ -69,12 +69,12 @@ class Registry:
             raise ConfigError(
                 f"{self.kind} {name!r} needs {error.name!r}, which is not installed"
             ) from None
-        found = getattr(module, class_name, None)
-        if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
+        cls = getattr(module, class_name, None)
+        if not (isinstance(cls, type) and dataclasses.is_dataclass(cls)):
             raise ConfigError(
                 f"{self.kind} {name!r}: {target} is not a dataclass with its options as fields"
             )
-        return found
+        return cls
 
     def build(self, name: str, options: Mapping[str, Any] | None = None) -> Any:
         """An object of the class of that name with those options.

@@ -81,7 +81,7 @@ def topology(
         output_set(out, "topology", names=(*PLACES, *SETTINGS), force=force) as files,
         progress.stage("places"),
     ):
-        found = write_places(
+        places = write_places(
             files,
             loaded.name,
             rules,
@@ -91,9 +91,9 @@ def topology(
             doorways=doorways,
             **probabilities,
         )
-    say(places_summary(found))
+    say(places_summary(places))
     if propose_splits_m:
-        for line in _proposals(found, propose_splits_m):
+        for line in _proposals(places, propose_splits_m):
             say(line)
     say_written(files)
 

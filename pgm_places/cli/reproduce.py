@@ -41,16 +41,16 @@ def reproduce(
     claim(out, force=force)
     if any(data_for(SECTIONS[key]) is None for key in ids):
         progress.warn(f"{STAND_IN_WARNING} Set PGM_PLACES_DATA to the folder of the real data.")
-    found = []
+    finished = []
     with WarmUp(["features", "boosting", "relaxation", "amn"], n_threads=n_threads):
         sections = run_sections(
             ids, out, again=again, force=force, progress=progress, n_threads=n_threads
         )
         for section in sections:
-            found.append(section)
+            finished.append(section)
             if not quiet:
                 say(f"{section.id} {SECTIONS[section.id].title}: {section.seconds:.0f} s")
-    table = overview_table(found)
+    table = overview_table(finished)
     say(f"\n{text_table([table.heading, *table.rows])}\n({table.caption})")
     for name in ("reproduce.md", "reproduce.html"):
         say(f"wrote {out / name}")

@@ -84,7 +84,7 @@ def data_for(spec: PaperSection) -> Path | None:
 def _run(key: str, spec: PaperSection, folder: Path, setting: Setting) -> Section:
     """The section, once its experiment has run and been written to the folder."""
     start = time.perf_counter()
-    found = spec.run(setting)
+    outcome = spec.run(setting)
     section = Section(
         key,
         spec.title,
@@ -92,13 +92,13 @@ def _run(key: str, spec: PaperSection, folder: Path, setting: Setting) -> Sectio
         setting.data is not None,
         time.perf_counter() - start,
         __version__,
-        found.setting,
-        found.findings,
-        found.tables,
-        found.pictures,
-        found.remarks,
+        outcome.setting,
+        outcome.findings,
+        outcome.tables,
+        outcome.pictures,
+        outcome.remarks,
     )
-    for name, content in found.files.items():
+    for name, content in outcome.files.items():
         write_bytes(folder / name, content)
     record = json.dumps(section.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
     write_text(folder / RECORD, record + "\n")

@@ -52,9 +52,9 @@ def run(setting: Setting) -> Outcome:
     files = {"labels.png": label_sheet(comparison)}
     pictures = [Picture("labels.png", "What the topological maps are made from.")]
     grid = window_grid(item.grid, item.window)
-    for method, found in maps.items():
+    for method, places in maps.items():
         name = f"topology_{method.replace(' ', '_')}.png"
-        files[name] = topology_picture(grid, found)
+        files[name] = topology_picture(grid, places)
         caption = (
             f"Topological map from {method}, places between gates (compare the paper's Fig. 9)."
         )
@@ -66,8 +66,8 @@ def run(setting: Setting) -> Outcome:
         "regions, doors and connections of the right half, compared with those of the ground "
         "truth.",
         findings=tuple(
-            _doorways(method, name, found)
-            for (method, name), found in scores.items()
+            _doorways(method, name, counted)
+            for (method, name), counted in scores.items()
             if name != "none"
         ),
         tables=(table,),
@@ -106,11 +106,11 @@ def topology_table(
         labels = np.where(item.window, raster, np.int16(-1))
         variants = VARIANTS if doorways is None else {**VARIANTS, "gates": {"doorways": doorways}}
         for name, options in variants.items():
-            found = topological_map(item.grid, labels, names, **options)
-            words = f"{name}: {len(found.corrections)}" if found.corrections else name
-            scores[method, name] = score_regions(found, true_map)
+            places = topological_map(item.grid, labels, names, **options)
+            words = f"{name}: {len(places.corrections)}" if places.corrections else name
+            scores[method, name] = score_regions(places, true_map)
             rows.append(_row(method, words, scores[method, name]))
-            maps[method] = found  # the last has most corrections, or the gates
+            maps[method] = places  # the last has most corrections, or the gates
     caption = f"{item.name}: places and connections found, compared with the ground truth"
     return Table(caption, HEADING, tuple(rows)), maps, scores
 

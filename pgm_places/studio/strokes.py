@@ -125,7 +125,7 @@ def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDAr
     low = np.minimum(lines[:, :2], lines[:, 2:]) - reach
     high = np.maximum(lines[:, :2], lines[:, 2:]) + reach
     first, last = _clipped(low.min(axis=0), grid.shape), _clipped(high.max(axis=0) + 1, grid.shape)
-    found = [np.empty((0, 3), np.int64)]
+    runs = [np.empty((0, 3), np.int64)]
     for row in range(first[0], last[0], BAND_ROWS):
         rows = slice(row, min(row + BAND_ROWS, last[0]))
         near = (low[:, 0] < rows.stop) & (high[:, 0] >= row)
@@ -136,8 +136,8 @@ def _near(lines: NDArray[np.float64], reach: float, grid: OccupancyGrid) -> NDAr
         turns = np.zeros((rows.stop - row, right - left + 1), np.int32)
         mark_brush(lines[near], reach, row, left, turns)
         covered = np.cumsum(turns[:, :-1], axis=1, dtype=np.int32) > 0
-        found.append(runs_of_mask(covered & grid.free[rows, left:right], (row, left)))
-    return np.concatenate(found)
+        runs.append(runs_of_mask(covered & grid.free[rows, left:right], (row, left)))
+    return np.concatenate(runs)
 
 
 def _inside_rectangle(

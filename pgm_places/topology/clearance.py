@@ -41,9 +41,9 @@ def deepest_cells(piece: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
     """
     from pgm_places.topology._region_kernels import mark_deepest
 
-    found = np.empty(piece.shape, np.bool_)
-    mark_deepest(piece, squared_depth(piece), np.full(count, -1, np.int32), found)
-    return found
+    deepest = np.empty(piece.shape, np.bool_)
+    mark_deepest(piece, squared_depth(piece), np.full(count, -1, np.int32), deepest)
+    return deepest
 
 
 def _edges(piece: NDArray[np.int32]) -> NDArray[np.bool_]:

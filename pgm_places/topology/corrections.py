@@ -142,10 +142,10 @@ class _Merging:
         self.first = list(range(pieces.count))  # the first of the pieces merged into each
         self.first_cell = _first_cells(pieces)
         self.borders: list[dict[int, int]] = [{} for _ in range(pieces.count)]
-        found = contacts(pieces.piece, pieces.count)
+        touching = contacts(pieces.piece, pieces.count)
         # Lengths in thousandths of a side, a corner counting as one, so that sums are exact.
-        lengths = 1000 * found.sides + found.corners
-        for (i, j), length in zip(found.pairs.tolist(), lengths.tolist(), strict=True):
+        lengths = 1000 * touching.sides + touching.corners
+        for (i, j), length in zip(touching.pairs.tolist(), lengths.tolist(), strict=True):
             self.borders[i][j] = self.borders[j][i] = length
 
     def run(self) -> Iterator[tuple[int, int, int, int, str]]:
@@ -230,7 +230,7 @@ class _Merging:
 
 def _first_cells(pieces: Components) -> NDArray[np.int64]:
     """(R,) flat index of the first cell of each piece."""
-    found = []
+    firsts = []
     highest = np.int32(-1)
     for rows in bands_of_rows(pieces.piece.shape):
         flat = pieces.piece[rows].ravel()
@@ -238,7 +238,7 @@ def _first_cells(pieces: Components) -> NDArray[np.int64]:
         record = np.maximum.accumulate(flat)
         new = np.flatnonzero(np.diff(record, prepend=highest) > 0)
         new = new[record[new] > highest]
-        found.append(new + rows.start * pieces.piece.shape[1])
+        firsts.append(new + rows.start * pieces.piece.shape[1])
         highest = max(highest, record[-1])
-    first: NDArray[np.int64] = np.concatenate(found)
+    first: NDArray[np.int64] = np.concatenate(firsts)
     return first

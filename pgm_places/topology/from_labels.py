@@ -95,11 +95,11 @@ def topological_map(
     raster = label_raster("labels", labels, grid.shape, n_labels=len(names))
     rules = rules or CorrectionRules()
     if doorways is not None and len(doorways) and rules.doorway_label in names:
-        found = pieces_between(raster, grid, names, doorways, rules, correct=correct)
+        divided = pieces_between(raster, grid, names, doorways, rules, correct=correct)
     else:
         doorways = None
-        found = _labelled_pieces(raster, names, grid, rules, correct)
-    pieces = found.pieces
+        divided = _labelled_pieces(raster, names, grid, rules, correct)
+    pieces = divided.pieces
     probabilities = None
     if beliefs is not None:
         probabilities = mean_probabilities(pieces, beliefs, layout, len(names), grid)
@@ -120,7 +120,7 @@ def topological_map(
         ids=ids,
         names=called,
         probabilities=probabilities,
-        gates=_gates_of(found, doorways),
+        gates=_gates_of(divided, doorways),
         anchors_m=known.anchors_m if known else None,
         deepest=deepest,
         tolerance=tolerance,
@@ -134,7 +134,7 @@ def topological_map(
         connections,
         names,
         rules.doorway_label,
-        found.corrections,
+        divided.corrections,
         next_id,
     )
 
@@ -156,14 +156,14 @@ def _labelled_pieces(
 
 
 def _gates_of(
-    found: GatePieces, doorways: Doorways | None
+    divided: GatePieces, doorways: Doorways | None
 ) -> list[tuple[Gate, float] | None] | None:
     """The gate that each piece is, with its probability; None for pieces of places."""
     if doorways is None:
         return None
     return [
         None if g < 0 else (doorways.gates[g], float(doorways.probability[g]))
-        for g in found.gate.tolist()
+        for g in divided.gate.tolist()
     ]
 
 

@@ -231,9 +231,9 @@ def _probabilities(
     """(P, K) mean probabilities of pieces, by the cells that they have from earlier regions."""
     if any(item.probabilities is None for item in topology.regions):
         return None
-    found = np.zeros((count, len(topology.label_names)))
+    shares = np.zeros((count, len(topology.label_names)))
     for item in topology.regions:
         window = topology.window(item.id)
         inside = piece[window][topology.region[window] == item.id]
-        found += np.bincount(inside, minlength=count)[:, None] * np.array(item.probabilities)
-    return found / found.sum(axis=1, keepdims=True)
+        shares += np.bincount(inside, minlength=count)[:, None] * np.array(item.probabilities)
+    return shares / shares.sum(axis=1, keepdims=True)
