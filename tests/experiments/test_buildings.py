@@ -40,8 +40,14 @@ def small_building(seed: int, **_: object) -> LabelledBuilding:
     return generate_building(seed, size="small", resolution_m=0.1)
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What was learned for one test, for all others that ask for the same."""
+    return tmp_path_factory.mktemp("buildings") / "kept"
+
+
 @pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Setting:
+def small(monkeypatch: pytest.MonkeyPatch, kept: Path) -> Setting:
     """Two buildings with a robot-like copy each, a generated one, and few rounds of boosting."""
     monkeypatch.setattr(maps, "generate_building", small_building)
     monkeypatch.setattr(maps, "STAND_INS", ("school", "office"))
@@ -54,7 +60,7 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Setting:
     monkeypatch.setattr(
         lists, "ClassifierOptions", functools.partial(ClassifierOptions, n_rounds=5)
     )
-    return Setting(kept=tmp_path / "kept")
+    return Setting(kept=kept)
 
 
 def test_every_kind_has_its_figures_and_a_stopped_run_goes_on(
