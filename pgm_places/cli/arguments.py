@@ -39,8 +39,8 @@ UnknownValue = Annotated[
     UnknownGrey | None,
     Option(
         metavar="GREY|none",
-        help="Grey value to read as unknown; 205 by default, where a map saver must have meant "
-        "that. none: as the thresholds say.",
+        help="Grey value to read as unknown; none to rely on the thresholds alone; by default "
+        "205 if the file looks like a map saver's.",
     ),
 ]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Hide progress.")]

@@ -46,15 +46,15 @@ def doctor(
         list[str] | None,
         Argument(
             metavar="MAP.yaml...",
-            help="A map to check; of several, of folders and of quoted patterns, a table.",
+            help="Maps to check; several, folders or quoted patterns give a table.",
         ),
     ] = None,
     fix: Annotated[
         bool,
         Option(
             "--fix",
-            help="Correct free_thresh in the YAML files of maps whose unknown cells it calls free; "
-            "the file as it was is kept beside it as FILE.orig.",
+            help="Correct free_thresh in YAML files whose maps read unknown cells as free; the "
+            "original is kept beside it as FILE.orig.",
         ),
     ] = False,
     model: Model = "default",
@@ -62,8 +62,9 @@ def doctor(
 ) -> None:
     """Check the installation and, optionally, maps.
 
-    Of several maps, a table says how many cells are to be labelled at the model's resolution, and
-    about how long that takes on this machine. The exit code is 3 if some map cannot be labelled.
+    For several maps, a table shows how many cells each has at the model's resolution, and roughly
+    how long labelling them takes on this machine. The exit code is 3 if some map cannot be
+    labelled.
     """
     from pgm_places.features.own import FEATURES
     from pgm_places.inference.backends import backend_names

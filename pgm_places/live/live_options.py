@@ -14,7 +14,7 @@ class LiveOptions:
     Parameters
     ----------
     min_probability : float
-        A label less probable than this does not replace the one before.
+        Labels less probable than this do not replace the previous one.
     hysteresis_s : float
         A place counts as changed once the new one has lasted this long (s).
     relabel_min_period_s : float

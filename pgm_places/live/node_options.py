@@ -36,7 +36,7 @@ class NodeOptions:
     map_subscribe_transient_local : bool
         Whether maps are kept for late subscribers, as Nav2 and slam_toolbox publish them.
     use_sim_time : bool
-        Whether time is that of /clock, as in simulation and with played bags.
+        Take the time from /clock, as in simulation and with replayed bags.
     domain : int
         DDS domain; -1 for that of ROS_DOMAIN_ID.
     namespace : str

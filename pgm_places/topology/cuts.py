@@ -124,7 +124,7 @@ def _alone(topology: TopologicalMap, place: Region) -> OccupancyGrid:
 
 
 def _smallest_sets(gates: Gates, narrower_than_m: float) -> list[list[int]]:
-    """Sets of up to three gates that part neighbouring segments, by their numbers."""
+    """Sets of up to three gates that separate neighbouring segments, by their numbers."""
     import networkx as nx
 
     finest = gates.segmentation.scales[0]

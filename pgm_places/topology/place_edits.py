@@ -110,7 +110,7 @@ def split_across(
     Raises
     ------
     InputError
-        The place is unknown, or the line does not part it.
+        The place is unknown, or the line does not divide it.
     """
     place = topology.place(key)
     parts = cut_along(topology, place, [(_point(start_m), _point(end_m))])

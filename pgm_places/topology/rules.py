@@ -51,8 +51,8 @@ class TopologyOptions(CorrectionRules):
     min_width_m : float
         Passages narrower than this (m) connect nothing.
     doorways : {"gates", "labels"}
-        Which doorways part places: the accepted gates of the map, where the model finds any, or
-        the cells labelled as doorways.
+        What separates places: the accepted gates of the map, if the model finds any, or cells
+        labelled as doorways.
     """
 
     correct: bool = True
