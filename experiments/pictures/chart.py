@@ -24,7 +24,7 @@ COLUMNS: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
 TOP, STEP, BOX = 152, 92, 56
 ASKS, METHOD = 232, 118
 COLUMN, GAP = ASKS + 28 + METHOD, 20
-WIDTH, HEIGHT = 3 * COLUMN + 2 * GAP + 2, 560
+WIDTH, HEIGHT = 3 * COLUMN + 2 * GAP + 2, 468
 MIDDLE = 1 + COLUMN + GAP + ASKS / 2
 
 
