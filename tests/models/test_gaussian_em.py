@@ -1,0 +1,162 @@
+"""EM with Gaussians: its likelihood by enumeration, its rounds, and what it finds."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import multivariate_normal
+
+from pgm_places import LabelGraph, decode
+from pgm_places.errors import InputError
+from pgm_places.models.gaussian_em import PRIOR_SHARE, GaussianEM, gaussian_em
+
+Array = NDArray[Any]
+
+CHAIN = LabelGraph.from_lattice((6,))
+RING = LabelGraph.from_edges(6, [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (0, 5)])
+
+
+def likelihood_by_hand(
+    found: GaussianEM, graph: LabelGraph, x: Array, known: Array
+) -> tuple[float, Array]:
+    """The log of the sum over all labellings, and the share of each label at each node."""
+    k = len(found.means)
+    total, shares = 0.0, np.zeros((len(x), k))
+    density = [
+        multivariate_normal(mean, covariance).logpdf(x)
+        for mean, covariance in zip(found.means, found.covariances, strict=True)
+    ]
+    for labels in product(range(k), repeat=len(x)):
+        if any(label != given for label, given in zip(labels, known, strict=True) if given >= 0):
+            continue
+        value = sum(float(density[label][i]) for i, label in enumerate(labels))
+        if found.transition is not None and found.initial is not None:
+            value += float(np.log(found.initial[labels[0]]))
+            value += sum(
+                float(np.log(found.transition[labels[i], labels[j]])) for i, j in graph.edges
+            )
+        else:
+            value += found.weight * sum(labels[i] == labels[j] for i, j in graph.edges)
+        total += np.exp(value)
+        for i, label in enumerate(labels):
+            shares[i, label] += np.exp(value)
+    return float(np.log(total)), shares / total
+
+
+def prior_by_hand(found: GaussianEM, x: Array) -> float:
+    spread = np.diag(PRIOR_SHARE * x.var(axis=0))
+    value = 0.0
+    for covariance in found.covariances:
+        value -= 0.5 * np.log(np.linalg.det(covariance))
+        value -= 0.5 * np.trace(np.linalg.inv(covariance) @ spread)
+    if found.transition is not None and found.initial is not None:
+        value += np.log(found.transition).sum() + np.log(found.initial).sum()
+    return float(value)
+
+
+@pytest.mark.parametrize("graph", [CHAIN, RING])
+@pytest.mark.parametrize("known", [[-1] * 6, [-1, 1, -1, -1, 0, -1]])
+def test_the_objective_and_the_beliefs_are_those_of_all_labellings(
+    graph: LabelGraph, known: list[int]
+) -> None:
+    x = np.random.default_rng(2).normal(size=(6, 2))
+    found = gaussian_em([graph], [x], 2, labelings=[known], weight=0.7)
+    evidence, shares = likelihood_by_hand(found, graph, x, np.array(known))
+    assert found.exact
+    expected = evidence + prior_by_hand(found, x)
+    assert found.objectives[-1] == pytest.approx(expected, rel=0, abs=1e-9)
+    np.testing.assert_allclose(found.beliefs[0], shares, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("covariance", ["full", "diagonal"])
+@pytest.mark.parametrize("graph", [CHAIN, RING])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_round_lowers_the_objective(graph: LabelGraph, covariance: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x = [rng.normal(size=(6, 2)) * 10.0**seed for _ in range(3)]
+    found = gaussian_em([graph] * 3, x, 3, covariance=covariance)  # type: ignore[arg-type]
+    assert (np.diff(found.objectives) >= -1e-9 * np.abs(found.objectives[0])).all()
+    if covariance == "diagonal":
+        assert not found.covariances[:, ~np.eye(2, dtype=bool)].any()
+
+
+def series(seed: int, n: int = 400) -> tuple[Array, Array]:
+    """Two labels of one mean: only their spread, and how long they last, tell them apart."""
+    rng = np.random.default_rng(seed)
+    truth = np.cumsum(rng.random(n) < 0.03) % 2
+    return truth, rng.normal(size=(n, 1)) * np.where(truth, 3.0, 0.5)[:, None]
+
+
+def test_an_unlabelled_series_is_parted_by_its_spread() -> None:
+    truth, x = series(0)
+    chain = LabelGraph.from_lattice((len(x),))
+    found = gaussian_em([chain], [x], 2)
+    calm = int(np.argmin(found.covariances[:, 0, 0]))
+    labels = decode(chain, found.potentials(chain, x), "exact").labels
+    assert ((labels != calm) == truth).mean() > 0.95
+    assert found.converged
+    assert found.transition is not None
+    assert np.diag(found.transition).min() > 0.9
+
+
+def test_few_known_labels_name_the_clusters() -> None:
+    rng = np.random.default_rng(1)
+    truth = np.repeat([0, 1, 2, 1, 0], 40)
+    x = np.array([2.0, -3.0, 0.0])[truth, None] + 0.6 * rng.normal(size=(200, 1))
+    known = np.full(200, -1)
+    known[[5, 50, 90]] = truth[[5, 50, 90]]
+    found = gaussian_em([LabelGraph.from_lattice((200,))], [x], 3, labelings=[known])
+    np.testing.assert_allclose(found.means[:, 0], [2.0, -3.0, 0.0], rtol=0, atol=0.2)
+    assert (found.beliefs[0].argmax(axis=1) == truth).mean() > 0.98
+    unnamed = gaussian_em([LabelGraph.from_lattice((200,))], [x], 3)
+    assert (np.diff(unnamed.means[:, 0]) > 0).all()
+
+
+def test_a_picture_is_parted_by_mean_field() -> None:
+    rng = np.random.default_rng(4)
+    truth = np.zeros((30, 30), int)
+    truth[8:22, 10:25] = 1
+    x = truth.reshape(-1, 1) + rng.normal(scale=0.7, size=(900, 1))
+    grid = LabelGraph.from_lattice((30, 30))
+    found = gaussian_em([grid], [x], 2, weight=1.0)
+    assert not found.exact
+    assert found.transition is None
+    right = (found.beliefs[0].argmax(axis=1) == truth.ravel()).mean()
+    alone = ((x[:, 0] > 0.5) == truth.ravel()).mean()
+    assert right > 0.95 > alone + 0.1
+    labels = decode(grid, found.potentials(grid, x), "graph-cut").labels
+    assert (labels == truth.ravel()).mean() > 0.95
+
+
+def test_scales_of_features_do_not_matter() -> None:
+    _, x = series(3, 120)
+    chain = LabelGraph.from_lattice((120,))
+    plain = gaussian_em([chain], [x], 2)
+    for scale in (1e-12, 1e12):
+        other = gaussian_em([chain], [x * scale], 2)
+        np.testing.assert_allclose(other.means, plain.means * scale, rtol=1e-6)
+        np.testing.assert_allclose(other.beliefs[0], plain.beliefs[0], rtol=0, atol=1e-6)
+
+
+def test_labels_that_no_node_begins_with_end_well() -> None:
+    x = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])[:, None]
+    found = gaussian_em([CHAIN], [x], 3)
+    assert np.isfinite(found.means).all()
+    assert np.isfinite(found.objectives).all()
+
+
+def test_wrong_input_is_refused() -> None:
+    x = np.zeros((6, 1))
+    with pytest.raises(InputError, match="got 1 graphs, 2 features and 1 labelings"):
+        gaussian_em([CHAIN], [x, x], 2)
+    with pytest.raises(InputError, match=r"features\[0\] must have shape"):
+        gaussian_em([CHAIN], [np.zeros((5, 1))], 2)
+    with pytest.raises(InputError, match="n_labels must be from 1 to the number of nodes, got 7"):
+        gaussian_em([CHAIN], [x], 7)
+    with pytest.raises(InputError, match="feature 0 is the same at all nodes; leave it out"):
+        gaussian_em([CHAIN], [x], 2)
+    learned = gaussian_em([CHAIN], [np.arange(6.0)[:, None]], 2)
+    with pytest.raises(InputError, match="the transitions of chains were learned"):
+        learned.potentials(RING, x)
