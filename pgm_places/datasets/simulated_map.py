@@ -107,7 +107,7 @@ def simulate_map(
     _furnish_largely(Dice(seed, 26), scale, read, solid, options)
     found = _survey(seed, scale, read, solid, seen_through, options)
     if options.least_seen > 0:
-        forget_glimpses(labels, found, is_room, options.least_seen)
+        forget_glimpses(labels, found, is_room, is_doorway, options.least_seen)
     _add_specks(Dice(seed, 23), found, options)
     found, labels = _bent(Dice(seed, 24), scale, found, labels, options)
     labels[~main_component(found == FREE)] = -1

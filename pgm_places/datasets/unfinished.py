@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets.dice import Dice
 from pgm_places.datasets.floor_plan import Door, Rect, Scale
+from pgm_places.datasets.survey import wider
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import FREE
 
@@ -85,13 +86,19 @@ def forget_glimpses(
     labels: NDArray[np.int16],
     found: NDArray[np.int8],
     is_room: NDArray[np.bool_],
+    is_doorway: NDArray[np.bool_],
     least: float,
 ) -> None:
     """Take the labels off rooms of which less than ``least`` was seen; ``labels`` (H, W).
 
-    ``found`` (H, W) are the cells as mapped, ``is_room`` where the plan's rooms are.
+    So are those of doorways from one such room to another. ``found`` (H, W) are the cells as
+    mapped, ``is_room`` and ``is_doorway`` where the plan's rooms and doorways are.
     """
     parts = connected_components(is_room, connectivity=4)
     seen = np.bincount(parts.piece[is_room & (found == FREE)], minlength=len(parts.size))
     glimpsed = seen < least * parts.size
     labels[parts.on_cells(glimpsed, False)] = -1
+    doorways = connected_components(is_doorway, connectivity=4)
+    beside = wider((labels >= 0) & ~is_doorway, 1) & is_doorway
+    reached = np.bincount(doorways.piece[beside], minlength=doorways.count) > 0
+    labels[doorways.on_cells(~reached, False) & is_doorway] = -1
