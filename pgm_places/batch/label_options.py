@@ -21,6 +21,10 @@ class LabelOptions:
         One of the model's; its last one by default.
     doorways, halls : str, optional
         Instead of what the model's tables ``[topology]`` and ``[labels]`` say.
+    disc_radius_m : float, optional
+    unentered : bool, optional
+        Instead of what the model's table ``[entered]`` says:
+        :class:`~pgm_places.spaces.entered_options.EnteredOptions`.
     unknown_value : int or "none", optional
         Grey value of maps that is read as unknown, as for
         :func:`~pgm_places.io.maps.map_server.load_map`.
@@ -32,6 +36,8 @@ class LabelOptions:
     method: str | None = None
     doorways: str | None = None
     halls: str | None = None
+    disc_radius_m: float | None = None
+    unentered: bool | None = None
     unknown_value: UnknownGrey | None = None
     max_cells: int | None = None
 

@@ -76,6 +76,7 @@ def _made_with(model: ReadyModel, options: LabelOptions) -> dict[str, Any]:
         "options": {
             "halls": model.labeler.halls,
             "unknown_value": options.unknown_value,
+            "entered": option_values(model.entered),
             "topology": json.loads(json.dumps(option_values(model.rules))),
         },
         "version": __version__,

@@ -16,6 +16,7 @@ from pgm_places.progress import Progress
 from pgm_places.report.label_files import write_labels
 from pgm_places.report.packing import Packing
 from pgm_places.report.topology_output import write_places
+from pgm_places.spaces.unentered import Unentered
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
 
@@ -38,6 +39,8 @@ class LabelledFile:
         Of the file and of the labelling.
     topology : TopologicalMap
         The places.
+    unentered : Unentered or None
+        Free space without labels because it was never entered.
     """
 
     summary: str
@@ -45,6 +48,7 @@ class LabelledFile:
     area_m2: dict[str, float]
     warnings: tuple[str, ...]
     topology: TopologicalMap
+    unentered: Unentered | None = None
 
 
 def label_file(
@@ -68,6 +72,7 @@ def label_file(
             source.grid,
             method=model.method,
             known=known,
+            entered=model.entered,
             max_cells=max_cells,
             n_threads=n_threads,
             progress=progress,
@@ -94,6 +99,7 @@ def write_labelled(
         with progress.stage("writing files"):
             write_labels(result, source, files.stage, packing=packing)
         summary, labels, area_m2 = result.summary(), result.labels, result.shares()
+        unentered = result.unentered
         warnings = (*source.warnings, *result.warnings)
         inputs = _inputs_of_places(result, files.stage, gates=rules.doorways == "gates")
         title = f"{source.name}: {result.method}"
@@ -103,7 +109,7 @@ def write_labelled(
             topology = write_places(
                 files, title, rules, packing=packing, grid=source.grid, **inputs
             )
-    return LabelledFile(summary, labels, area_m2, warnings, topology)
+    return LabelledFile(summary, labels, area_m2, warnings, topology, unentered)
 
 
 def _inputs_of_places(result: LabelledPlaces, folder: Path, *, gates: bool) -> dict[str, object]:

@@ -1,7 +1,8 @@
 """A model that is ready to label: read, with the options applied."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from pgm_places.batch.label_options import LabelOptions
 from pgm_places.io.checks import sha256_of
@@ -9,9 +10,12 @@ from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.options import from_mapping, option_values
 from pgm_places.persistence.model_folder import MANIFEST
 from pgm_places.persistence.stored import read
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions
 
-__all__ = ["ReadyModel", "ready_model", "rules_with"]
+__all__ = ["ReadyModel", "ready_model", "with_given"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +27,8 @@ class ReadyModel:
     labeler : PlaceLabeler
     rules : TopologyOptions
         Of the topological maps.
+    entered : EnteredOptions
+        What of a map counts as entered.
     method : str
         What labels the maps.
     sha256 : str
@@ -31,6 +37,7 @@ class ReadyModel:
 
     labeler: PlaceLabeler
     rules: TopologyOptions
+    entered: EnteredOptions
     method: str
     sha256: str
 
@@ -51,19 +58,19 @@ def ready_model(options: LabelOptions) -> ReadyModel:
         The model has no such method, or an option does not take its value.
     """
     stored = read(options.folder, "place-labeler", "joint-labeler")
-    labeler, rules = stored.item, rules_with(stored.rules, options.doorways)
+    labeler, rules = stored.item, with_given(stored.rules, {"doorways": options.doorways})
     if stored.kind == "joint-labeler":
         labeler = labeler.of_maps()
     if options.halls is not None:
         labeler = labeler.with_options(halls=options.halls)
     method = options.method or labeler.default_method
     labeler.method(method)  # an unknown one shows now
-    return ReadyModel(labeler, rules, method, sha256_of(options.folder / MANIFEST))
+    given = {name: getattr(options, name) for name in option_values(stored.entered)}
+    entered = with_given(stored.entered, given)
+    return ReadyModel(labeler, rules, entered, method, sha256_of(options.folder / MANIFEST))
 
 
-def rules_with(rules: TopologyOptions, doorways: str | None) -> TopologyOptions:
-    """A model's rules with what the option says separates places, if it was given."""
-    if doorways is None:
-        return rules
-    changed: dict[str, Any] = {**option_values(rules), "doorways": doorways}
-    return from_mapping(TopologyOptions, changed)
+def with_given(options: T, given: Mapping[str, Any]) -> T:
+    """A model's options with others in their place, where these were given (are not None)."""
+    changed = {name: value for name, value in given.items() if value is not None}
+    return from_mapping(type(options), {**option_values(options), **changed})

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["check_map", "check_maps"]
 
+_UNENTERED = "'label' gives it no label, or all of it with --unentered"
+
 
 def check_map(
     path: Path, labeler: "PlaceLabeler", unknown_value: "UnknownGrey | None", *, fix: bool
@@ -33,6 +35,7 @@ def check_map(
     """
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.labelers.model_resolution import at_model_resolution
+    from pgm_places.spaces.unentered import find_unentered
 
     loaded = load_map(path, unknown_value=unknown_value)
     if fix:
@@ -52,6 +55,8 @@ def check_map(
             say(f"note: {note}")
     except MapError as error:
         problems.append(str(error))
+    if unentered := find_unentered(grid):
+        problems.append(f"{unentered}; {_UNENTERED}")
     for message in problems:
         say(f"warning: {message}")
     if not problems:
@@ -147,6 +152,7 @@ def _row(
     from pgm_places.batch.forecast import Forecast
     from pgm_places.io.maps.map_server import load_map
     from pgm_places.labelers.model_resolution import at_model_resolution
+    from pgm_places.spaces.unentered import find_unentered
 
     problems = []
     try:
@@ -169,6 +175,8 @@ def _row(
         forecast = Forecast(grid.cells.size, int(used.free.sum()))
     except MapError as error:
         problems.append(str(error))
+    if unentered := find_unentered(grid):
+        problems.append(f"{unentered}; {_UNENTERED}")
     return _Row(name, grid.resolution_m, free_m2, forecast, tuple(problems))
 
 

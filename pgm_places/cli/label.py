@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.entry import EXIT_MAPS_FAILED
-from pgm_places.cli.flags import named_as_flags
+from pgm_places.cli.flags import GivenOptions, named_as_flags, option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import say, say_written
@@ -15,6 +15,7 @@ from pgm_places.cli.warm_up import WarmUp
 from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
 from pgm_places.errors import InputError
 from pgm_places.options import Whole
+from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
     from pgm_places.batch.label_options import LabelOptions
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["label"]
 
 
+@option_flags("entered", EnteredOptions, only_given=True)
 def label(
     maps: Annotated[
         list[str],
@@ -53,6 +55,8 @@ def label(
             "default, as set in the model's [labels].",
         ),
     ] = None,
+    *,
+    entered: GivenOptions[EnteredOptions],
     corrections: Annotated[
         Path | None,
         Option(
@@ -92,6 +96,7 @@ def label(
         halls=halls,
         unknown_value=unknown_value,
         max_cells=max_cells,
+        **entered.values,
     )
     workers = WorkerOptions(jobs, scheduler, memory)
     progress = make_progress(quiet=quiet)
@@ -156,6 +161,8 @@ def _label_one(
                 progress=progress,
             )
     say(f"{found.summary}\n{places_summary(found.topology)}")
+    if found.unentered is not None:
+        say(f"{found.unentered}; label it with --unentered")
     say_written(files)
 
 

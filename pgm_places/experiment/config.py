@@ -27,6 +27,7 @@ from pgm_places.labelers.method import Unary
 from pgm_places.labelers.place_labeler import Connectivity
 from pgm_places.options import OptionError, Positive, check_options, from_mapping
 from pgm_places.sensing.sensor import Sensor
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.teaching.lesson import OF_PAINT_ALONE, TeachingOptions
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.unary.options import (
@@ -161,6 +162,7 @@ class ExperimentConfig:
     space: SpaceOptions = field(default_factory=SpaceOptions)
     steps: StepOptions = field(default_factory=StepOptions)
     topology: TopologyOptions = field(default_factory=TopologyOptions)
+    entered: EnteredOptions = field(default_factory=EnteredOptions)
     train: Annotated[tuple[SourceConfig, ...], MinLen(1)]
     test: tuple[SourceConfig, ...] = ()
     features: tuple[FeatureConfig, ...] = ()

@@ -19,10 +19,14 @@ from pgm_places.maps.coarsening import Coarsening
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.spaces.unentered import Unentered, find_unentered
 from pgm_places.unary.kept_table import KeptTable
 from pgm_places.unary.map_model import CellScores
 
 __all__ = ["LabelledPlaces", "label_map", "on_own_raster"]
+
+ENTERED = EnteredOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +38,10 @@ class LabelledPlaces:
     grid : OccupancyGrid
         The map as it came.
     labels : (H, W) int16
-        Label index per free cell in the grid's order, -1 elsewhere.
+        Label index per free cell in the grid's order, -1 elsewhere and where nobody entered.
     layout : GridLayout
-        The cells behind ``labeling``: of ``grid``, or of its coarsened form, ``layout.source``.
+        The cells behind ``labeling``: of ``grid``, or of its coarsened form, ``layout.source``;
+        without those that were never entered.
     labeling : Labeling
         What the method returned; of a map that was refined, brought back to its cells.
     label_names : tuple of str
@@ -45,6 +50,8 @@ class LabelledPlaces:
     doorways : Doorways or None
         The accepted gates of the map, where the model knows spaces, for
         :func:`~pgm_places.topology.from_labels.topological_map`.
+    unentered : Unentered or None
+        Free space that was left without labels because it was never entered, if there is any.
     """
 
     grid: OccupancyGrid
@@ -55,13 +62,16 @@ class LabelledPlaces:
     method: str
     warnings: tuple[str, ...] = ()
     doorways: Doorways | None = None
+    unentered: Unentered | None = None
 
     def on_map(self, values: ArrayLike, fill: Any) -> NDArray[Any]:
         """Values of the nodes (N, ...) on the map's raster (H, W, ...), ``fill`` elsewhere."""
         raster = self.layout.to_raster(values, fill=fill)
-        if self.layout.source is self.grid:  # nothing to paint: all nodes are free cells
-            return raster
-        return Coarsening.behind(self.layout, self.grid).paint(raster, fill)
+        if self.layout.source is not self.grid:  # else nothing to paint: all nodes are free cells
+            raster = Coarsening.behind(self.layout, self.grid).paint(raster, fill)
+            if self.unentered is not None:
+                raster[self.unentered.cells] = fill
+        return raster
 
     def shares(self) -> dict[str, float]:
         """Square metres per label."""
@@ -88,6 +98,7 @@ def label_map(
     *,
     method: str | None = None,
     known: ArrayLike | None = None,
+    entered: EnteredOptions = ENTERED,
     features_of: Callable[[OccupancyGrid], KeptTable] | None = None,
     max_cells: int | None = None,
     n_threads: int | None = None,
@@ -109,6 +120,9 @@ def label_map(
         Index into ``labeler.label_names_`` of cells whose label is known, -1 elsewhere: every
         method keeps these labels and labels the other cells by them. Gates take part: one that is
         known to be a doorway, or not to be one, parts places accordingly.
+    entered : EnteredOptions
+        Free space that was never entered gets no label, unless the options ask for it or the label
+        is known; all other cells have the same labels either way.
     features_of : callable, optional
         Gives the laser features of a map's free cells, where something is known of them from
         before: called with the map at the model's resolution.
@@ -136,7 +150,7 @@ def label_map(
     layout, labeling, doorways = _labelled(
         labeler, used, name, pinned, features_of, n_threads, progress
     )
-    return on_own_raster(
+    found = on_own_raster(
         LabelledPlaces(
             grid,
             np.empty(0, np.int16),
@@ -150,6 +164,12 @@ def label_map(
         used,
         pinned,
     )
+    if entered.unentered:
+        return found
+    unentered = find_unentered(
+        grid, entered.disc_radius_m, except_at=None if pinned is None else pinned.on_map >= 0
+    )
+    return _without(found, unentered) if unentered else found
 
 
 def on_own_raster(
@@ -168,6 +188,25 @@ def on_own_raster(
     if known is not None:
         np.copyto(painted, known.on_map, where=known.on_map >= 0)
     return replace(found, labels=painted)
+
+
+def _without(found: LabelledPlaces, unentered: Unentered) -> LabelledPlaces:
+    """A labelled map without the labels of what was never entered."""
+    grid, layout = found.grid, found.layout
+    if layout.source is grid:
+        entered = grid.free & ~unentered.cells
+    else:
+        assert isinstance(layout.source, OccupancyGrid)  # label_map made it from the map
+        entered = Coarsening(grid, layout.source).holding(grid.free & ~unentered.cells)
+    keep = layout.from_raster(entered)
+    labels = np.where(unentered.cells, np.int16(-1), found.labels)
+    return replace(
+        found,
+        labels=labels,
+        layout=layout.part(keep),
+        labeling=found.labeling.part(np.flatnonzero(keep)),
+        unentered=unentered,
+    )
 
 
 def _labelled(

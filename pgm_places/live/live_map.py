@@ -13,6 +13,7 @@ from pgm_places.live.growing_features import GrowingFeatures, Update
 from pgm_places.live.place_memory import PlaceMemory
 from pgm_places.live.settled_map import SettledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.topology.topological_map import TopologicalMap
@@ -89,6 +90,8 @@ class LiveMap:
         The labeler's default method if not given.
     rules : TopologyOptions, optional
         Of the places.
+    entered : EnteredOptions, optional
+        What counts as entered: the rest has no label and is no place.
     own_names : mapping of int to str, optional
         The user's names, by id.
     few_cells : int
@@ -109,6 +112,7 @@ class LiveMap:
         *,
         method: str | None = None,
         rules: TopologyOptions | None = None,
+        entered: EnteredOptions | None = None,
         own_names: Mapping[int, str] | None = None,
         few_cells: int = FEW_CELLS,
         few_maps: int = FEW_MAPS,
@@ -118,6 +122,7 @@ class LiveMap:
         chosen, model = labeler.method(method), labeler.unary_model_
         self.labeler, self.method, self.n_threads = labeler, method, n_threads
         self.rules, self.own_names = rules or TopologyOptions(), own_names
+        self.entered = entered or EnteredOptions()
         self._features = None
         if not model.features:
             columns = model.columns(
@@ -152,6 +157,7 @@ class LiveMap:
             self.labeler,
             grid,
             method=self.method,
+            entered=self.entered,
             features_of=self._features,
             n_threads=self.n_threads,
         )

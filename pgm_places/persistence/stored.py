@@ -11,7 +11,9 @@ from pgm_places._checks import plain_names
 from pgm_places.errors import InputError, ModelFileError, OutputError, shown
 from pgm_places.inference.backends import Backend
 from pgm_places.labelers.labeler import Labeler
+from pgm_places.options import from_mapping
 from pgm_places.persistence.model_folder import load_folder, readable, save_folder
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions, stored_options
 
 __all__ = ["KINDS", "Stored", "load", "read", "save"]
@@ -50,6 +52,8 @@ class Stored:
         How it was trained, word for word as it was saved.
     rules : TopologyOptions
         The options of topological maps in the record; the paper's where there are none.
+    entered : EnteredOptions
+        What the record counts as entered; the defaults where it says nothing.
     """
 
     kind: str
@@ -57,6 +61,7 @@ class Stored:
     label_names: tuple[str, ...]
     record: Mapping[str, Any]
     rules: TopologyOptions
+    entered: EnteredOptions
 
 
 def save(
@@ -99,7 +104,8 @@ def save(
     0.5
     """
     kind = _kind_of(item)
-    _rules(dict(record or {}))
+    for options in (_rules, _entered):
+        options(dict(record or {}))
     names: tuple[Sequence[str], ...] = ()
     if isinstance(item, Labeler):
         item.check_fitted()
@@ -143,16 +149,27 @@ def read(folder: Path | str, *kinds: str) -> Stored:
     with readable(folder):
         names = plain_names("label_names", manifest["label_names"])  # before they are written
         record = manifest.get("record", {})
-        rules = _rules(record)
-        return Stored(kind, _codec(kind).load(manifest, arrays), names, record, rules)
+        rules, entered = _rules(record), _entered(record)
+        return Stored(kind, _codec(kind).load(manifest, arrays), names, record, rules, entered)
+
+
+def _table_of(record: Any, name: str) -> tuple[Mapping[str, Any], str]:
+    """A table of a record's configuration, empty without any, and where it is."""
+    config = _table("record", record).get("config", {})
+    where = f"record.config.{name}"
+    return _table(where, _table("record.config", config).get(name, {})), where
 
 
 def _rules(record: Any) -> TopologyOptions:
     """The options of topological maps in a record, which is checked; the defaults without any."""
-    config = _table("record", record).get("config", {})
-    topology = _table("record.config", config).get("topology", {})
-    where = "record.config.topology"
-    return stored_options(_table(where, topology), path=where)
+    table, where = _table_of(record, "topology")
+    return stored_options(table, path=where)
+
+
+def _entered(record: Any) -> EnteredOptions:
+    """What a record counts as entered, checked; the defaults without any."""
+    table, where = _table_of(record, "entered")
+    return from_mapping(EnteredOptions, table, path=where)
 
 
 def _table(where: str, value: Any) -> Mapping[str, Any]:

@@ -54,6 +54,7 @@ def write_labels(
         "status": str(result.labeling.status),
         "status_meaning": result.labeling.status.meaning,
         "area_m2": result.shares(),
+        "unentered_m2": 0.0 if result.unentered is None else result.unentered.area_m2,
         "score": result.labeling.score,
         "bound": result.labeling.bound,
         "warnings": [*source.warnings, *result.warnings],

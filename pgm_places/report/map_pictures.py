@@ -1,6 +1,7 @@
 """Pictures of labelled maps: the labels, and an overview with areas and entropy."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -129,9 +130,22 @@ def overview(
         panels,
         columns=1 if width > 1.3 * height else 2,
         title=title,
-        legend=(*_area_entries(grid, labels, label_names), *GROUND_SWATCHES),
+        legend=(*_area_entries(grid, labels, label_names), *_ground_entries(grid, labels)),
         bars=bars,
     )
+
+
+def _ground_entries(grid: OccupancyGrid, labels: NDArray[np.integer]) -> list[Swatch]:
+    """Walls, unknown space, and free space without labels with its area, if there is any."""
+    n_free = sum(
+        int(np.count_nonzero(grid.free[rows] & (labels[rows] < 0)))
+        for rows in bands_of_rows(grid.shape)
+    )
+    *others, unlabelled = GROUND_SWATCHES
+    if n_free:
+        area = n_free * grid.resolution_m**2
+        unlabelled = replace(unlabelled, name=f"{unlabelled.name}  {area:.1f} m²")
+    return [*others, unlabelled]
 
 
 def _area_entries(

@@ -27,15 +27,12 @@ def relief_of(is_open: NDArray[np.bool_]) -> NDArray[np.int32]:
     >>> (relief_of(np.ones((3, 3), np.bool_))[1:-1, 1:-1] / UNIT).round(2).tolist()
     [[0.56, 0.78, 0.56], [0.78, 1.11, 0.78], [0.56, 0.78, 0.56]]
     """
-    from pgm_places.maps._distance_kernels import squared_distance
+    from pgm_places.maps.clearance import squared_clearance
     from pgm_places.spaces._relief_kernels import smoothed_roots
 
     height, width = is_open.shape
-    squared = np.empty(is_open.shape, np.int32)
-    site, start = np.empty(width, np.int32), np.empty(width, np.int32)
-    squared_distance(~is_open, squared, site, start, np.empty(width, np.int64))
     relief = np.empty((height + 2, width + 2), np.int32)
-    smoothed_roots(squared, _ROOT_UNIT, relief)
+    smoothed_roots(squared_clearance(~is_open), _ROOT_UNIT, relief)
     return relief
 
 

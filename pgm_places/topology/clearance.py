@@ -1,29 +1,11 @@
-"""Distances from cells to the nearest blocked cell, and to the edge of their own piece."""
+"""Distances from cells to the edge of their own piece."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.maps._distance_kernels import squared_distance
+from pgm_places.maps.clearance import squared_clearance
 
-__all__ = ["deepest_cells", "squared_clearance", "squared_depth"]
-
-
-def squared_clearance(blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """(H, W) squared distance, in cells, from each cell's centre to the nearest blocked one's.
-
-    Everything outside the raster is blocked; blocked cells have distance 0.
-
-    Examples
-    --------
-    >>> squared_clearance(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], bool))[1].tolist()
-    [1, 4, 1, 0]
-    """
-    targets = np.ascontiguousarray(blocked, np.bool_)
-    squared = np.empty(targets.shape, np.int32)
-    width = targets.shape[1]
-    site, start = np.empty(width, np.int32), np.empty(width, np.int32)
-    squared_distance(targets, squared, site, start, np.empty(width, np.int64))
-    return squared
+__all__ = ["deepest_cells", "squared_depth"]
 
 
 def squared_depth(piece: NDArray[np.int32]) -> NDArray[np.int32]:

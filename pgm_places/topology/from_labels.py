@@ -7,11 +7,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import label_raster, sealed
 from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.clearance import deepest_cells, squared_clearance
+from pgm_places.topology.clearance import deepest_cells
 from pgm_places.topology.confidence import mean_probabilities
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.corrections import (

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from pgm_places._checks import plain_names, sealed
 from pgm_places.errors import InputError
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.components import Components
 from pgm_places.spaces.gate import Gate
-from pgm_places.topology.clearance import squared_clearance
 from pgm_places.topology.connections import connections_of
 from pgm_places.topology.cuts import (
     Line,

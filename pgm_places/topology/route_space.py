@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.topology.clearance import squared_clearance
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["RouteSpace"]

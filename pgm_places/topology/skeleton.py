@@ -47,7 +47,7 @@ def skeleton_of(
     --------
     >>> inside = np.zeros((5, 9), bool)
     >>> inside[1:4, 1:8] = True
-    >>> from pgm_places.topology.clearance import squared_clearance
+    >>> from pgm_places.maps.clearance import squared_clearance
     >>> found = skeleton_of(inside, squared_clearance(~inside), np.array([[2, 1], [2, 7]]))
     >>> found.points, found.ways[0].tolist()
     ([(2, 1), (2, 7)], [[2, 1], [2, 2], [2, 3], [2, 4], [2, 5], [2, 6], [2, 7]])

@@ -4,7 +4,10 @@ from typing import Any
 
 import pytest
 
-from pgm_places.batch.ready_model import rules_with
+from pgm_places.batch.ready_model import with_given
+from pgm_places.errors import ConfigError
+from pgm_places.persistence.stored import _entered
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.rules import TopologyOptions
 
 
@@ -23,5 +26,16 @@ def test_the_flag_comes_before_what_the_model_was_configured_with(
     topology: dict[str, Any] = {"min_width_m": 0.3} | (
         {} if stored is None else {"doorways": stored}
     )
-    rules = rules_with(TopologyOptions(**topology), flag)
+    rules = with_given(TopologyOptions(**topology), {"doorways": flag})
     assert (rules.doorways, rules.min_width_m) == (used, 0.3)
+
+
+def test_what_counts_as_entered_is_stored_and_overruled() -> None:
+    record = {"config": {"entered": {"disc_radius_m": 0.3}}}
+    stored = _entered(record)
+    assert stored == EnteredOptions(disc_radius_m=0.3)
+    assert _entered({}) == EnteredOptions()
+    given = {"disc_radius_m": None, "unentered": True}
+    assert with_given(stored, given) == EnteredOptions(0.3, unentered=True)
+    with pytest.raises(ConfigError, match=r"unknown key .record.config.entered.radius_m"):
+        _entered({"config": {"entered": {"radius_m": 0.3}}})

@@ -1,6 +1,6 @@
 """Cells of known label: every method keeps them, on the map's own raster, and gates follow."""
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,18 @@ from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
 from pgm_places.inference.backends import BACKENDS, METHODS, build
 from pgm_places.inference.traits import traits_of
+from pgm_places.labelers import label_map as labelling
 from pgm_places.labelers.known_cells import KnownCells
-from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.refinement import refine
 from pgm_places.models.decision_list import DecisionListClassifier
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.topological_map import TopologicalMap
 from pgm_places.trained import trained_labeler
 from pgm_places.unary.options import SpaceOptions
+
+label_map = partial(labelling.label_map, entered=EnteredOptions(unentered=True))
 
 NAMES = ("corridor", "room", "doorway")
 MAP_METHODS = [name for name in BACKENDS if not traits_of(METHODS.find(name)).chains_only]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,8 @@ from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.maps.geotiff import write_geotiff
 from pgm_places.io.maps.map_server import load_map, save_map
-from pgm_places.labelers.label_map import LabelledPlaces, _brought_back, label_map
+from pgm_places.labelers import label_map as labelling
+from pgm_places.labelers.label_map import LabelledPlaces, _brought_back
 from pgm_places.labelers.method import PlaceMethod
 from pgm_places.maps.coarsening import coarsen
 from pgm_places.maps.labelled_map import LabelledMap
@@ -27,6 +28,7 @@ from pgm_places.maps.refinement import refine
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.progress import Silent, Stage
 from pgm_places.report.label_files import write_labels
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.regions import Region
 from pgm_places.trained import trained_labeler
@@ -35,6 +37,7 @@ from pgm_places.unary.options import SpaceOptions
 FINER = (0.04, 0.05 / 1.5, 0.025, 0.02, 0.015, 0.005)  # by 1.25, 1.5, 2, 2.5, 3.33, 10
 COARSER = (0.06, 0.1, 0.2, 1.0)
 CROP = np.s_[:100, :160]
+label_map = partial(labelling.label_map, entered=EnteredOptions(unentered=True))
 
 
 @cache

@@ -1,6 +1,6 @@
 """The teacher: labels that follow the paint."""
 
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +9,11 @@ import pytest
 from pgm_places import LabelledMap, PlaceLabeler
 from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
-from pgm_places.labelers.label_map import LabelledPlaces, label_map
+from pgm_places.labelers import label_map as labelling
+from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
+from pgm_places.spaces.entered_options import EnteredOptions
 from pgm_places.teaching import cell_table
 from pgm_places.teaching.lesson import TeachingOptions
 from pgm_places.teaching.paint import Paint
@@ -19,6 +21,8 @@ from pgm_places.teaching.taught import Taught
 from pgm_places.teaching.teacher import Teacher
 from pgm_places.topology.rules import TopologyOptions
 from pgm_places.trained import trained_labeler
+
+label_map = partial(labelling.label_map, entered=EnteredOptions(unentered=True))
 
 NAMES = ("corridor", "room", "doorway")
 

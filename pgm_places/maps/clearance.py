@@ -1,0 +1,29 @@
+"""Distances from cells to the nearest blocked cell."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.maps._distance_kernels import squared_distance
+
+__all__ = ["squared_clearance"]
+
+
+def squared_clearance(
+    blocked: NDArray[np.bool_], *, out: NDArray[np.int32] | None = None
+) -> NDArray[np.int32]:
+    """(H, W) squared distance, in cells, from each cell's centre to the nearest blocked one's.
+
+    Everything outside the raster is blocked; blocked cells have distance 0. ``out`` (H, W) is
+    where to write, where a huge map has no room for another raster.
+
+    Examples
+    --------
+    >>> squared_clearance(np.array([[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]], bool))[1].tolist()
+    [1, 4, 1, 0]
+    """
+    targets = np.ascontiguousarray(blocked, np.bool_)
+    squared = np.empty(targets.shape, np.int32) if out is None else out
+    width = targets.shape[1]
+    site, start = np.empty(width, np.int32), np.empty(width, np.int32)
+    squared_distance(targets, squared, site, start, np.empty(width, np.int64))
+    return squared

@@ -1,0 +1,27 @@
+"""Options of what counts as entered; read by commands before anything else is imported."""
+
+from dataclasses import dataclass
+
+from pgm_places.options import AtLeastZero, check_options
+
+__all__ = ["EnteredOptions"]
+
+
+@dataclass(frozen=True)
+class EnteredOptions:
+    """What counts as entered, and whether the rest is labelled.
+
+    Parameters
+    ----------
+    disc_radius_m : float
+        Free space that a disc of this radius cannot reach from the largest part was never entered
+        (m); 0 takes all free space as entered.
+    unentered : bool
+        Label free space that was never entered as well.
+    """
+
+    disc_radius_m: AtLeastZero = 0.2
+    unentered: bool = False
+
+    def __post_init__(self) -> None:
+        check_options(self)

@@ -1,0 +1,40 @@
+"""What ``label`` and ``doctor`` say of space that was never entered."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pgm_places.io.maps.map_server import load_map, save_map
+from pgm_places.spaces.unentered import find_unentered
+from tests.cli.conftest import Run
+from tests.labelers.test_label_entered import rays
+
+
+@pytest.fixture
+def map_yaml(tmp_path: Path) -> Path:
+    save_map(rays()[0], tmp_path / "map")
+    return tmp_path / "map.yaml"
+
+
+def test_label_and_doctor_say_so(map_yaml: Path, run: Run) -> None:
+    grid = load_map(map_yaml).grid
+    unentered = find_unentered(grid)
+    out = map_yaml.parent / "out"
+    code, text, _ = run("label", map_yaml, "--model", "generated", "--out", out)
+    assert code == 0
+    assert f"{unentered}; label it with --unentered" in text.splitlines()
+    record = json.loads((out / "summary.json").read_text())
+    assert record["unentered_m2"] == pytest.approx(unentered.area_m2)
+    code, text, _ = run("doctor", map_yaml)
+    assert f"warning: {unentered}; 'label' gives it no label" in text
+    everything = map_yaml.parent / "all"
+    code, text, _ = run(
+        "label", map_yaml, "--model", "generated", "--unentered", "--out", everything
+    )
+    assert code == 0
+    assert "never entered" not in text
+    assert json.loads((everything / "summary.json").read_text())["unentered_m2"] == 0
+    code, _, error = run("label", map_yaml, "--disc-radius", "-1", "--out", out)
+    assert code == 2
+    assert "--disc-radius must be a number of at least 0" in error

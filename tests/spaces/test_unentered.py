@@ -1,0 +1,222 @@
+"""Free space that was never entered: drawn rays, doors, rooms and boxes, and real maps."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from pgm_places.spaces._unentered_kernels import grow, sum_up
+from pgm_places.spaces.entered_options import EnteredOptions
+from pgm_places.spaces.unentered import Unentered, find_unentered
+from tests.real_data import real_data_folder
+from tests.reference import unentered as slow
+from tests.spaces.floors import TURNS
+
+SIDE_M = 0.05
+shapes = st.tuples(st.integers(3, 9), st.integers(3, 9))
+
+
+def blank(height: int = 120, width: int = 200) -> np.ndarray:
+    return np.full((height, width), UNKNOWN, np.int8)
+
+
+def add_room(cells: np.ndarray, rows: slice, columns: slice) -> None:
+    """Free space with walls of one cell around it."""
+    cells[rows.start - 1 : rows.stop + 1, columns.start - 1 : columns.stop + 1] = OCCUPIED
+    cells[rows, columns] = FREE
+
+
+def two_rooms(gap: int, *, jambs: int = OCCUPIED) -> np.ndarray:
+    """Two rooms of 4 m, side by side, with a passage of 0.2 m depth between."""
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    add_room(cells, slice(20, 100), slice(94, 174))
+    cells[20:100, 90:93] = jambs
+    cells[60 : 60 + gap, 89:94] = FREE
+    return cells
+
+
+def with_window(n_rays: int = 7) -> tuple[np.ndarray, np.ndarray]:
+    """A room, and rays of one or two cells that fan out through a window; and which these are."""
+    cells = blank(200, 260)
+    add_room(cells, slice(60, 140), slice(10, 90))
+    before = cells == FREE
+    for slope in np.linspace(-0.5, 0.5, n_rays):
+        for step in np.arange(0, 140, 0.5):
+            cells[round(100 + slope * step), round(88 + step)] = FREE
+    return cells, (cells == FREE) & ~before
+
+
+def found_in(cells: np.ndarray, radius_m: float = 0.2) -> Unentered:
+    return find_unentered(OccupancyGrid(cells, SIDE_M), radius_m)
+
+
+def test_rays_through_a_window_are_found_and_nothing_of_the_room() -> None:
+    cells, rays = with_window()
+    found = found_in(cells)
+    assert not found.cells[~rays].any()
+    assert found.cells[rays].mean() > 0.97
+    assert found.area_m2 == pytest.approx(found.cells.sum() * SIDE_M**2)
+    assert found.free_m2 == pytest.approx((cells == FREE).sum() * SIDE_M**2)
+    assert f"{found.area_m2:.1f} m² of free space" in str(found)
+
+
+@pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS.keys())
+def test_turned_maps_have_turned_rays(turn: Callable[[np.ndarray], np.ndarray]) -> None:
+    cells, rays = with_window()
+    found = found_in(np.ascontiguousarray(turn(cells)))
+    assert not found.cells[~turn(rays)].any()
+    assert found.cells[turn(rays)].mean() > 0.97
+
+
+@pytest.mark.parametrize("gap", [5, 7, 18])
+def test_a_narrow_door_leads_to_a_room(gap: int) -> None:
+    assert not found_in(two_rooms(gap)).cells.any()
+
+
+def test_a_closed_door_does_not_make_a_room_unentered() -> None:
+    assert not found_in(two_rooms(0)).cells.any()
+
+
+def test_what_lies_behind_a_slit_was_not_entered_unless_it_is_a_room() -> None:
+    cells = two_rooms(1)
+    cells[18:60, 94:] = cells[64:, 94:] = UNKNOWN  # what is seen through the slit, without walls
+    cells[60:64, 94:130] = FREE
+    found = found_in(cells)
+    assert found.cells[60:64, 96:130].all()
+    assert not found.cells[:, :89].any()
+
+
+def test_a_wedge_through_a_door_was_seen_and_not_entered() -> None:
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    for column in range(90, 150):
+        half = 3 + (column - 90) // 8
+        cells[60 - half : 60 + half, column] = FREE
+    found = found_in(cells)
+    assert found.cells[:, 115:].sum() == (cells[:, 115:] == FREE).sum()
+    assert not found.cells[:, :89].any()
+
+
+def test_what_is_walled_in_was_entered() -> None:
+    cells = blank()
+    add_room(cells, slice(10, 110), slice(10, 190))
+    add_room(cells, slice(40, 60), slice(40, 70))  # a table whose edges are walls
+    assert not found_in(cells).cells.any()
+
+
+def test_a_rim_of_unknown_cells_before_walls_changes_nothing() -> None:
+    cells = two_rooms(16)
+    rim = np.zeros(cells.shape, np.bool_)
+    for dr, dc in slow.STEPS:
+        rim |= (cells == FREE) & (np.roll(cells, (dr, dc), (0, 1)) == OCCUPIED)
+    cells[rim] = UNKNOWN
+    assert not found_in(cells).cells.any()
+
+
+def test_shadows_of_furniture_are_no_unknown_space() -> None:
+    cells = blank()
+    add_room(cells, slice(10, 110), slice(10, 190))
+    for row in range(30, 100, 9):  # benches of which only shadows are seen
+        cells[row, 40:160] = UNKNOWN
+    assert not found_in(cells).cells.any()
+
+
+def test_a_cropped_room_was_entered() -> None:
+    assert not found_in(two_rooms(16)[:60, :60]).cells.any()
+
+
+def test_a_radius_of_zero_takes_everything_as_entered() -> None:
+    cells, _ = with_window()
+    assert not found_in(cells, 0.0)
+    assert not found_in(blank())
+    assert not found_in(np.zeros((4, 4), np.int8))
+
+
+def test_a_larger_disc_reaches_less() -> None:
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    cells[54:66, 90:170] = FREE  # a corridor of 0.6 m whose walls nobody has seen
+    assert not found_in(cells).cells[:, :89].any()
+    assert found_in(cells, 0.4).area_m2 > 1.5
+    assert not found_in(cells, 0.1).cells.any()
+
+
+def test_cells_that_are_known_are_let_be() -> None:
+    cells, rays = with_window()
+    grid = OccupancyGrid(cells, SIDE_M)
+    everything = find_unentered(grid)
+    known = np.zeros(cells.shape, np.bool_)
+    known[:100] = True
+    some = find_unentered(grid, except_at=known)
+    np.testing.assert_array_equal(some.cells, everything.cells & ~known)
+    assert not find_unentered(grid, except_at=rays)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 10**6), shape=shapes, reach=st.integers(1, 3))
+def test_borders_are_those_of_single_cells(seed: int, shape: tuple[int, int], reach: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = np.pad(rng.choice([0, 100, -1], shape).astype(np.int8), 4, constant_values=-1)
+    is_open = (cells == FREE) | np.pad(rng.random(shape) < 0.1, 4)
+    piece = np.where(is_open, rng.integers(-1, 3, cells.shape), -1).astype(np.int32)
+    values = rng.integers(0, 50, cells.shape, np.int32)
+    found = np.zeros((5, piece.max() + 1), np.int64)
+    sum_up(piece, is_open, cells, values, (FREE, OCCUPIED, reach), found)
+    np.testing.assert_array_equal(found, slow.sums(piece, is_open, cells, values, reach))
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 10**6), shape=shapes)
+def test_cells_join_the_nearest_piece_that_grows(seed: int, shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(seed)
+    is_open = np.pad(rng.random(shape) < 0.7, 1)
+    piece = np.where(is_open & (rng.random(is_open.shape) < 0.15), 0, -1).astype(np.int32)
+    piece[piece == 0] = np.arange((piece == 0).sum()) % 3
+    before, grows = piece.copy(), np.array([True, False, True])
+    grow(is_open, grows, np.empty(piece.size, np.int32), piece)
+    through = is_open & ((before < 0) | np.isin(before, (0, 2)))
+    away = {k: slow.steps_to(through & (before < 0), before == k) for k in (0, 2)}
+    for cell in zip(*np.nonzero(is_open & (before < 0)), strict=True):
+        reached = {k: steps[cell] for k, steps in away.items() if steps[cell] >= 0}
+        if not reached:
+            assert piece[cell] == -1
+        else:
+            assert reached[piece[cell]] == min(reached.values())
+    np.testing.assert_array_equal(piece[before >= 0], before[before >= 0])
+
+
+def test_options_refuse_a_negative_radius() -> None:
+    with pytest.raises(ValueError, match="disc_radius_m must be a number of at least 0"):
+        EnteredOptions(disc_radius_m=-0.1)
+
+
+@pytest.mark.real_data
+def test_maps_that_robots_made_keep_what_people_labelled() -> None:
+    folder = real_data_folder("robots")
+    found, lost = [], []
+    for name in sorted(path.name for path in folder.iterdir() if path.is_dir()):
+        grid = load_map(folder / name / "map.yaml").grid
+        judged = np.asarray(Image.open(folder / name / "labels.png"))[::-1] > 0
+        cells = find_unentered(grid).cells
+        found.append([(cells & ~judged).sum(), (grid.free & ~judged).sum()])
+        lost.append((cells & judged).sum() / (grid.free & judged).sum())
+    n_found, n_unjudged = np.array(found, float).sum(axis=0)
+    assert n_found / n_unjudged > 0.15
+    assert np.mean(lost) < 0.003
+    assert max(lost) < 0.02
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", ["freiburg079", "freiburg052"])
+def test_plans_of_real_buildings_lose_nothing(name: str) -> None:
+    folder = real_data_folder(name)
+    grid = load_map(folder / "map.yaml").grid
+    judged = np.asarray(Image.open(folder / "labels.png"))[::-1] > 0
+    lost = (find_unentered(grid).cells & judged).sum() / (grid.free & judged).sum()
+    assert lost < 0.001
