@@ -155,14 +155,19 @@ def export(
     ] = None,
     values: Annotated[
         list[str] | None,
-        Option("--set", help="Mask value of a class or a place: room=100. Repeatable."),
+        Option(
+            "--set",
+            help="Mask value of a class or a place: room=100, or with speed-m-s corridor=0.8. "
+            "Repeatable.",
+        ),
     ] = None,
     robot_radius_m: Annotated[
         AtLeastZero | None,
         Option(
             "--robot-radius",
             help="For nav2-route: the robot's radius (m), 0.2 by default. What it does not fit "
-            "through is left out, and the places that it cannot reach are listed.",
+            "through is left out, and the places that it cannot reach are listed. For keepout: "
+            "areas grow by it (0 by default).",
         ),
     ] = None,
     force: Force = False,
@@ -196,14 +201,14 @@ def _write_routes(folder: Path, topology: "TopologicalMap", robot_radius_m: floa
     say(routes_summary(topology, write_routes(folder, topology, **given)))
 
 
-def _values(texts: Sequence[str]) -> dict[str, int]:
-    """``["room=100"]`` as ``{"room": 100}``."""
+def _values(texts: Sequence[str]) -> dict[str, float]:
+    """``["room=100"]`` as ``{"room": 100.0}``."""
     values = {}
     for text in texts:
         name, equals, number = text.rpartition("=")
-        if not equals or not name or not re.fullmatch("[0-9]{1,9}", number.strip()):
+        if not equals or not name or not re.fullmatch(r"[0-9]{1,9}(\.[0-9]{1,9})?", number.strip()):
             raise InputError(f"--set expects NAME=NUMBER, such as room=100, got {text!r}")
-        values[name.strip()] = int(number)
+        values[name.strip()] = float(number)
     return values
 
 

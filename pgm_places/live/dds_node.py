@@ -64,17 +64,19 @@ class DdsNode:
             },
         }
         self._sim_s: float | None = None
+        self._lonely: set[str] = set()
+        self._mismatched: set[str] = set()
         self._node = LiveNode(finder, desk, self._send, complain, options, live, on_place=on_place)
 
     def run(self, seconds: float = float("inf")) -> None:
         """Work until interrupted, or for so many seconds."""
         start = time.monotonic()
-        has_looked = False
+        next_look = start + LONELY_AFTER_S
         while (now := time.monotonic()) < start + seconds:
             self._bus.take(self._take)
             self._node.turn(now)
-            if not has_looked and now - start > LONELY_AFTER_S:
-                has_looked = True
+            if now > next_look:
+                next_look = now + LONELY_AFTER_S
                 self._look_for_others()
             self._bus.wait(TURN_S)
 
@@ -91,22 +93,26 @@ class DdsNode:
             self._sim_s = clock.sec + 1e-9 * clock.nanosec
         else:
             clock_s = self._sim_s if self._options.use_sim_time else time.time()
-            self._node.take(what, raw, clock_s=clock_s)
+            self._node.take(what, raw, clock_s=clock_s, now_s=time.monotonic())
 
     def _look_for_others(self) -> None:
         optional = {self._options.full_name(self._options.odom_topic)}
-        lonely = [topic for topic in self._bus.lonely() if topic not in optional]
-        if lonely:
+        lonely = {topic for topic in self._bus.lonely() if topic not in optional}
+        if missing := sorted(lonely - self._lonely):
             self._complain(
-                f"nobody publishes {', '.join(lonely)}: are the topics and their types right, is "
+                f"nobody publishes {', '.join(missing)}: are the topics and their types right, is "
                 f"the domain (ROS_DOMAIN_ID) {_domain(self._options)}, and does multicast pass?"
             )
-        for topic in self._bus.mismatched():
+        if come := sorted(self._lonely - lonely):
+            self._complain(f"{', '.join(come)}: somebody publishes now")
+        mismatched = {*self._bus.mismatched()}
+        for topic in sorted(mismatched - self._mismatched):
             self._complain(
                 f"{topic} is published with another quality of service: is it best effort where "
                 "reliable is wanted, or volatile where the last map is (map_subscribe_transient"
                 "_local)?"
             )
+        self._lonely, self._mismatched = lonely, mismatched
 
 
 def _domain(options: NodeOptions) -> int:

@@ -22,6 +22,12 @@ __all__ = ["LiveNode"]
 JUMP_S = 1.0
 """Scans that come this much before the one before them: the clock has been set back."""
 
+JUMPED_SCANS = 3
+"""So many of them on end: a single one is late."""
+
+SILENT_S = 5.0
+"""How long a robot sends no scans before that is said."""
+
 AGAIN_S = 10.0
 """How long a complaint of one kind is not repeated."""
 
@@ -37,6 +43,8 @@ class LiveNode:
 
     An adapter hands over what comes (:meth:`take`), calls :meth:`turn` regularly, and sends what
     it is given. Nothing here reads a clock: times are those of the messages and of the calls.
+    How long a scan waits for its transform is told by the calls, as stamps cannot tell it: a
+    transform may be dated ahead.
 
     Parameters
     ----------
@@ -69,8 +77,9 @@ class LiveNode:
         self._on_place = on_place
         self._codec, self._frames = RosCodec(), FrameBuffer()
         self._scans = ScanMessages(self._options.scan_topic)
-        self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
-        self._latest_s, self._last_scan_s = -np.inf, -np.inf
+        self._waiting: deque[tuple[float, Any]] = deque(maxlen=MOST_WAITING)
+        self._last_scan_s, self._clock_s, self._n_back = -np.inf, -np.inf, 0
+        self._heard_s: float | None = None
         self._first_scan_s: float | None = None
         self._said: dict[str, float] = {}
         self._map: bytes | None = None
@@ -78,7 +87,9 @@ class LiveNode:
         self._took_map = False
         self._from_odometry: set[str] = set()
 
-    def take(self, what: str, raw: bytes, *, clock_s: float | None = None) -> None:
+    def take(
+        self, what: str, raw: bytes, *, clock_s: float | None = None, now_s: float | None = None
+    ) -> None:
         """A message has come.
 
         Parameters
@@ -88,7 +99,14 @@ class LiveNode:
             As it came over the wire (CDR).
         clock_s : float, optional
             The time on the clock of the stamps, to tell scans that come too late.
+        now_s : float, optional
+            The time on the clock of :meth:`turn`; that of its last call if not given.
         """
+        self._now_s = self._now_s if now_s is None else max(now_s, self._now_s)
+        if clock_s is not None:
+            if clock_s < self._clock_s - JUMP_S:
+                self._begin_anew(clock_s, self._clock_s - clock_s)
+            self._clock_s = clock_s
         if what == "map":
             self._on_map(raw)
             return
@@ -102,7 +120,7 @@ class LiveNode:
         elif what == "odom":
             self._on_odom(message)
         else:
-            self._on_transforms(message, is_static=what == "tf_static")
+            self._on_transforms(message, clock_s, is_static=what == "tf_static")
 
     def turn(self, now_s: float) -> None:
         """Take what the labelling of maps has found, and hand in the latest map.
@@ -110,6 +128,10 @@ class LiveNode:
         ``now_s`` comes from any clock that never goes back.
         """
         self._now_s = now_s
+        self._drain()
+        if self._heard_s is not None and now_s - self._heard_s > SILENT_S:
+            topic = self._options.full_name(self._options.scan_topic)
+            self._complain("silent", f"no scan on {topic} for {now_s - self._heard_s:.0f} s")
         answer = self._desk.answer()
         if isinstance(answer, str):
             self._complain("map", f"the map is not labelled: {answer}")
@@ -132,18 +154,34 @@ class LiveNode:
 
     def _on_map(self, raw: bytes) -> None:
         self._took_map = True
+        frame = self._frame_of(raw)
+        if frame not in ("", self._options.map_frame.lstrip("/")):
+            self._complain(
+                "map frame",
+                f"the map is in the frame {frame!r}, but positions are looked up in "
+                f"{self._options.map_frame!r}: it is not used (map_frame)",
+            )
+            return
         if self._map is not None and not self._desk.is_idle:
             self._n_skipped += 1
         self._map = raw
 
-    def _on_transforms(self, message: Any, *, is_static: bool) -> None:
+    def _frame_of(self, raw: bytes) -> str:
+        """The frame of a map; none of one that cannot be read, which labelling it will say."""
+        try:
+            return str(self._codec.read(raw, "map").header.frame_id).lstrip("/")
+        except InputError:
+            return ""
+
+    def _on_transforms(self, message: Any, clock_s: float | None, *, is_static: bool) -> None:
         for item in message.transforms:
             time_s = _stamp_s(item.header)
             place = planar(item.transform.translation, item.transform.rotation)
-            child = item.child_frame_id
-            self._frames.add(item.header.frame_id, child, time_s, place, is_static=is_static)
-            if not is_static:
-                self._latest_s = max(self._latest_s, time_s)
+            parent, child = item.header.frame_id, item.child_frame_id
+            if clock_s is not None and clock_s < time_s and not self._frames.knows(child):
+                # Dated ahead, so that it may be used until then: it already holds.
+                self._frames.add(parent, child, clock_s, place, is_static=is_static)
+            self._frames.add(parent, child, time_s, place, is_static=is_static)
         self._drain()
 
     def _on_odom(self, message: Any) -> None:
@@ -157,10 +195,20 @@ class LiveNode:
 
     def _on_scan(self, message: Any, clock_s: float | None) -> None:
         time_s = _stamp_s(message.header)
+        self._hear()
         if time_s < self._last_scan_s - JUMP_S:
-            back_s = self._last_scan_s - time_s
-            self._complain("clock", f"the clock went back by {back_s:.1f} s; starting over")
-            self._begin_anew(time_s)
+            back_s, self._n_back = self._last_scan_s - time_s, self._n_back + 1
+            if self._n_back < JUMPED_SCANS:
+                self._complain("late", f"a scan from {back_s:.1f} s before the last is dropped")
+                return
+            self._begin_anew(time_s, back_s)
+        self._n_back = 0
+        if clock_s is not None and time_s - clock_s > self._options.stale_after_s:
+            self._complain(
+                "future",
+                f"a scan is dated {time_s - clock_s:.2f} s ahead; are the clocks in step, and is "
+                "use_sim_time right?",
+            )
         if clock_s is not None and clock_s - time_s > self._options.stale_after_s:
             self._complain(
                 "stale",
@@ -169,29 +217,35 @@ class LiveNode:
             )
             return
         self._last_scan_s = max(self._last_scan_s, time_s)
-        self._latest_s = max(self._latest_s, time_s)
         if self._first_scan_s is None:
             self._first_scan_s = time_s
         if not self._took_map and time_s - self._first_scan_s > NO_MAP_AFTER_S:
             topic = self._options.full_name(self._options.map_topic)
             self._complain("no map", f"no map on {topic} yet: places are told by the scans alone")
-        self._waiting.append(message)
+        self._waiting.append((self._now_s, message))
         self._drain()
 
-    def _begin_anew(self, time_s: float) -> None:
+    def _hear(self) -> None:
+        """Note that the robot is there; say so if it had fallen silent."""
+        if self._heard_s is not None and self._now_s - self._heard_s > SILENT_S:
+            self._say(f"scans come again after {self._now_s - self._heard_s:.0f} s")
+        self._heard_s = self._now_s
+
+    def _begin_anew(self, time_s: float, back_s: float) -> None:
+        self._complain("clock", f"the clock went back by {back_s:.1f} s; starting over")
         self._waiting.clear()
         self._frames.forget_after(time_s)
         self._finder.forget()
-        self._latest_s = self._last_scan_s = -np.inf
+        self._last_scan_s, self._n_back = -np.inf, 0
 
     def _drain(self) -> None:
         """Label the scans that wait, in order, as far as their transforms have come."""
         while self._waiting:
-            message = self._waiting[0]
+            came_s, message = self._waiting[0]
             time_s, frame = _stamp_s(message.header), message.header.frame_id
             sought = self._frames.pose(self._options.map_frame, frame, time_s)
-            late_s = self._latest_s - time_s
-            if sought.pose is None and sought.may_come and late_s <= self._options.tf_tolerance_s:
+            waited_s = self._now_s - came_s
+            if sought.pose is None and sought.may_come and waited_s <= self._options.tf_tolerance_s:
                 return
             self._waiting.popleft()
             if sought.pose is None:

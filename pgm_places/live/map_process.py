@@ -27,6 +27,9 @@ __all__ = ["MapAnswer", "MapDesk", "MapProcess", "main"]
 NICENESS = 10
 """How much the process stands back behind others."""
 
+MOST_STARTS = 3
+"""How often the process is started before a map has been labelled."""
+
 MapAnswer = LabelledMapMessages | str
 """A labelled map, or why there is none."""
 
@@ -72,11 +75,17 @@ class MapProcess:
         self._answers: SimpleQueue[dict[str, str]] = SimpleQueue()
         self._count, self._is_idle = 0, True
         threads = n_threads or max((os.cpu_count() or 2) - 1, 1)
-        command = [sys.executable, "-P", "-m", "pgm_places.live.map_process"]
-        command += ["--model", str(model), "--threads", str(threads)]
-        command += [] if method is None else ["--method", method]
+        self._command = [sys.executable, "-P", "-m", "pgm_places.live.map_process"]
+        self._command += ["--model", str(model), "--threads", str(threads)]
+        self._command += ["--folder", self._folder.name]
+        self._command += [] if method is None else ["--method", method]
+        self._n_starts = 0
+        self._start()
+
+    def _start(self) -> None:
+        self._n_starts += 1
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+            self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -102,8 +111,8 @@ class MapProcess:
         except Empty:
             return None
         if "folder" not in found:
-            return found["error"]  # and it stays busy: nobody is there to take another map
-        self._is_idle = True
+            return self._after_end(found["error"])
+        self._is_idle, self._n_starts = True, 1
         folder = Path(found["folder"])
         try:
             return found["error"] if "error" in found else LabelledMapMessages.open(folder)
@@ -111,14 +120,27 @@ class MapProcess:
             # Arrays that are mapped into memory outlive their files, but not on Windows.
             shutil.rmtree(folder, ignore_errors=True)
 
+    def _after_end(self, error: str) -> str:
+        """Start the process again, unless it keeps ending: then no map is taken any more."""
+        if self._n_starts > MOST_STARTS:
+            return f"{error} again; it is not started any more"
+        self._end()
+        self._start()
+        self._is_idle = True
+        return f"{error}; it is started again, and numbers places anew from the next map on"
+
     def close(self) -> None:
         """End the process."""
+        self._end()
+        self._folder.cleanup()
+
+    def _end(self) -> None:
         self._process.terminate()
         self._process.wait()
         self._listener.join()
         for stream in (self._process.stdin, self._process.stdout):
-            _pipe(stream).close()
-        self._folder.cleanup()
+            with contextlib.suppress(OSError):  # what it did not read cannot be written any more
+                _pipe(stream).close()
 
     def _listen(self) -> None:
         for line in _pipe(self._process.stdout):
@@ -138,9 +160,17 @@ def main() -> None:
     parser.add_argument("--model", required=True)
     parser.add_argument("--method")
     parser.add_argument("--threads", type=int)
+    parser.add_argument("--folder")
     options = parser.parse_args()
     if hasattr(os, "nice"):
         os.nice(NICENESS)
+    with contextlib.suppress(BrokenPipeError):
+        _label_maps(options)
+    if options.folder is not None:  # the node has ended, perhaps killed: leave nothing behind
+        shutil.rmtree(options.folder, ignore_errors=True)
+
+
+def _label_maps(options: argparse.Namespace) -> None:
     from pgm_places.live.live_map import LiveMap
     from pgm_places.trained import trained_labeler
 

@@ -101,17 +101,22 @@ def test_a_scan_waits_for_its_transform_and_is_dropped_when_none_comes() -> None
     messages = driven(drive(1)[:8])
     transforms, scans = messages[0::2], messages[1::2]
     robot = Robot(NodeOptions(base_frame="laser", tf_tolerance_s=0.5))
-    robot.take([transforms[0], scans[0], scans[1]])
+    robot.take([transforms[0], scans[0], scans[1]], now_s=10.0)
     assert len(robot.places()) == 1
-    robot.take([transforms[1]])  # 0.2 s later
+    robot.take([transforms[1]], now_s=10.4)
     assert len(robot.places()) == 2
     assert robot.said == []
-    robot.take(scans[2:8])  # 1.2 s without transforms
+    robot.take(scans[2:4], now_s=11.0)
+    robot.node.turn(11.4)
+    robot.take(scans[4:6], now_s=11.45)
+    robot.node.turn(11.5)
+    assert robot.said == []
+    robot.node.turn(11.6)  # 0.6 s without a transform
     [line] = robot.said
     assert line.startswith("a scan is dropped: the transform from map to laser is 0.20 s older")
     assert len(robot.places()) == 2
-    robot.take(transforms[2:8])  # they come late: what still waits is labelled
-    assert len(robot.places()) > 2
+    robot.take(transforms[2:8], now_s=11.6)  # they come late: what still waits is labelled
+    assert len(robot.places()) == 4
 
 
 def test_odometry_stands_in_where_no_transform_says_how_the_robot_moves() -> None:
@@ -138,12 +143,59 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
     messages = driven(drive(1)[:10])
     robot = Robot()
     robot.take(messages)
+    robot.take(messages[:2])  # a single scan is late
+    assert robot.said == ["a scan from 1.8 s before the last is dropped"]
+    robot.take(messages[-2:])
+    assert len(robot.places()) == 11
     robot.take(messages[:4])
-    [line] = robot.said
-    assert line == "the clock went back by 1.8 s; starting over"
+    assert len(robot.said) == 1
+    robot = Robot()
+    robot.take(messages)
+    robot.take([*messages[:4], *messages[:6]])
+    assert robot.said[1:] == ["the clock went back by 1.8 s; starting over"]
     places_found = robot.places()
     assert places_found[10]["changed"]
     assert places_found[10]["beliefs"] == places_found[0]["beliefs"]
+
+
+def test_a_clock_that_runs_twice_through_a_bag_is_noticed_at_once() -> None:
+    messages = driven(drive(1)[:10])
+    robot = Robot()
+    robot.take(messages, clock_s=1.0)
+    robot.take(messages[:2], clock_s=-12.0)
+    assert robot.said[0] == "the clock went back by 13.0 s; starting over"
+    assert len(robot.places()) == 11
+
+
+def test_silence_and_its_end_are_said() -> None:
+    messages = driven(drive(1)[:6])
+    robot = Robot()
+    robot.node.turn(0.0)
+    robot.take(messages[:4], now_s=1.0)
+    robot.node.turn(5.9)
+    assert robot.said == []
+    robot.node.turn(6.5)
+    assert robot.said == ["no scan on /scan for 6 s"]
+    robot.node.turn(12.0)
+    assert len(robot.said) == 1
+    robot.take(messages[4:6], now_s=14.0)
+    assert robot.said[1:] == ["scans come again after 13 s"]
+
+
+def test_maps_of_another_frame_are_refused() -> None:
+    robot = Robot(NodeOptions(base_frame="laser", map_frame="/world"))
+    robot.node.take("map", raw_map(building()[0].grid))
+    [line] = robot.said
+    assert line.startswith("the map is in the frame 'map', but positions are looked up in '/world'")
+    robot.node.turn(0.0)
+    assert robot.desk.n_submitted == 0
+
+
+def test_scans_from_the_future_are_said() -> None:
+    path, robot = drive(1)[:3], Robot()
+    robot.take(driven(path), clock_s=float(path.times_s[0]) - 60.0)
+    assert robot.said[0].startswith("a scan is dated 60.00 s ahead")
+    assert len(robot.places()) == 3
 
 
 def test_what_is_wrong_is_said_once_in_plain_words() -> None:
@@ -159,6 +211,7 @@ def test_what_is_wrong_is_said_once_in_plain_words() -> None:
 
     robot = Robot(NodeOptions(map_frame="world", base_frame="laser"))
     robot.take(driven(path[:5]))
+    robot.node.turn(1.0)
     [line] = robot.said
     assert "no transforms lead from 'world' to 'laser'; frames: laser, map" in line
 

@@ -1,6 +1,9 @@
 """Maps labelled in a second process: its answers are files, and its end is told."""
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,11 +13,12 @@ import pytest
 
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
-from pgm_places.live.map_process import NICENESS, MapAnswer, MapProcess
+from pgm_places.live.map_process import MOST_STARTS, NICENESS, MapAnswer, MapProcess
 from pgm_places.persistence.stored import save
 from tests.drives import building
 from tests.live.robot import raw_map
 from tests.quick_labeler import places
+from tests.real_data import ROOT
 
 PATIENCE_S = 300.0
 
@@ -68,6 +72,34 @@ def test_a_process_that_ends_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
             mine, its = (os.getpriority(os.PRIO_PROCESS, n) for n in (0, desk._process.pid))
             assert its == min(mine + NICENESS, 19)
         desk._process.kill()
-        assert answer_of(desk) == "the process that labels maps has ended (exit code -9)"
+        ended = "the process that labels maps has ended (exit code -9)"
+        assert answer_of(desk) == f"{ended}; it is started again, and numbers places anew from " + (
+            "the next map on"
+        )
+        assert desk.is_idle
+        desk.submit(raw_map(building()[0].grid))  # which the new one answers
+        assert "no model at" in str(answer_of(desk))
+        for _ in range(MOST_STARTS):
+            assert desk.is_idle
+            desk._process.kill()
+            assert ended in str(answer_of(desk))
+        desk._process.kill()
     finally:
         desk.close()
+
+
+def test_a_node_that_is_killed_leaves_nothing_in_the_temporary_folder(tmp_path: Path) -> None:
+    source = (
+        "import os, signal, sys\n"
+        "from pgm_places.live.map_process import MapProcess\n"
+        "desk = MapProcess('nothing', n_threads=1)\n"
+        "assert os.listdir(os.environ['TMPDIR'])\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    ended = subprocess.run([sys.executable, "-c", source], env=environment, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    end = time.monotonic() + PATIENCE_S
+    while any(tmp_path.iterdir()):
+        assert time.monotonic() < end, "the folder is still there"
+        time.sleep(0.05)

@@ -17,7 +17,7 @@ from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["EXPORTS", "ROUTE_FILE", "export"]
 
-Values: TypeAlias = Mapping[str, int] | None
+Values: TypeAlias = Mapping[str, float] | None
 Writer: TypeAlias = Callable[[Path, TopologicalMap], list[Path]]
 
 ROUTE_FILE = "nav2_route.geojson"
@@ -63,10 +63,11 @@ def export(
     topology : TopologicalMap
     to : str
     folder : Path
-    values : mapping of str to int, optional
+    values : mapping of str to float, optional
         Those of a filter mask, by class or name of place.
     robot_radius_m : float, optional
-        For ``nav2-route``: ways have room for a disc of this radius.
+        For ``nav2-route``: ways have room for a disc of this radius. For ``keepout``: areas grow by
+        as much.
     lies_in : Path, optional
         The folder where the files will lie, if they are moved.
 
@@ -79,8 +80,16 @@ def export(
     """
     if to in MASKS:
         stem = folder / to.replace("-", "_")
-        _refuse_radius(to, robot_radius_m)
-        return write_filter_mask(stem, topology, MASKS[to], values=values, lies_in=lies_in)
+        if to != "keepout":
+            _refuse_radius(to, robot_radius_m)
+        return write_filter_mask(
+            stem,
+            topology,
+            MASKS[to],
+            values=values,
+            robot_radius_m=robot_radius_m or 0.0,
+            lies_in=lies_in,
+        )
     if to not in EXPORTS:
         raise InputError(
             f"there is no export called {to!r}. {nearest_name(to, [*EXPORTS, *MASKS])}"
@@ -97,4 +106,4 @@ def export(
 
 def _refuse_radius(to: str, robot_radius_m: float | None) -> None:
     if robot_radius_m is not None:
-        raise InputError(f"the export {to!r} takes no robot radius; nav2-route does")
+        raise InputError(f"the export {to!r} takes no robot radius; nav2-route and keepout do")

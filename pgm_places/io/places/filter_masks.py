@@ -1,5 +1,6 @@
 """Masks for Nav2's costmap filters: zones, keep-out areas and speed limits by class or place."""
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -55,17 +56,17 @@ def write_filter_mask(
     topology: TopologicalMap,
     kind: FilterKind,
     *,
-    values: Mapping[str, int] | None = None,
-    base: float = 0.0,
-    multiplier: float = 1.0,
+    values: Mapping[str, float] | None = None,
+    robot_radius_m: float = 0.0,
     lies_in: Path | None = None,
 ) -> list[Path]:
     """Write ``<stem>.png``, ``<stem>.yaml`` and ``<stem>_params.yaml``; the paths.
 
     The mask is a map in mode raw, so its pixels are the values that the filter sees: occupancy
-    from 0 to 100. What a filter makes of them is ``base + multiplier * value``: 100 keeps out; a
-    percentage or metres per second of speed, 0 for no limit; for zones the number of the state, 0
-    for the nominal one. The parameters are those of ``map_server``, of
+    from 0 to 100, which it multiplies by a parameter: 100 keeps out; a percentage of speed; metres
+    per second, of which the mask holds parts (rounded down, so that no robot is faster); 100
+    switches a binary filter; for zones the number of the state. 0 is no limit, and the nominal
+    state. The parameters are those of ``map_server``, of
     ``costmap_filter_info_server`` and of the filter in the costmaps
     (:mod:`~pgm_places.io.places.filter_parameters`).
 
@@ -74,9 +75,12 @@ def write_filter_mask(
     stem : Path
     topology : TopologicalMap
     kind : {"keepout", "speed-percent", "speed-m-s", "binary", "zones"}
-    values : mapping of str to int, optional
-        Values by class or name of place; for zones the classes' numbers by default.
-    base, multiplier : float
+    values : mapping of str to float, optional
+        Values by class or name of place: metres per second for ``speed-m-s``, anything above 0
+        switches for ``binary``, whole numbers from 0 to 100 for all others; for zones the classes'
+        numbers by default.
+    robot_radius_m : float
+        For ``keepout``: the areas grow by as much, so that no part of the robot gets into them.
     lies_in : Path, optional
         The folder where the files will lie, if they are moved: Nav2 wants an absolute path.
 
@@ -97,7 +101,10 @@ def write_filter_mask(
             f"a {kind} mask needs values by class or place, such as room = 100; classes: {classes}"
         )
     target = Path(stem)
-    mask = mask_values(topology, values)
+    coded, multiplier = (None, 1.0) if values is None else _coded(kind, values)
+    mask = mask_values(topology, coded)
+    if robot_radius_m:
+        mask = _grown(mask, robot_radius_m / topology.grid.resolution_m)
     content = raster_png(Image.fromarray(np.ascontiguousarray(mask[::-1])))
     image_path = write_bytes(target.with_name(f"{target.name}.png"), content)
     grid = topology.grid
@@ -110,7 +117,7 @@ def write_filter_mask(
         f"origin: [{x!r}, {y!r}, {grid.yaw_rad!r}]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
     )
-    named = {number: _state_name(topology, values, number) for number in np.unique(mask).tolist()}
+    named = {number: _state_name(topology, coded, number) for number in np.unique(mask).tolist()}
     params_path = write_text(
         target.with_name(f"{target.name}_params.yaml"),
         f"# {_legend(topology, values)}\n"
@@ -118,12 +125,49 @@ def write_filter_mask(
             kind,
             target.name,
             (lies_in or target.parent).resolve() / yaml_path.name,
-            base=base,
             multiplier=multiplier,
             states={name: number for number, name in named.items() if number},
         ),
     )
     return [image_path, yaml_path, params_path]
+
+
+def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int], float]:
+    """What the mask holds for each value, and the factor that makes the value of it again."""
+    if kind == "binary":
+        return {name: MOST if value > 0 else 0 for name, value in values.items()}, 1.0
+    if kind.startswith("speed"):
+        for name, value in values.items():
+            if value <= 0:
+                raise InputError(
+                    f"the speed in {name!r} is {value:g}, which Nav2 takes for no limit; give a "
+                    "speed above 0, or keep the robot out with the export 'keepout'"
+                )
+    if kind == "speed-m-s":
+        # In centimetres per second where they fit, so that round speeds are exact.
+        factor = max(0.01, max(values.values(), default=0.0) / MOST)
+        return {
+            name: max(1, math.floor(value / factor * (1 + 1e-9))) for name, value in values.items()
+        }, factor
+    for name, value in values.items():
+        if value != int(value):
+            raise InputError(
+                f"the mask's value of {name!r} must be a whole number from 0 to {MOST}, got "
+                f"{value:g}; speed-m-s takes fractions"
+            )
+    return {name: int(value) for name, value in values.items()}, 1.0
+
+
+def _grown(mask: NDArray[np.uint8], radius: float) -> NDArray[np.uint8]:
+    """The mask with every area grown by a radius in cells; the larger value wins."""
+    from scipy.ndimage import distance_transform_edt
+
+    grown = mask.copy()
+    for value in np.unique(mask[mask > 0]).tolist():
+        # A cell's square begins at most half its diagonal before its centre.
+        near = distance_transform_edt(mask != value) < radius + np.sqrt(0.5)
+        grown[near & (grown < value)] = value
+    return grown
 
 
 def _state_name(topology: TopologicalMap, values: Mapping[str, int] | None, number: int) -> str:
@@ -140,7 +184,8 @@ def _named(topology: TopologicalMap, values: Mapping[str, int] | None) -> Mappin
     return {label: k + 1 for k, label in enumerate(topology.label_names)}
 
 
-def _legend(topology: TopologicalMap, values: Mapping[str, int] | None) -> str:
-    named = _named(topology, values)
-    listed = ", ".join(f"{value} {printable(name)}" for name, value in named.items())
+def _legend(topology: TopologicalMap, values: Mapping[str, float] | None) -> str:
+    """The values as they were given."""
+    named = _named(topology, None) if values is None else values
+    listed = ", ".join(f"{value:g} {printable(name)}" for name, value in named.items())
     return f"values: 0 nothing, {listed}"

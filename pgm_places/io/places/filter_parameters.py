@@ -27,7 +27,12 @@ _FILTERS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
         ("global",),
     ),
     "speed-m-s": ("speed_filter", "SpeedFilter", _LIMIT, ("global",)),
-    "binary": ("binary_filter", "BinaryFilter", "binary_state_topic: /binary_state", ("global",)),
+    "binary": (
+        "binary_filter",
+        "BinaryFilter",
+        "binary_state_topic: /binary_state\n        flip_threshold: 50.0",
+        ("global",),
+    ),
     "zones": ("zone_filter", "ZoneParameterFilter", "", ("local",)),
 }
 """Name, plugin and output of each filter, and the costmaps that it belongs in."""
@@ -38,7 +43,6 @@ def filter_parameters(
     name: str,
     mask_yaml: Path,
     *,
-    base: float = 0.0,
     multiplier: float = 1.0,
     states: Mapping[str, int] | None = None,
 ) -> str:
@@ -56,8 +60,8 @@ def filter_parameters(
     mask_yaml : Path
         The mask's YAML file. The server resolves a relative path against the folder that it was
         started in, so this should be absolute.
-    base, multiplier : float
-        The filter sees ``base + multiplier * value``.
+    multiplier : float
+        The filter sees ``multiplier * value``.
     states : mapping of str to int, optional
         For zones, the value of each state in the mask. All must be listed: the filter stops the
         robot at a value that it does not know. None has ``setpoints``, as ROS cannot read an empty
@@ -106,7 +110,7 @@ def filter_parameters(
         f"    type: {TYPES[kind]}",
         f'    filter_info_topic: "{topic}_info"',
         f'    mask_topic: "{topic}"',
-        f"    base: {float(base)!r}",
+        "    base: 0.0",
         f"    multiplier: {float(multiplier)!r}",
     ]
     filter_name, plugin, output, costmaps = _FILTERS[kind]

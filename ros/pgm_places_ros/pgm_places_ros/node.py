@@ -92,7 +92,8 @@ class PlacesNode(Node):
         self.create_subscription(kind, topic, partial(self._take, what), qos, raw=True)
 
     def _take(self, what: str, raw: bytes) -> None:
-        self._live.take(what, raw, clock_s=1e-9 * self.get_clock().now().nanoseconds)
+        clock_s = 1e-9 * self.get_clock().now().nanoseconds
+        self._live.take(what, raw, clock_s=clock_s, now_s=time.monotonic())
 
     def _turn(self) -> None:
         self._live.turn(time.monotonic())

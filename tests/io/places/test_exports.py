@@ -122,6 +122,75 @@ def test_masks_are_maps_whose_values_the_filters_see(tmp_path: Path) -> None:
     assert "local_costmap" not in params
 
 
+def filter_of(params_path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The parameters of the info server, and those of the filter in the global costmap."""
+    params = yaml.safe_load(params_path.read_text())
+    costmap = params["global_costmap"]["global_costmap"]["ros__parameters"]
+    info = params["costmap_filter_info_server"]["ros__parameters"]
+    return info, costmap[costmap["filters"][0]]
+
+
+@pytest.mark.parametrize(
+    "speeds", [{"room": 0.8, "room 2": 0.35}, {"room": 1.37, "corridor": 0.5}, {"room": 0.004}]
+)
+def test_speeds_are_metres_per_second_and_never_faster(
+    speeds: dict[str, float], tmp_path: Path
+) -> None:
+    topology = floor_map(**FRAME)
+    _, path, params_path = export(topology, "speed-m-s", tmp_path, values=speeds)
+    info, _ = filter_of(params_path)
+    assert (info["type"], info["base"]) == (2, 0.0)
+    mask = load_map(path).occupancy
+    for region in topology.regions:
+        [(row, column)] = topology.grid.cells_at_m([region.anchor_m])
+        wanted = speeds.get(region.name, speeds.get(region.label, 0.0))
+        # What SpeedFilter computes of the mask.
+        found = info["base"] + info["multiplier"] * float(mask[row, column])
+        if wanted >= 0.01 or wanted == 0:
+            assert wanted - info["multiplier"] <= found <= wanted + 1e-9
+        else:
+            assert found == 0.01  # 0 would be no limit at all
+        if max(speeds.values()) <= 1 and wanted >= 0.01:
+            assert found == pytest.approx(wanted)
+
+
+def test_a_speed_of_zero_would_be_no_limit(tmp_path: Path) -> None:
+    for to in ("speed-m-s", "speed-percent"):
+        with pytest.raises(InputError, match="which Nav2 takes for no limit"):
+            export(floor_map(), to, tmp_path, values={"room": 0})
+    with pytest.raises(InputError, match=r"must be a whole number from 0 to 100, got 2\.5"):
+        export(floor_map(), "speed-percent", tmp_path, values={"room": 2.5})
+
+
+def test_a_binary_mask_flips_the_filter(tmp_path: Path) -> None:
+    topology = floor_map()
+    _, path, params_path = export(topology, "binary", tmp_path, values={"room": 1, "room 2": 0})
+    info, binary = filter_of(params_path)
+    mask = load_map(path).occupancy
+    for region in topology.regions:
+        [(row, column)] = topology.grid.cells_at_m([region.anchor_m])
+        is_on = (
+            info["base"] + info["multiplier"] * float(mask[row, column])
+            > (binary["flip_threshold"])
+        )
+        assert is_on == (region.label == "room" and region.name != "room 2")
+
+
+def test_what_is_kept_out_of_grows_by_the_robot(tmp_path: Path) -> None:
+    topology = floor_map()  # cells of 0.5 m
+    _, path, _ = export(topology, "keepout", tmp_path, values={"room 2": 100}, robot_radius_m=0.6)
+    mask = load_map(path).occupancy
+    _, path, _ = export(topology, "keepout", tmp_path, values={"room 2": 100})
+    alone = load_map(path).occupancy
+    out = np.argwhere(alone == 100)
+    for row, column in np.ndindex(mask.shape):
+        # From the middle of the robot to the nearest square of the area.
+        gaps = np.maximum(np.abs(out - (row, column)) - 0.5, 0.0)
+        nearest_m = 0.5 * float(np.hypot(*gaps.T).min())
+        assert mask[row, column] == 100 or nearest_m >= 0.6
+        assert mask[row, column] == 0 or nearest_m < 0.6 + 0.5 * 0.21  # a corner of a cell
+
+
 def test_both_costmaps_keep_out_and_name_the_mask_where_it_will_lie(tmp_path: Path) -> None:
     later = tmp_path / "later"
     *_, params_path = export(floor_map(), "keepout", tmp_path, values={"room": 100}, lies_in=later)
@@ -142,7 +211,9 @@ def test_a_robot_that_is_too_wide_has_no_ways(tmp_path: Path) -> None:
     assert min(clearances) == 0.75
     with pytest.raises(InputError, match="no two places are connected by a passage wide enough"):
         export(topology, "nav2-route", tmp_path, robot_radius_m=0.76)
-    with pytest.raises(InputError, match="the export 'dot' takes no robot radius; nav2-route does"):
+    with pytest.raises(
+        InputError, match="the export 'dot' takes no robot radius; nav2-route and keepout do"
+    ):
         export(topology, "dot", tmp_path, robot_radius_m=0.3)
 
 
