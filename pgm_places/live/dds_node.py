@@ -64,8 +64,8 @@ class DdsNode:
             },
         }
         self._sim_s: float | None = None
-        self._lonely: set[str] = set()
-        self._mismatched: set[str] = set()
+        self._lonely: list[str] = []
+        self._mismatched: list[str] = []
         self._node = LiveNode(finder, desk, self._send, complain, options, live, on_place=on_place)
 
     def run(self, seconds: float = float("inf")) -> None:
@@ -97,16 +97,18 @@ class DdsNode:
 
     def _look_for_others(self) -> None:
         optional = {self._options.full_name(self._options.odom_topic)}
-        lonely = {topic for topic in self._bus.lonely() if topic not in optional}
-        if missing := sorted(lonely - self._lonely):
+        lonely = [topic for topic in self._bus.lonely() if topic not in optional]
+        if missing := [topic for topic in lonely if topic not in self._lonely]:
             self._complain(
                 f"nobody publishes {', '.join(missing)}: are the topics and their types right, is "
                 f"the domain (ROS_DOMAIN_ID) {_domain(self._options)}, and does multicast pass?"
             )
-        if come := sorted(self._lonely - lonely):
+        if come := [topic for topic in self._lonely if topic not in lonely]:
             self._complain(f"{', '.join(come)}: somebody publishes now")
-        mismatched = {*self._bus.mismatched()}
-        for topic in sorted(mismatched - self._mismatched):
+        mismatched = [*self._bus.mismatched()]
+        for topic in mismatched:
+            if topic in self._mismatched:
+                continue
             self._complain(
                 f"{topic} is published with another quality of service: is it best effort where "
                 "reliable is wanted, or volatile where the last map is (map_subscribe_transient"
