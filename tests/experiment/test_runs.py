@@ -98,7 +98,7 @@ def test_every_method_starts_from_the_same_unary_unless_told_otherwise() -> None
     ("method", "message"),
     [
         ({"name": "hmm"}, "'hmm' .* labels only chains"),
-        ({"name": "potts", "inference": "exact"}, "'exact' labels only graphs without cycles"),
+        ({"name": "potts", "inference": "exact"}, "'exact' labels only graphs of few cycles"),
     ],
 )
 def test_methods_that_cannot_label_maps_are_refused_before_maps_are_read(

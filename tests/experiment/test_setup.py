@@ -56,6 +56,7 @@ def test_options_of_maps_reach_the_labeler() -> None:
         "max_examples_per_map": 123,
         "features": (),
         "halls": "room",
+        "whole_spaces": True,
     }
     assert (classifier.n_rounds, classifier.order) == (7, [2, 1, 3, 0])
     assert (methods["field"].unary, methods["field"].backend.weight) == ("context", 0.25)
