@@ -157,3 +157,21 @@ def test_what_does_not_fit_is_refused() -> None:
         FactorGraph.of([2, 2], [], []).score([0, 2])
     with pytest.raises(ConfigError, match="unknown decoder"):
         decode_factors(wide, "none")
+
+
+@pytest.mark.parametrize("method", ["max-product", "sum-product"])
+def test_no_single_node_improves_what_is_not_proved(method: str) -> None:
+    n_unproved = 0
+    for seed in range(60):
+        graph = random_factors(seed)
+        if graph.order < 3 or all_labelings(graph)[1].max() == -np.inf:
+            continue
+        found = decode_factors(graph, method)
+        assert found.score is not None
+        n_unproved += found.status is not Status.EXACT
+        for node, size in enumerate(graph.n_labels):
+            for label in range(size):
+                labels = found.labels.copy()
+                labels[node] = label
+                assert graph.score(labels) <= found.score + 1e-12
+    assert n_unproved > 5

@@ -11,7 +11,7 @@ from pgm_places import LabelGraph, LabelingProblem, Status, build
 from pgm_places.errors import InputError
 from pgm_places.graph.cliques import Cliques
 from pgm_places.inference.potentials import Potentials
-from pgm_places.models.cliques import decode_with_cliques
+from pgm_places.models.cliques import clique_score, decode_with_cliques
 from tests.reference.cliques import set_score
 from tests.reference.energy import Model, labelings, score
 
@@ -149,3 +149,23 @@ def test_several_labels_that_may_earn_are_refused_for_beliefs(method: str) -> No
     ):
         decode_with_cliques(graph, three, sets, method, weight=1.0, dissent=0.8)
     decode_with_cliques(graph, three, sets, "graph-cut", weight=1.0, dissent=0.8)
+
+
+@pytest.mark.parametrize("k", [2, 3])
+def test_exact_finds_the_best_labelling_with_sets_and_says_nothing_of_beliefs(k: int) -> None:
+    """The nodes of sets would be summed over, too."""
+    rng = np.random.default_rng(k)
+    graph = LabelGraph.from_edges(5, [(0, 1), (1, 2), (3, 4)])
+    unary = rng.normal(size=(5, k))
+    sets = Cliques.of([[0, 1, 3], [2, 3, 4]], 5)
+    found = decode_with_cliques(
+        graph, Potentials.potts(unary, 0.3), sets, "exact", weight=0.8, dissent=0.5
+    )
+    model = Model(unary, graph.edges.astype(np.int64), pairwise=0.3 * np.eye(k))
+    best = max(
+        score(model, y) + clique_score(sets, y, k, weight=0.8, dissent=0.5)
+        for y in labelings(model)
+    )
+    assert (found.status, found.beliefs) == (Status.EXACT, None)
+    assert "log_partition" not in found.info
+    assert found.score == pytest.approx(best, rel=0, abs=1e-9)

@@ -69,6 +69,14 @@ class TestSearch:
         assert found.labels.tolist() == every[:, scores.argmax()].tolist()
         assert found.bound == pytest.approx(scores.max(), rel=1e-12)
 
+    def test_one_cost_may_be_nearly_all_that_the_first_labelling_loses(self) -> None:
+        """The first loses 5 twice, the best 8 at once."""
+        pair = np.array([[-5.0, -5.0], [0.0, 0.0]])
+        factors = [Factor((0,), np.array([0.0, -8.0])), Factor((0, 1), pair), Factor((0, 2), pair)]
+        found = search_factors([2, 2, 2], factors, initial=np.zeros(3, np.int64))
+        assert found.labels[0] == 1
+        assert found.bound == pytest.approx(-8.0, rel=1e-12)
+
     def test_what_forbids_everything_is_proved_to(self) -> None:
         unlike = np.where(np.eye(2, dtype=np.bool_), -np.inf, 0.0)
         factors = [Factor(s, unlike) for s in [(0, 1), (1, 2), (0, 2)]]
