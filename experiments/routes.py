@@ -16,7 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from pgm_places.io.places.topology_files import load_named_topology
-from pgm_places.topology.clearance import squared_clearance
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.topology.route_graph import RouteGraph, route_graph
 from pgm_places.topology.topological_map import TopologicalMap
 
