@@ -137,7 +137,7 @@ def _label_one(
 
         model = _read(options, progress)
         # The run divides the map first, which leaves time for all that comes after it.
-        spaces = ["scans", "space"] if model.chosen.unary == "space" else []
+        spaces = ["scans", "space"] if model.chosen.sees_spaces else []
         warm_up.compile([*spaces, METHODS.name_of(type(model.chosen.backend)), "topology"])
         with progress.stage("map"):
             loaded = load_map(map_yaml, unknown_value=options.unknown_value)

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pgm_places._checks import nearest_name, plain_names
 from pgm_places._option_marks import Ge, Le, MinLen
 from pgm_places.errors import ConfigError
+from pgm_places.experiment.floor_teaching import FloorOptions
 from pgm_places.experiment.graph_config import GraphConfig
 from pgm_places.experiment.map_config import MapConfig
 from pgm_places.experiment.source_config import SourceConfig
@@ -51,7 +52,16 @@ __all__ = [
 NO_MODEL = "none"
 """The base model of those who learn from nothing but their maps, as the studio does without one."""
 
-_OF_MAPS = ("resolution_m", "connectivity", "sensor", "context", "space", "steps", "features")
+_OF_MAPS = (
+    "resolution_m",
+    "connectivity",
+    "sensor",
+    "context",
+    "space",
+    "floor",
+    "steps",
+    "features",
+)
 """What says nothing of graphs of one's own."""
 
 _OF_TRAINING = (
@@ -62,6 +72,7 @@ _OF_TRAINING = (
     "classifier",
     "context",
     "space",
+    "floor",
     "steps",
     "features",
     "select",
@@ -123,9 +134,10 @@ class MethodConfig:
     """A method by name, its id, its unary, and its options (all other keys).
 
     ``unary`` is ``"laser"`` (the list on laser features alone), ``"context"`` (the list that also
-    sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places), or
-    ``"auto"``: space, the same for every method. AdaBoost alone, the paper's, is ``independent``
-    with ``unary = "laser"``. For graphs of one's own, ``"auto"`` is what the classifier says, and
+    sees its neighbourhood), ``"space"`` (the list that also sees segments, gates and places),
+    ``"floor"`` (this list and the shipped networks that see the whole floor), or ``"auto"``:
+    space, the same for every method. AdaBoost alone, the paper's, is ``independent`` with
+    ``unary = "laser"``. For graphs of one's own, ``"auto"`` is what the classifier says, and
     ``"none"`` leaves the node features to the method.
     """
 
@@ -160,6 +172,7 @@ class ExperimentConfig:
     classifier: ClassifierOptions = field(default_factory=ClassifierOptions)
     context: ContextOptions = field(default_factory=ContextOptions)
     space: SpaceOptions = field(default_factory=SpaceOptions)
+    floor: FloorOptions = field(default_factory=FloorOptions)
     steps: StepOptions = field(default_factory=StepOptions)
     topology: TopologyOptions = field(default_factory=TopologyOptions)
     entered: EnteredOptions = field(default_factory=EnteredOptions)

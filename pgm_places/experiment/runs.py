@@ -27,6 +27,7 @@ from pgm_places.experiment.comparison import (
 from pgm_places.experiment.config_changes import changed_config
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
+from pgm_places.experiment.floor_teaching import taught_floor
 from pgm_places.experiment.graph_runs import (
     as_tests,
     label_graphs,
@@ -110,6 +111,14 @@ def _trained(experiment: Experiment, maps: Sequence[LabelledMap]) -> Trained:
     experiment = _with_chosen_options(experiment, Sources(maps))
     labeler = make_labeler(experiment.config)
     with experiment.learning():
+        if labeler.floor is not None:
+            labeler.floor = taught_floor(
+                labeler.floor,
+                maps,
+                labeler.label_names,
+                experiment.config.floor,
+                experiment.progress,
+            )
         labeler = labeler.fit(
             maps,
             feature_cache=experiment.feature_cache,
@@ -350,7 +359,7 @@ def _doors(
     if doorway not in names:
         return ()
     model = labeler.unary_model_.space
-    by_gates = unary == "space" and model is not None and model.gates is not None
+    by_gates = unary in ("space", "floor") and model is not None and model.gates is not None
     return tuple(
         door_scores(item, found, names.index(doorway), scores.spaces if by_gates else None)
         for item, found, (_, scores, _) in zip(maps, labelings, scored, strict=True)

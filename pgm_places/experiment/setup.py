@@ -18,6 +18,7 @@ from pgm_places.labelers.place_labeler import PlaceLabeler, PlaceMethod
 from pgm_places.labelers.structured_labeler import StructuredLabeler
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.options import option_values, plain_values
+from pgm_places.trained import trained_floor
 from pgm_places.unary.options import ClassifierOptions
 
 __all__ = [
@@ -54,6 +55,7 @@ def make_labeler(config: ExperimentConfig) -> PlaceLabeler:
         max_examples_per_map=settings.max_examples_per_map,
         features=build_features(config),
         halls=config.labels.halls,
+        floor=trained_floor() if any(m.unary == "floor" for m in config.methods) else None,
     )
     labeler.check_options()
     return labeler

@@ -31,7 +31,7 @@ __all__ = [
     "with_edge_kinds",
 ]
 
-Unary = Literal["auto", "laser", "context", "space"]
+Unary = Literal["auto", "laser", "context", "space", "floor"]
 
 
 def as_backend(method: Any) -> Backend:
@@ -56,11 +56,12 @@ class PlaceMethod:
     ----------
     backend : Backend or str
         Any method of :mod:`pgm_places.inference.backends`, or its name.
-    unary : {"auto", "laser", "context", "space"}
-        The list on laser features alone (the paper's), the one that also sees its neighbourhood, or
-        the one that also sees segments, gates and places. ``auto`` is space where the labeler has
-        options for it (``space``), else context where it has windows (``context_m``), else laser:
-        the same for every method, so that exchanging the method changes one thing.
+    unary : {"auto", "laser", "context", "space", "floor"}
+        The list on laser features alone (the paper's), the one that also sees its neighbourhood,
+        the one that also sees segments, gates and places, or this last one together with networks
+        that see the whole floor. ``auto`` is space where the labeler has options for it
+        (``space``), else context where it has windows (``context_m``), else laser: the same for
+        every method, so that exchanging the method changes one thing.
     """
 
     backend: Any
@@ -70,9 +71,17 @@ class PlaceMethod:
         object.__setattr__(self, "backend", as_backend(self.backend))
         check_options(self)
 
+    @property
+    def sees_spaces(self) -> bool:
+        """Whether its unary is made from segments, gates and places."""
+        return self.unary in ("space", "floor")
+
 
 def place_methods(
-    given: Mapping[str, Any] | Sequence[str], has_context: bool, has_spaces: bool
+    given: Mapping[str, Any] | Sequence[str],
+    has_context: bool,
+    has_spaces: bool,
+    has_networks: bool = False,
 ) -> dict[str, PlaceMethod]:
     """The methods by name, built, with the unary that each gets.
 
@@ -95,10 +104,15 @@ def place_methods(
                 f"method {name!r} needs unary='context' but context_m is empty; give the "
                 "half-widths of its windows, for example context_m=(0.3, 0.75, 1.5, 3.0)"
             )
-        if method.unary == "space" and not has_spaces:
+        if method.sees_spaces and not has_spaces:
             raise ConfigError(
-                f"method {name!r} needs unary='space' but space is None; give its options, "
-                "for example space=SpaceOptions()"
+                f"method {name!r} needs unary={method.unary!r} but space is None; give its "
+                "options, for example space=SpaceOptions()"
+            )
+        if method.unary == "floor" and not has_networks:
+            raise ConfigError(
+                f"method {name!r} needs unary='floor' but floor is None; give the networks, "
+                "for example floor=trained_floor()"
             )
         found[name] = replace(method, unary=auto) if method.unary == "auto" else method
     return found

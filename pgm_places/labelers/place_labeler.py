@@ -1,6 +1,7 @@
 """PlaceLabeler: labels the places of a map; the class that most users need."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -29,9 +30,10 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.feature_tables import FeatureTables
+from pgm_places.unary.floor_model import FloorModel, columns_of
 from pgm_places.unary.halls import HallNames
 from pgm_places.unary.kept_table import KeptTable
-from pgm_places.unary.map_model import CellScores, UnaryModel
+from pgm_places.unary.map_model import CellScores, UnaryModel, sees_spaces
 from pgm_places.unary.options import (
     ClassifierOptions,
     HallsAs,
@@ -53,6 +55,12 @@ __all__ = ["Connectivity", "PlaceLabeler", "PlaceMethod"]
 Connectivity = Literal[4, 8]
 SENSOR = Sensor()
 SPACE = SpaceOptions()
+
+
+def _folded(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The labels that methods know: halls are corridors to them."""
+    halls = HallNames.among(names)
+    return names if halls is None else halls.folded
 
 
 class PlaceLabeler(Labeler):
@@ -89,6 +97,10 @@ class PlaceLabeler(Labeler):
         Whether borders between ``corridor`` and ``room`` run along openings of segments where
         little speaks for two spaces, for methods that see segments: see
         :mod:`pgm_places.labelers.whole_spaces`.
+    floor : FloorModel, optional
+        Networks that see the whole floor, for methods with ``unary = "floor"``:
+        :func:`pgm_places.trained.trained_floor` are those that ship with the package. They should
+        not have seen the maps that methods learn from.
 
     Attributes
     ----------
@@ -144,6 +156,7 @@ class PlaceLabeler(Labeler):
         features: Sequence[Any] = (),
         halls: HallsAs = "corridor",
         whole_spaces: bool = True,
+        floor: FloorModel | None = None,
     ) -> None:
         self.label_names = label_names
         self.methods = methods
@@ -159,6 +172,7 @@ class PlaceLabeler(Labeler):
         self.features = features
         self.halls = halls
         self.whole_spaces = whole_spaces
+        self.floor = floor
 
     def check_options(self) -> None:
         """Refuse options that are not understood; :meth:`fit` does so before anything else.
@@ -172,6 +186,9 @@ class PlaceLabeler(Labeler):
         as_features(self.features)
         for name, method in self.resolved_methods().items():
             check_labels_maps(f"method {name!r}", method.backend)
+            # Classes that were taught later have scores of the list alone.
+            if method.unary == "floor" and self.floor is not None and -1 not in self.floor.columns:
+                columns_of(_folded(tuple(self.label_names)))
 
     def fit(
         self,
@@ -247,7 +264,8 @@ class PlaceLabeler(Labeler):
             n_node_features=self.n_node_features,
             max_examples_per_map=self.max_examples_per_map,
             context_m=tuple(self.context_m) if "context" in wanted else (),
-            space=self.space if "space" in wanted else None,
+            space=self.space if sees_spaces(wanted) else None,
+            floor=self._floor_of(names) if "floor" in wanted else None,
             doorway=None if self.space is None else self.space.doorway(names),
             halls=halls,
             learn_on=self.learn_on,
@@ -437,7 +455,13 @@ class PlaceLabeler(Labeler):
 
     def resolved_methods(self) -> dict[str, PlaceMethod]:
         """The methods by name, built, with the unary that each gets."""
-        return place_methods(self.methods, bool(self.context_m), self.space is not None)
+        return place_methods(
+            self.methods, bool(self.context_m), self.space is not None, self.floor is not None
+        )
+
+    def _floor_of(self, names: tuple[str, ...]) -> FloorModel:
+        assert self.floor is not None  # methods have been checked
+        return replace(self.floor, columns=columns_of(names))
 
     def _part(self, name: str) -> Any:
         return self.resolved_methods() if name == "methods" else super()._part(name)

@@ -71,7 +71,7 @@ class LabelledNodes:
         truths = tuple(item.truth(graph) for item, graph in zip(maps, graphs, strict=True))
         if scores is None:
             nothing = [np.broadcast_to(0.0, (len(part), len(label_names))) for part in truths]
-            scores = [CellScores(part, part, part, None) for part in nothing]
+            scores = [CellScores(part, part, part, None, floor=part) for part in nothing]
         return cls(label_names, graphs, truths, tuple(scores))
 
     def problems(self, unary: str) -> list[LabelingProblem]:

@@ -26,7 +26,7 @@ def cells_problem(
     unary: str,
     known: NDArray[np.int64] | None = None,
 ) -> LabelingProblem:
-    """The problem of the cells; ``unary`` is ``laser``, ``context`` or ``space``."""
+    """The problem of the cells; ``unary`` is ``laser``, ``context``, ``space`` or ``floor``."""
     values = getattr(scores, unary)
     if values is None:
         raise InputError(f"the scores hold no {unary!r}; ask for those of a method that uses them")

@@ -43,6 +43,9 @@ def explanation_lines(found: CellExplanation, most_votes: int = 5) -> list[str]:
         ]
     if found.gate_probability is not None:
         lines.append(f"doorway here: {_gate_text(found)}")
+    if found.networks is not None:
+        shares = ", ".join(f"{label} {100 * p:.1f} %" for label, p in found.networks.items())
+        lines.append(f"networks that see the whole floor: {shares}")
     towards = sum(item.towards for item in found.neighbours)
     if found.label != found.alone:
         lines.append(

@@ -1,12 +1,14 @@
 """Why a cell or a place has its label: votes of features, gates, neighbours, and the graph."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import InputError
 from pgm_places.features.own import column_names, feature_values, n_columns, values_on_map
+from pgm_places.floor.view import FloorScores
 from pgm_places.graph.layout import GridLayout
 from pgm_places.labelers.known_cells import KnownCells
 from pgm_places.labelers.label_map import LabelledPlaces
@@ -137,6 +139,11 @@ class CellExplanation:
         Of the gate at which the cell lies; 0 for none. None where gates do not count.
     gate_log_odds : float
         What the gate, or its absence, adds to the log-odds of a doorway.
+    networks : dict of str to float, or None
+        How probable the networks that see the whole floor find each label, where the method looks
+        at them; where their views differ, the less sure.
+    network_shares : dict of str to float
+        Their weight in the log-odds of each label; the rest is that of questions and gate.
     neighbours : tuple of NeighbourPull
         Those in the graph.
     region : Region or None
@@ -155,6 +162,8 @@ class CellExplanation:
     questions: tuple[Question, ...]
     gate_probability: float | None
     gate_log_odds: float
+    networks: dict[str, float] | None
+    network_shares: dict[str, float]
     neighbours: tuple[NeighbourPull, ...]
     region: Region | None
 
@@ -189,7 +198,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
     view = _View.of(taught)
     node = view.node_at(x_m, y_m)
     model, labeler = taught.labeler.unary_model_, taught.labeler
-    sees_space = labeler.method(taught.found.method).unary == "space"
+    sees_space = labeler.method(taught.found.method).sees_spaces
     fitted = model.classifier
     ranges, row = _scan(model, view, node)
     spaces = None
@@ -215,6 +224,7 @@ def explain_cell(taught: Taught, x_m: float, y_m: float) -> CellExplanation:
         _questions(fitted, row, model, labeler.learned_names),
         probability,
         added,
+        *view.of_networks(model, node),
         tuple(view.pulls(found, final, before, x_m, y_m)),
         taught.topology.region_at(x_m, y_m),
     )
@@ -282,6 +292,25 @@ class _View:
             )
         return int(node)
 
+    @cached_property
+    def seen(self) -> FloorScores | None:
+        """What networks make of the map, where the method looks at them."""
+        labeler = self.taught.labeler
+        if labeler.method(self.taught.found.method).unary != "floor":
+            return None
+        return labeler.unary_model_.seen(self.grid)
+
+    def of_networks(
+        self, model: UnaryModel, node: int
+    ) -> tuple[dict[str, float] | None, dict[str, float]]:
+        """How probable networks find each label of a node, and how much that counts."""
+        if self.seen is None or model.floor is None:
+            return None, {}
+        names = self.taught.labeler.learned_names
+        p = np.exp(model.floor.evidence(self.seen, self.layout.cells[node : node + 1])[0])
+        shares = model.floor.shares.tolist()
+        return dict(zip(names, p.tolist(), strict=True)), dict(zip(names, shares, strict=True))
+
     def spaces(self, model: UnaryModel) -> MapSpaces:
         """The spaces of the map as it was labelled."""
         assert model.space is not None
@@ -294,7 +323,8 @@ class _View:
             names,
             labeler.learned_names,
         )
-        return model.space.spaces(self.grid, known=known.on_cells)
+        judge = None if self.seen is None else model.gate_judge(self.seen)
+        return model.space.spaces(self.grid, known=known.on_cells, judge=judge)
 
     def pulls(
         self, found: LabelledPlaces, final: int, before: int, x_m: float, y_m: float

@@ -19,7 +19,7 @@ from pgm_places.teaching.cell_paint import CellPaint
 from pgm_places.teaching.cell_table import CellTable
 from pgm_places.teaching.lesson import Lesson, TeachingOptions, chosen_cells, learned_further
 from pgm_places.unary.map_model import UnaryModel
-from pgm_places.unary.space_model import SpaceModel
+from pgm_places.unary.space_model import GateJudge, SpaceModel
 
 __all__ = ["POTTS", "Learning"]
 
@@ -60,8 +60,11 @@ class Learning:
         names, halls = (*learned, *new), labeler.label_names_[len(learned) :]
         unary = labeler.unary_model_
         with self.progress.stage("learning the paint"):
-            if labeler.method(method).unary == "space":
-                unary = self._with_spaces(unary, paint.on((*names, *halls)), len(new))
+            if labeler.method(method).sees_spaces:
+                sees_floor = labeler.method(method).unary == "floor"
+                judge = self._gate_judge(unary) if sees_floor else None
+                painted = paint.on((*names, *halls))
+                unary = self._with_spaces(unary, painted, len(new), judge)
             else:
                 unary = self._with_laser(unary, paint.on(names), len(new))
         found = copy.copy(labeler)
@@ -79,10 +82,20 @@ class Learning:
         fitted = self._learned(unary.classifier, rows)
         return replace(unary, classifier=fitted, n_labels=unary.n_labels + n_new)
 
-    def _with_spaces(self, unary: UnaryModel, painted: NDArray[np.int16], n_new: int) -> UnaryModel:
+    def _gate_judge(self, unary: UnaryModel) -> GateJudge:
+        """How the networks judge the gates of the map."""
+        return unary.gate_judge(unary.seen(self.table.grid, n_threads=self.table.n_threads))
+
+    def _with_spaces(
+        self,
+        unary: UnaryModel,
+        painted: NDArray[np.int16],
+        n_new: int,
+        judge: GateJudge | None,
+    ) -> UnaryModel:
         assert unary.space is not None  # a method of the labeler looks at it
         space = self._with_gates(unary.space, painted)
-        spaces = space.judged_candidates(self.table.gates, painted, self.table.n_threads)
+        spaces = space.judged_candidates(self.table.gates, painted, self.table.n_threads, judge)
         nodes = self.table.layout.from_raster(painted).astype(np.int64)
         lesson = chosen_cells(nodes, self.options)
         rows = _Rows(lesson, self.table.beside_spaces(lesson.both, spaces, self.progress))
@@ -92,7 +105,12 @@ class Learning:
         fitted = self._learned(space.classifier, rows)
         if space.corridor is not None and n_new:
             fitted = _halls_last(fitted, hall)
-        return replace(unary, space=replace(space, classifier=fitted), n_labels=hall + n_new)
+        return replace(
+            unary,
+            space=replace(space, classifier=fitted),
+            n_labels=hall + n_new,
+            floor=None if unary.floor is None else unary.floor.with_more(n_new),
+        )
 
     def _with_gates(self, space: SpaceModel, painted: NDArray[np.int16]) -> SpaceModel:
         """The model with a list of gates that has learned those that are painted."""

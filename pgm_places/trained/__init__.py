@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
     from pgm_places.persistence.stored import Stored
+    from pgm_places.unary.floor_model import FloorModel
 
 __all__ = [
     "DEFAULT",
@@ -17,6 +18,7 @@ __all__ = [
     "TRACKING",
     "model_folder",
     "stored_labeler",
+    "trained_floor",
     "trained_labeler",
     "trained_tracker",
 ]
@@ -71,6 +73,19 @@ def stored_labeler(name: str | Path = DEFAULT) -> "Stored":
     from pgm_places.persistence.stored import read
 
     return read(model_folder(name), "place-labeler")
+
+
+def trained_floor() -> "FloorModel":
+    """The networks that see the whole floor, of the model ``default``.
+
+    Examples
+    --------
+    >>> len(trained_floor().networks)
+    4
+    """
+    floor: FloorModel | None = trained_labeler(DEFAULT).unary_model_.floor
+    assert floor is not None  # the package ships them
+    return floor
 
 
 def trained_tracker(name: str | Path = TRACKING) -> "TrajectoryLabeler":

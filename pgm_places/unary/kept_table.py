@@ -6,6 +6,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places.floor.view import FloorScores
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+
 __all__ = ["KeptTable"]
 
 T = TypeVar("T", bound=np.generic)
@@ -38,6 +41,7 @@ class KeptTable:
         self._written = np.zeros(0, np.int64)
         self._n_writings = 0
         self._said: dict[str, _Said] = {}
+        self._seen: tuple[OccupancyGrid, FloorScores] | None = None
 
     @property
     def n_rows(self) -> int:
@@ -110,6 +114,14 @@ class KeptTable:
             said.of_writing[some] = self._written[some]
         return said.scores[rows]
 
+    def floor_of(
+        self, grid: OccupancyGrid, look: Callable[[OccupancyGrid], FloorScores]
+    ) -> FloorScores:
+        """What networks see of a map: looked at again only where it is not the map of before."""
+        if self._seen is None or not _same(self._seen[0], grid):
+            self._seen = grid, look(grid)
+        return self._seen[1]
+
     def _grow(self, n_rows: int) -> None:
         self.values = _grown(self.values, n_rows)
         self._written = _grown(self._written, n_rows)
@@ -131,6 +143,10 @@ class _Said:
             self.beside, self.scores = _grown(self.beside, n_rows), _grown(self.scores, n_rows)
             self.of_writing = _grown(self.of_writing, n_rows)
             self.of_writing[first:] = -1
+
+
+def _same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
+    return one.resolution_m == other.resolution_m and np.array_equal(one.cells, other.cells)
 
 
 def _grown(values: NDArray[T], n_rows: int) -> NDArray[T]:

@@ -16,6 +16,7 @@ from pgm_places.progress import Progress, Silent
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.unary.cell_lists import aligned_log_proba, without_halls
 from pgm_places.unary.feature_tables import FeatureTables
+from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.map_model import CellScores, UnaryModel
 from pgm_places.unary.options import SpaceOptions
 from pgm_places.unary.space_learning import learn_spaces
@@ -92,6 +93,7 @@ def fit_unary(
     space: SpaceOptions | None = None,
     doorway: int | None = None,
     halls: Halls | None = None,
+    floor: FloorModel | None = None,
     learn_on: str = "out-of-fold",
     n_folds: int = 5,
     max_examples_per_map: int | None = None,
@@ -121,6 +123,8 @@ def fit_unary(
         The label of gates, where there is one.
     halls : Halls, optional
         Which labelled cells are halls, to tell them from other corridors.
+    floor : FloorModel, optional
+        Networks that see the whole floor, and have not seen these maps.
     learn_on : {"in-sample", "out-of-fold"}
         Whether the returned scores come from the fitted lists, or from lists that did not see the
         building that a cell lies in, or its contiguous block where there is only one building.
@@ -194,6 +198,7 @@ def fit_unary(
         None
         if spaces is None
         else found.model(spaces.fitted, None if halls is None else halls.corridor),
+        floor,
     )
     starts = np.cumsum([0, *cells.sizes])
     mine = np.searchsorted(cells.examples, starts)
@@ -202,18 +207,34 @@ def fit_unary(
         np.split(cells.truth[cells.examples], mine[1:-1]),
         np.split(laser.of_examples, mine[1:-1]),
         [
-            CellScores(*parts)
-            for parts in zip(
-                cells.by_map(laser.of_all),
-                _by_map(cells, None if context is None else context.of_all),
-                _by_map(cells, of_spaces),
-                cells.by_map(learner.node_features(columns)),
-                strict=True,
+            _with_floor(CellScores(*parts), cells, m, floor, n_threads)
+            for m, parts in enumerate(
+                zip(
+                    cells.by_map(laser.of_all),
+                    _by_map(cells, None if context is None else context.of_all),
+                    _by_map(cells, of_spaces),
+                    cells.by_map(learner.node_features(columns)),
+                    strict=True,
+                )
             )
         ]
         if with_scores
         else None,
     )
+
+
+def _with_floor(
+    scores: CellScores,
+    cells: TrainingCells,
+    m: int,
+    floor: FloorModel | None,
+    n_threads: int | None,
+) -> CellScores:
+    """The scores of a map's labelled cells, and those with what the networks see of it."""
+    if floor is None or scores.space is None:
+        return scores
+    seen = floor.scores(cells.maps[m].grid, n_threads)
+    return replace(scores, floor=with_floor(scores.space, seen, floor, cells.layout(m)))
 
 
 @dataclass(frozen=True, eq=False)

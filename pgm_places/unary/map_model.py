@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from pgm_places._checks import sealed
 from pgm_places.errors import InputError
 from pgm_places.features.context import iter_window_means
 from pgm_places.features.own import feature_values, n_columns, values_on_map
+from pgm_places.floor.view import FloorScores
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.graph.layout import GridLayout
 from pgm_places.kernels.pages import return_freed
@@ -21,17 +23,23 @@ from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
+from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
-from pgm_places.unary.space_model import MapSpaces, SpaceModel
+from pgm_places.unary.space_model import GateJudge, MapSpaces, SpaceModel
 
-__all__ = ["UNARIES", "CellScores", "UnaryModel"]
+__all__ = ["UNARIES", "CellScores", "UnaryModel", "sees_spaces"]
 
-UNARIES = ("laser", "context", "space")
+UNARIES = ("laser", "context", "space", "floor")
 """What a method can be given, by name."""
 
 _SCANS_AT_ONCE = 8_192
 """Scans whose features are held at a time: ten megabytes of all columns, which the next scans find
 again; for much larger arrays the system gives new pages each time, and clears them."""
+
+
+def sees_spaces(unaries: Collection[str]) -> bool:
+    """Whether any of these is made from segments, gates and places."""
+    return "space" in unaries or "floor" in unaries
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +54,8 @@ class CellScores:
         The same from the list that also sees the neighbourhood's z, where there is one.
     space : (N, K) float64 or float32, or None
         The same from the list that also sees segments, gates and places, where there is one.
+    floor : (N, K) float64 or float32, or None
+        ``space`` and what the floor networks say, as one, where there are networks.
     node_features : (N, D) float32 or None
         The features that boosting chose first, for models that learn their own unary.
     spaces : MapSpaces or None
@@ -56,6 +66,9 @@ class CellScores:
         The accepted gates, where ``spaces`` were not kept.
     segment : (N,) int16 or int32, or None
         The segment of the finest scale that each node lies in, -1 for none, beside ``space``.
+    doubt : (N,) float32 or None
+        How far the floor networks' views of each node differ: the standard deviation of the
+        log-odds of circulation against rooms.
     """
 
     laser: NDArray[np.float64] | None
@@ -66,6 +79,8 @@ class CellScores:
     hall: NDArray[np.float32] | None = None
     doorways: Doorways | None = None
     segment: NDArray[np.int32] | None = None
+    floor: NDArray[np.float64] | None = None
+    doubt: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +105,8 @@ class UnaryModel:
         Custom features: see :mod:`pgm_places.features.own`.
     space : SpaceModel or None
         The list that also sees segments, gates and places.
+    floor : FloorModel or None
+        Networks that see the whole floor.
     """
 
     sensor: Sensor
@@ -100,6 +117,7 @@ class UnaryModel:
     context_classifier: BoostedList | None = field(default=None, repr=False)
     features: tuple[Any, ...] = ()
     space: SpaceModel | None = field(default=None, repr=False)
+    floor: FloorModel | None = field(default=None, repr=False)
 
     @property
     def knows_halls(self) -> bool:
@@ -113,7 +131,7 @@ class UnaryModel:
             lists.append(self.classifier)
         if "context" in unaries and self.context_classifier is not None:
             lists.append(self.context_classifier)
-        if self.space is not None and ("space" in unaries or self.knows_halls):
+        if self.space is not None and (sees_spaces(unaries) or self.knows_halls):
             lists.append(self.space.classifier)
         used = [item.used_features for item in lists]
         every = np.concatenate([*used, self.node_columns if node_features else used[0]])
@@ -124,7 +142,7 @@ class UnaryModel:
         grid: OccupancyGrid,
         graph: LabelGraph,
         *,
-        unaries: Collection[str] = ("laser", "context", "space"),
+        unaries: Collection[str] = UNARIES,
         with_node_features: bool = True,
         with_halls: bool = False,
         single: bool = False,
@@ -173,11 +191,15 @@ class UnaryModel:
             lists.append(LaserList(self.classifier, n, self.n_labels, dtype))
         if second is not None:
             lists.append(ContextPart(second, n_own, n, self.n_labels))
-        spaces, doorways, around = None, None, None
+        spaces, doorways, around, seen = None, None, None, None
+        if "floor" in unaries and self.floor is not None:
+            with progress.stage("the whole floor"):
+                seen = self.seen(grid, own, n_threads)
         with_halls = with_halls and self.knows_halls
-        if self.space is not None and ("space" in unaries or with_halls):
+        if self.space is not None and (sees_spaces(unaries) or with_halls):
             with progress.stage("segments, gates and places"):
-                spaces = self.space.spaces(grid, known=known, n_threads=n_threads)
+                judge = None if seen is None else self.gate_judge(seen)
+                spaces = self.space.spaces(grid, known=known, n_threads=n_threads, judge=judge)
             if not with_spaces and self.space.gates is not None:
                 doorways = spaces.doorways
             around = SpaceList(
@@ -211,11 +233,44 @@ class UnaryModel:
         if second is not None:
             with progress.stage("spatial context"):
                 self._add_context(second, grid, layout, found["laser"], found["context"])
-        laser, context, space = (sealed(found[name]) if name in found else None for name in UNARIES)
-        handed_on = None if features is None else sealed(features)
-        hall = None if around is None or around.hall is None else sealed(around.hall)
-        segment = None if around is None else sealed(around.features.segment)
-        return CellScores(laser, context, space, handed_on, spaces, hall, doorways, segment)
+        hall, doubt = None if around is None else around.hall, None
+        if seen is not None and self.floor is not None and around is not None:
+            found["floor"] = with_floor(around.found, seen, self.floor, layout, hall)
+            doubt = sealed(seen.doubt(layout.cells[:]))
+        laser, context, space, floor = (
+            sealed(found[name]) if name in found and name in unaries else None for name in UNARIES
+        )
+        return CellScores(
+            laser,
+            context,
+            space,
+            None if features is None else sealed(features),
+            spaces,
+            None if hall is None else sealed(hall),
+            doorways,
+            None if around is None else sealed(around.features.segment),
+            floor,
+            doubt,
+        )
+
+    def gate_judge(self, seen: FloorScores) -> GateJudge:
+        """How the networks judge gates, together with the list of gates."""
+        assert self.floor is not None  # they have seen a map
+        return partial(self.floor.judged, seen)
+
+    def seen(
+        self,
+        grid: OccupancyGrid,
+        own: NDArray[np.float32] | KeptTable | None = None,
+        n_threads: int | None = None,
+    ) -> FloorScores:
+        """What the networks make of a map, if a table of it does not know that yet."""
+        assert self.floor is not None  # its scores are asked for
+
+        def look(grid: OccupancyGrid, floor: FloorModel = self.floor) -> FloorScores:
+            return floor.scores(grid, n_threads)
+
+        return own.floor_of(grid, look) if isinstance(own, KeptTable) else look(grid)
 
     def _stream(
         self,

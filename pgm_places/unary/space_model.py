@@ -1,5 +1,6 @@
 """The spaces of a map as features of its cells: segments, gates, and the places between them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -22,6 +23,7 @@ from pgm_places.spaces.segmentation import RATIOS, Segmentation
 __all__ = [
     "N_SPACE_COLUMNS",
     "AtGates",
+    "GateJudge",
     "MapSpaces",
     "SpaceModel",
     "gate_log_odds",
@@ -42,6 +44,10 @@ _GATES_AT_ONCE = 256
 _GAIN, _FLOOR = 1.2, 0.02
 """A cell's odds of lying in a doorway are multiplied by 1.2 g, at least by 0.02, where g is the
 probability of its gate; chosen on buildings held out (docs/results.md)."""
+
+
+GateJudge = Callable[[Gates, NDArray[np.float64]], NDArray[np.float64]]
+"""Probabilities (G,) of gates from those that their list gives them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,16 +177,21 @@ class SpaceModel:
         *,
         known: NDArray[np.int16] | None = None,
         n_threads: int | None = None,
+        judge: GateJudge | None = None,
     ) -> MapSpaces:
-        """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover."""
+        """The spaces of a map; known labels (H, W), -1 for none, judge the gates they cover.
+
+        ``judge`` has a further say in the probabilities of the others.
+        """
         candidates = gate_candidates(Segmentation.of(grid))
-        return self.judged_candidates(candidates, known, n_threads)
+        return self.judged_candidates(candidates, known, n_threads, judge)
 
     def judged_candidates(
         self,
         candidates: Gates,
         known: NDArray[np.int16] | None = None,
         n_threads: int | None = None,
+        judge: GateJudge | None = None,
     ) -> MapSpaces:
         """The spaces between the candidates of a map, known labels judging those they cover.
 
@@ -188,6 +199,8 @@ class SpaceModel:
         known labels is none; a known doorway without any gate becomes one.
         """
         probability = gate_probabilities(self.gates, gate_features(candidates), n_threads)
+        if judge is not None and self.gates is not None:
+            probability = judge(candidates, probability)
         if known is None or self.doorway is None:
             return MapSpaces.of(candidates, probability)
         match = match_doors(candidates, known, self.doorway)

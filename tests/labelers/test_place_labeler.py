@@ -195,7 +195,7 @@ def test_what_does_not_fit_is_refused(known: LabelledMap, labeler: PlaceLabeler)
         PlaceLabeler(NAMES[:2]).fit([known])
     with pytest.raises(ConfigError, match="Did you mean 'adaboost'"):
         labeler.label(known.grid, method="adabost")
-    with pytest.raises(ConfigError, match="'auto', 'laser', 'context' or 'space', got 'lidar'"):
+    with pytest.raises(ConfigError, match="'context', 'space' or 'floor', got 'lidar'"):
         PlaceMethod("independent", "lidar")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="context_m is empty"):
         PlaceLabeler(NAMES, {"amn": PlaceMethod("amn", "context")}).fit([known])

@@ -26,7 +26,7 @@ def taught() -> Taught:
 
 
 def log_z(found: CellExplanation) -> dict[str, float]:
-    """The histogram z (eq. 8) from the questions, gates included, halls among corridors."""
+    """The histogram z (eq. 8) from the questions, gates and networks, halls among corridors."""
     shares, left = {}, 1.0
     for question in found.questions:
         yes = 1 / (1 + np.exp(-question.log_odds))
@@ -36,6 +36,10 @@ def log_z(found: CellExplanation) -> dict[str, float]:
     shares[last] = left
     shares["corridor"] += shares.pop("hall")
     shares["doorway"] *= np.exp(found.gate_log_odds)
+    if found.networks is not None:
+        total = sum(shares.values())
+        for name, weight in found.network_shares.items():
+            shares[name] = (shares[name] / total) ** (1 - weight) * found.networks[name] ** weight
     total = sum(shares.values())
     return {name: value / total for name, value in shares.items()}
 

@@ -11,6 +11,7 @@ from pgm_places.datasets import LabelledBuilding, generate_building
 from pgm_places.errors import LabelError
 from pgm_places.labelers import label_map as labelling
 from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.labelers.method import PlaceMethod
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import load, save
 from pgm_places.spaces.entered_options import EnteredOptions
@@ -45,7 +46,9 @@ def plain() -> LabelledPlaces:
 def test_without_paint_it_labels_as_the_labeler_does() -> None:
     taught = teacher().label(teacher().blank())
     np.testing.assert_array_equal(taught.labels, plain().labels)
-    alone = label_map(trained_labeler(), building().grid, method="adaboost")
+    labeler = trained_labeler()
+    labeler.methods_["alone"] = PlaceMethod("independent", "floor")
+    alone = label_map(labeler, building().grid, method="alone")
     np.testing.assert_array_equal(taught.unary_labels, alone.labels)
     assert taught.probabilities is not None and taught.unary_probabilities is not None
     free = building().grid.free

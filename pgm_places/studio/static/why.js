@@ -78,7 +78,7 @@ export class Why {
   }
 
   /** What spoke for and against each class, in the order in which the list asks. */
-  #votes({ questions, gate_probability: gate, pulls }) {
+  #votes({ questions, gate_probability: gate, networks, pulls }) {
     const parts = questions.map((question) =>
       h("section", {}, h("h2", {}, `Is it ${question.label}? ${signed(question.log_odds)}`),
         h("p", { className: "small" }, `Its scan says ${signed(question.from_scan)}, the space around it ${signed(question.from_spaces)} (log-odds).`),
@@ -86,6 +86,7 @@ export class Why {
           h("dt", {}, vote.name),
           h("dd", { title: `It weighs most at ${short(vote.threshold)}` }, `${short(vote.value)}  `, h("b", {}, signed(vote.log_odds))),
         ]))));
+    if (networks) parts.unshift(h("section", {}, h("h2", {}, "Seen in the whole floor"), this.#bars(networks)));
     const notes = [];
     if (gate) notes.push(`The gate here is a doorway with ${percent(gate)}.`);
     const against = pulls.filter((pull) => pull.towards < 0).length;

@@ -1,0 +1,1 @@
+"""The floor network: its training floors, the folds of buildings, and its figures."""

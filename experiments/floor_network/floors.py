@@ -1,0 +1,188 @@
+"""The floors that the network learns from: rasters with labels, weights and folds of buildings."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.buildings.maps import GENERATED_STYLES, NAMES, WITH_HALLS, KnownMap, real_maps
+from pgm_places.datasets import MapSimulation, generate_building, simulate_map
+from pgm_places.floor.labelled import labelled_raster
+from pgm_places.io.atomic import atomic_file
+from pgm_places.io.maps.label_image import load_labels
+from pgm_places.io.maps.map_server import load_map
+from pgm_places.maps.labelled_map import LabelledMap
+from pgm_places.progress import Progress
+
+__all__ = [
+    "KINDS_TOGETHER",
+    "N_FOLDS",
+    "Floor",
+    "all_floors",
+    "fold_of",
+    "network_file",
+    "write_floors",
+]
+
+N_FOLDS = 4
+SAME_BUILDING = {
+    name: group
+    for group in (
+        "hospital_aws hospital_pal",
+        "corridor_uma lab_uma",
+        "lab_stmobo hallway_stmobo",
+        "floor_uom hallway_uom lab_hv",
+        "house_aws bookstore_aws warehouse_aws",
+        "arena_clf arena_nagoya",
+    )
+    for name in group.split()
+}
+"""Robots' maps of one building, or of one maker's worlds."""
+
+SINGLE_SPACES = (
+    "bookstore_aws",
+    "flat_movecare",
+    "house_aws",
+    "lab_aalborg",
+    "lab_hv",
+    "lab_urjc",
+    "lecture_hall_ecn",
+    "warehouse_aws",
+    "warehouse_uom",
+)
+UNSURE = {"floor_uom": 0.4, "hall_upo": 0.4, "lab_ecn": 0.4, **dict.fromkeys(SINGLE_SPACES, 0.3)}
+"""How often a robot's map is drawn, against 1: those with unsure labels, and single rooms."""
+
+KINDS_TOGETHER = (
+    ("cells", "home", "hotel", "apartment"),
+    ("clinic", "university", "hall", "museum", "atrium"),
+    ("mall", "open-plan", "suite", "lab", "passage"),
+    ("ring", "school", "office", "varied"),
+)
+"""Generated kinds that resemble each other are left out together, one row in each fold."""
+
+ROBOT = MapSimulation(scale=(0.8, 1.25), coverage=(0.6, 1.0))
+COPIES, PER_STYLE = 5, 16
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A labelled floor to learn from.
+
+    Parameters
+    ----------
+    name : str
+    source : {"robot", "real", "drawn", "simulated", "generated", "generated-robot"}
+    building : str
+        Floors of one building are in one fold.
+    weight : float
+        How often it is drawn among those of its source.
+    load : callable
+        Makes the labelled map; its labels are those of ``WITH_HALLS``.
+    tells_halls : bool
+        Whether halls have a label of their own.
+    """
+
+    name: str
+    source: str
+    building: str
+    weight: float
+    load: Callable[[], LabelledMap]
+    tells_halls: bool = True
+
+    def arrays(self) -> dict[str, NDArray[np.uint8]]:
+        """See :func:`pgm_places.floor.labelled.labelled_raster`."""
+        names = WITH_HALLS.names if self.tells_halls else NAMES
+        return labelled_raster(self.load(), names)
+
+
+def all_floors(data: Path) -> Iterator[Floor]:
+    """Maps that robots made, real and drawn floors, and generated buildings, easiest first."""
+    yield from _robots(data)
+    plans = list(_real(data))
+    yield from plans
+    for copy in range(COPIES):
+        for number, plan in enumerate(plans):
+            if plan.source == "drawn":
+                yield _robot_copy(plan, 1000 * copy + number, "simulated")
+        for number, style in enumerate(GENERATED_STYLES):
+            for k in range(PER_STYLE // COPIES + 1):
+                seed = 20_000 + 1000 * copy + 20 * k + number
+                plan = _generated(style, seed)
+                yield plan
+                yield _robot_copy(plan, seed, "generated-robot")
+
+
+def _robots(data: Path) -> Iterator[Floor]:
+    for folder in sorted((data / "robots").iterdir()):
+        if not (folder / "map.yaml").exists():
+            continue
+        name = folder.name
+
+        def load(folder: Path = folder) -> LabelledMap:
+            grid = load_map(folder / "map.yaml").grid
+            labels = load_labels(folder / "labels.png", WITH_HALLS.names, grid=grid)
+            return LabelledMap(grid, labels, None, folder.name)
+
+        building = SAME_BUILDING.get(name, name)
+        yield Floor(f"robot_{name}", "robot", building, UNSURE.get(name, 1.0), load)
+
+
+def _real(data: Path) -> Iterator[Floor]:
+    for known in real_maps(data):
+
+        def load(known: KnownMap = known) -> LabelledMap:
+            return replace(known.item, labels=known.finer)
+
+        drawn = known.source == "drawn" and known.halls is not None
+        building = "Freiburg 79" if "Freiburg" in known.building else known.building
+        source = "drawn" if known.source == "drawn" else "real"
+        name = f"{source}_{known.item.name}".replace(" ", "-").replace(",", "")
+        yield Floor(name, source, building, 1.0, load, drawn)
+
+
+def _generated(style: str, seed: int) -> Floor:
+    def load() -> LabelledMap:
+        clean = {"furniture": False, "slam_noise": False}
+        made = generate_building(seed, style=style, halls="hall", **clean)  # type: ignore[arg-type]
+        return LabelledMap(made.grid, made.labels, None, f"{style} {seed}")
+
+    return Floor(f"generated_{style}_{seed}", "generated", style, 1.0, load)
+
+
+def _robot_copy(plan: Floor, seed: int, source: str) -> Floor:
+    def load() -> LabelledMap:
+        return simulate_map(plan.load(), WITH_HALLS.names, seed=seed, options=ROBOT)
+
+    name = f"{source}_{plan.name}_{seed}"
+    return Floor(name, source, plan.building, 1.0, load, plan.tells_halls)
+
+
+def fold_of(floors: list[Floor]) -> dict[str, int]:
+    """The fold of each building: generated kinds by table, others in turn within their source."""
+    found = {kind: k for k, kinds in enumerate(KINDS_TOGETHER) for kind in kinds}
+    for source in ("real", "drawn", "robot"):
+        names = sorted({each.building for each in floors if each.source == source} - set(found))
+        found |= {name: number % N_FOLDS for number, name in enumerate(names)}
+    return found
+
+
+def network_file(kept: Path, fold: int) -> Path:
+    """The state of a fold's network while it is trained."""
+    return kept / f"network_{fold}.npz"
+
+
+def write_floors(data: Path, kept: Path, part: tuple[int, int], progress: Progress) -> None:
+    """Make the floors that are not there yet; of ``part`` (i, n), every n-th from the i-th on."""
+    folder = kept / "floors"
+    folder.mkdir(exist_ok=True)
+    mine = list(all_floors(data))[part[0] :: part[1]]
+    with progress.stage("floors") as stage:
+        for count, floor in enumerate(mine, start=1):
+            path = folder / f"{floor.name}.npz"
+            if not path.exists():
+                with atomic_file(path) as temporary, temporary.open("wb") as file:
+                    np.savez_compressed(file, **floor.arrays())  # type: ignore[arg-type]
+            stage.update(count / len(mine), floor.name)

@@ -1,0 +1,88 @@
+"""Drawn floors, their robot-like copies, and real maps, by lists and networks held out."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.buildings.lists import DOORWAY, Scored, scored_maps
+from experiments.buildings.maps import NAMES, building_numbers, sampled_maps
+from experiments.buildings.scores import SHIPPED, rescaled
+from experiments.floor_network.floors import all_floors, fold_of
+from experiments.floor_network.held_out import networks
+from experiments.unseen_kinds import _RECIPES
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.graph.layout import GridLayout
+from pgm_places.progress import Progress
+from pgm_places.reproduce.setting import Setting
+from pgm_places.spaces.gates import gate_candidates
+from pgm_places.spaces.segmentation import Segmentation
+from pgm_places.unary.floor_model import FloorModel, with_floor
+from pgm_places.unary.space_model import MapSpaces, with_gates
+
+__all__ = ["STEPS", "measure_plans"]
+
+N_FOLDS_OF_LISTS = 6
+STEPS = ("lists alone", "networks alone", "lists and networks")
+
+
+def measure_plans(data: Path, kept: Path, n_threads: int | None, progress: Progress) -> None:
+    """Print accuracy / balanced accuracy / doorway F1, and the error of confidence, by kind."""
+    setting = Setting(data, progress, n_threads, kept)
+    samples = sampled_maps(setting)
+    scored = scored_maps(setting, samples, building_numbers(samples, N_FOLDS_OF_LISTS), _RECIPES)
+    fold = fold_of(list(all_floors(data)))
+    models = [FloorModel((network,), views_per_network=8) for network in networks(kept)]
+    found: dict[str, dict[str, list[Evaluation]]] = defaultdict(lambda: defaultdict(list))
+    with progress.stage("floors") as stage:
+        for count, (item, log_z) in enumerate(zip(scored, rescaled(scored, SHIPPED), strict=True)):
+            known = item.sample.known
+            building = "Freiburg 79" if "Freiburg" in known.building else known.building
+            for step, log_p in _steps(item, log_z, models[fold[building]]):
+                found[known.group][step].append(
+                    evaluate(item.truth, log_p.argmax(axis=1), NAMES, beliefs=np.exp(log_p))
+                )
+            stage.update((count + 1) / len(scored), known.item.name)
+    print(_table(found))
+
+
+def _steps(
+    item: Scored, log_z: NDArray[np.float64], model: FloorModel
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """What the list alone, a network alone, and both say of the lattice's cells."""
+    grid, lattice = item.sample.known.item.grid, item.sample.lattice
+    layout = GridLayout.of_mask(lattice, source=grid)
+    yield STEPS[0], with_gates(log_z, item.at_gate, DOORWAY)
+    seen = model.scores(grid)
+    alone = FloorModel((), share=1.0, doorway_share=1.0)
+    yield STEPS[1], with_floor(log_z, seen, alone, layout)
+    candidates = gate_candidates(Segmentation.of(grid))
+    at_gate = item.at_gate
+    if len(candidates):
+        probability = model.judged(seen, candidates, item.gate)
+        at_gate = MapSpaces.of(candidates, probability).at_gates(layout)
+    yield STEPS[2], with_floor(with_gates(log_z, at_gate, DOORWAY), seen, model, layout)
+
+
+def _table(found: Mapping[str, Mapping[str, Sequence[Evaluation]]]) -> str:
+    lines = [f"| kind | maps | {' | '.join(STEPS)} | error of confidence |", "|---" * 6 + "|"]
+    for kind, steps in sorted(found.items()):
+        figures = [" / ".join(f"{100 * v:.1f}" for v in _means(steps[step])) for step in STEPS]
+        error = Evaluation.merged(steps[STEPS[2]]).expected_calibration_error or 0.0
+        n_maps = len(steps[STEPS[0]])
+        lines.append(f"| {kind} | {n_maps} | {' | '.join(figures)} | {100 * error:.1f} |")
+    rows = [[_means(steps[step]) for steps in found.values()] for step in STEPS]
+    means = [" / ".join(f"{100 * v:.1f}" for v in np.mean(row, axis=0)) for row in rows]
+    lines.append(f"| **mean of kinds** | | {' | '.join(means)} | |")
+    return "\n".join(lines)
+
+
+def _means(maps: Sequence[Evaluation]) -> tuple[float, float, float]:
+    doorway = [item.f1["doorway"] for item in maps]
+    return (
+        float(np.mean([item.accuracy for item in maps])),
+        float(np.mean([item.balanced_accuracy for item in maps])),
+        float(np.nanmean([np.nan if v is None else v for v in doorway])),
+    )

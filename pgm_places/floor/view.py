@@ -1,0 +1,217 @@
+"""What several networks see of a whole floor, from several sides."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from pgm_places.floor.architecture import DEEPEST, LABELS
+from pgm_places.floor.inputs import FARTHEST, network_inputs, open_cells
+from pgm_places.floor.network import FloorNetwork
+from pgm_places.floor.raster import FloorRaster, holders
+from pgm_places.kernels.threads import run_tasks
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+
+__all__ = ["FloorScores", "View", "floor_scores", "views_of"]
+
+_TILE, _MARGIN = 1024, 160
+"""Cells of 0.1 m: a tile is scored with so much around it, which its own cells need to see."""
+
+_FRAME = 16
+"""Cells of unknown space around a map."""
+
+_BLOCK = 2 * DEEPEST
+_CORRIDOR, _ROOM, _HALL = (LABELS.index(name) for name in ("corridor", "room", "hall"))
+
+
+@dataclass(frozen=True)
+class View:
+    """How a network looks at a map: turned, mirrored, and with its cells shifted by half of one.
+
+    Parameters
+    ----------
+    network : int
+        Which network looks.
+    quarters : int
+        Quarter turns.
+    mirrored, shifted : bool
+    """
+
+    network: int
+    quarters: int = 0
+    mirrored: bool = False
+    shifted: bool = False
+
+
+def views_of(n_networks: int, per_network: int) -> tuple[View, ...]:
+    """So many views for each network, each from another side, half of them shifted.
+
+    Networks begin at different sides, so that all sides take part though each network sees few.
+    """
+    return tuple(
+        View(n, (n + k) % 4, mirrored=(k // 2 + n // 2) % 2 == 1, shifted=(k + n // 2) % 2 == 1)
+        for n in range(n_networks)
+        for k in range(per_network)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FloorScores:
+    """The scores of a map's cells.
+
+    Parameters
+    ----------
+    log_p : (h, w, 4) float16
+        Log-probability of corridor, room, doorway, hall, in cells of 0.1 m: the mean over all
+        views, normalised.
+    spread : (h, w) float16
+        Standard deviation, over views, of the log-odds of circulation (corridor or hall) against
+        rooms.
+    rows, columns : (H,), (W,) int
+        The cell of 0.1 m that holds each row and column of the map.
+    """
+
+    log_p: NDArray[np.float16]
+    spread: NDArray[np.float16]
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+
+    def of(self, cells_rc: NDArray[np.integer]) -> NDArray[np.float32]:
+        """(n, 4) log-probabilities of cells given as (row, column)."""
+        return self.log_p[self._holders(cells_rc)].astype(np.float32)
+
+    def doubt(self, cells_rc: NDArray[np.integer]) -> NDArray[np.float32]:
+        """(n,) the spread at cells."""
+        return self.spread[self._holders(cells_rc)].astype(np.float32)
+
+    def _holders(self, cells_rc: NDArray[np.integer]) -> tuple[NDArray[np.int64], ...]:
+        return self.rows[cells_rc[:, 0]], self.columns[cells_rc[:, 1]]
+
+
+def floor_scores(
+    grid: OccupancyGrid,
+    networks: Sequence[FloorNetwork],
+    views: Sequence[View],
+    *,
+    n_threads: int | None = None,
+) -> FloorScores:
+    """What the networks make of a map, tile after tile; the same bits for any number of threads."""
+    raster = FloorRaster.of(grid)
+    h, w = raster.shape
+    log_p = np.zeros((h, w, len(LABELS)), np.float16)
+    spread = np.zeros((h, w), np.float16)
+    free = raster.free > 0
+    for rows, columns in _tiles(h, w):
+        if free[rows, columns].any():
+            piece = _Piece.of(raster, rows, columns)
+            log_p[rows, columns], spread[rows, columns] = piece.scores(networks, views, n_threads)
+    r, c = (holders(length, grid.resolution_m) for length in grid.shape)
+    return FloorScores(log_p, spread, r, c)
+
+
+def _tiles(h: int, w: int) -> Iterator[tuple[slice, slice]]:
+    for top in range(0, h, _TILE):
+        for left in range(0, w, _TILE):
+            yield slice(top, min(top + _TILE, h)), slice(left, min(left + _TILE, w))
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A tile with its surroundings, both sides multiples of what the network needs."""
+
+    free: NDArray[np.uint8]
+    occupied: NDArray[np.bool_]
+    depths: tuple[NDArray[np.float32], NDArray[np.float32]]
+    inner: tuple[slice, slice]
+
+    @classmethod
+    def of(cls, raster: FloorRaster, rows: slice, columns: slice) -> "_Piece":
+        spans, pads, inner = [], [], []
+        for part, length in zip((rows, columns), raster.shape, strict=True):
+            first, last = max(part.start - _MARGIN, 0), min(part.stop + _MARGIN, length)
+            before = _FRAME
+            after = -(before + last - first + _FRAME) % _BLOCK + _FRAME
+            spans.append(slice(first, last))
+            pads.append((before, after))
+            inner.append(slice(part.start - first + before, part.stop - first + before))
+        window = tuple(spans)
+        free: NDArray[np.uint8] = np.pad(raster.free[window], pads)
+        occupied: NDArray[np.bool_] = np.pad(raster.occupied[window], pads)
+        outside, inside = (_depth(mask) for mask in open_cells(free, occupied))
+        return cls(free, occupied, (outside, inside), (inner[0], inner[1]))
+
+    def scores(
+        self, networks: Sequence[FloorNetwork], views: Sequence[View], n_threads: int | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(h, w, 4) mean log-probabilities and (h, w) spread of the tile itself.
+
+        Views are added in their order, whichever thread is done first.
+        """
+        found: list[NDArray[np.float32] | None] = [None] * len(views)
+
+        def look(task: int) -> None:
+            view = views[task]
+            found[task] = self._seen(networks[view.network], view)
+
+        with threadpool_limits(1, user_api="blas"):
+            run_tasks(look, len(views), n_threads=n_threads)
+        total = np.zeros((*self.free.shape, len(LABELS)), np.float32)[self.inner]
+        first, second = np.zeros((2, *total.shape[:2]), np.float32)
+        for log_p in found:
+            assert log_p is not None  # run_tasks has run them all
+            total += log_p
+            odds = np.logaddexp(log_p[..., _CORRIDOR], log_p[..., _HALL]) - log_p[..., _ROOM]
+            first += odds
+            second += odds * odds
+        n = np.float32(len(views))
+        total /= n
+        mean = _normalised(total)
+        spread = np.sqrt(np.maximum(second / n - (first / n) ** 2, 0))
+        return mean, spread
+
+    def _seen(self, network: FloorNetwork, view: View) -> NDArray[np.float32]:
+        """(h, w, 4) log-probabilities of the tile as a network sees it from some side."""
+        free, occupied, *depths = (
+            _turned(v, view) for v in (self.free, self.occupied, *self.depths)
+        )
+        scores = network.scores(network_inputs(free, occupied, (depths[0], depths[1])))
+        log_p = _normalised(scores).repeat(2, axis=0).repeat(2, axis=1)
+        if view.shifted:
+            log_p = np.roll(log_p, (-1, -1), (0, 1))
+        return _turned_back(log_p, view)[self.inner]
+
+
+def _turned(values: NDArray[Any], view: View) -> NDArray[Any]:
+    found = np.rot90(values, view.quarters)
+    found = found[:, ::-1] if view.mirrored else found
+    return np.roll(found, (1, 1), (0, 1)) if view.shifted else np.ascontiguousarray(found)
+
+
+def _turned_back(values: NDArray[np.float32], view: View) -> NDArray[np.float32]:
+    return np.rot90(values[:, ::-1] if view.mirrored else values, -view.quarters)
+
+
+def _normalised(scores: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Scores (..., K) as log-probabilities."""
+    shifted = scores - scores.max(axis=-1, keepdims=True)
+    found: NDArray[np.float32] = shifted - np.log(np.exp(shifted).sum(axis=-1, keepdims=True))
+    return found
+
+
+def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(h, w) distance of the cells in the mask to the nearest outside, in cells; none is beyond.
+
+    The kernel takes what is beyond the raster for outside, hence a frame.
+    """
+    from pgm_places.maps._distance_kernels import squared_distance
+
+    framed = np.pad(mask, FARTHEST, constant_values=True)
+    squared = np.empty(framed.shape, np.int32)
+    width = framed.shape[1]
+    site, start = np.empty(width, np.int32), np.empty(width, np.int32)
+    squared_distance(~framed, squared, site, start, np.empty(width, np.int64))
+    inner = squared[FARTHEST:-FARTHEST, FARTHEST:-FARTHEST]
+    return np.sqrt(inner, dtype=np.float32)

@@ -1,0 +1,153 @@
+"""The floor networks beside the boosted lists: both scores of a cell as one.
+
+Shares and weights were chosen on buildings held out (docs/floor.md).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pgm_places._checks import ROWS_AT_ONCE
+from pgm_places.errors import ConfigError
+from pgm_places.floor.architecture import LABELS
+from pgm_places.floor.network import FloorNetwork
+from pgm_places.floor.view import FloorScores, floor_scores, views_of
+from pgm_places.graph.layout import GridLayout
+from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.gates import Gates
+
+__all__ = ["FloorModel", "columns_of", "with_floor"]
+
+_LEAST_DEPTH_M, _AT_LEAST = 0.4, 0.8
+_HALL, _CORRIDOR = LABELS.index("hall"), LABELS.index("corridor")
+
+
+@dataclass(frozen=True, eq=False)
+class FloorModel:
+    """Networks that see the whole floor, and how much they count beside the lists.
+
+    Parameters
+    ----------
+    networks : tuple of FloorNetwork
+    columns : tuple of K int
+        The networks' score of each label: see :func:`columns_of`; -1 for a label that they do not
+        know, whose score is that of the list.
+    views_per_network : int
+        From how many sides each network looks at a map.
+    share : float
+        Weight of the networks' log-odds against those of the list with spaces.
+    doorway_share : float
+        The same for doorways.
+    gate_share : float
+        Weight of the networks' log-odds of a doorway at a gate against those of the list of gates.
+    """
+
+    networks: tuple[FloorNetwork, ...] = field(repr=False)
+    columns: tuple[int, ...] = (0, 1, 2)
+    views_per_network: int = 4
+    share: float = 0.6
+    doorway_share: float = 0.7
+    gate_share: float = 0.4
+
+    def scores(self, grid: OccupancyGrid, n_threads: int | None = None) -> FloorScores:
+        """What the networks make of a map."""
+        views = views_of(len(self.networks), self.views_per_network)
+        return floor_scores(grid, self.networks, views, n_threads=n_threads)
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """(K,) the networks' weight in the score of each label."""
+        columns = np.array(self.columns)
+        shares = np.where(columns == LABELS.index("doorway"), self.doorway_share, self.share)
+        return np.where(columns < 0, 0.0, shares)
+
+    def with_more(self, n_labels: int) -> "FloorModel":
+        """The same beside so many more labels that the networks do not know."""
+        return replace(self, columns=(*self.columns, *(-1,) * n_labels))
+
+    def evidence(self, seen: FloorScores, cells_rc: NDArray[np.integer]) -> NDArray[np.float64]:
+        """(n, K) log-probabilities of cells, each over sqrt(1 + pi d^2 / 8), normalised again."""
+        log_p = seen.of(cells_rc).astype(np.float64)
+        log_p[:, _CORRIDOR] = np.logaddexp(log_p[:, _CORRIDOR], log_p[:, _HALL])
+        spread = seen.doubt(cells_rc)[:, np.newaxis].astype(np.float64)
+        found = log_p[:, self.columns] / np.sqrt(1 + np.pi / 8 * spread**2)
+        return np.asarray(found - np.logaddexp.reduce(found.T, axis=0)[:, np.newaxis])
+
+    def judged(
+        self, seen: FloorScores, gates: Gates, probability: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(G,) how likely gates are doorways, by their list and by the networks.
+
+        The networks' word on a gate is the probability of a doorway that a fifth of the cells in
+        its rectangle exceed, at least 0.4 m deep.
+        """
+        odds = (1 - self.gate_share) * _log_odds(probability)
+        grid = gates.segmentation.watershed.grid
+        for g in range(len(gates)):
+            deeper_m = max(_LEAST_DEPTH_M - gates[g].depth_m, 0.0) / 2
+            cells = gates[g].cells(grid, deeper_m=deeper_m)
+            log_p = seen.of(cells)[:, LABELS.index("doorway")] if len(cells) else np.zeros(1)
+            odds[g] += self.gate_share * _log_odds(np.exp(np.quantile(log_p, _AT_LEAST)))
+        return np.asarray(1 / (1 + np.exp(-odds)))
+
+
+def _log_odds(probability: ArrayLike) -> NDArray[np.float64]:
+    p = np.clip(probability, 1e-3, 1 - 1e-3)
+    return np.asarray(np.log(p) - np.log1p(-p))
+
+
+def columns_of(label_names: Sequence[str]) -> tuple[int, ...]:
+    """(K,) the networks' score of each of these labels; halls are among the corridors.
+
+    Raises
+    ------
+    ConfigError
+        One of the names is none of theirs, or corridor or room is missing.
+    """
+    if {"corridor", "room"} <= set(label_names) <= {"corridor", "room", "doorway"}:
+        return tuple(LABELS.index(name) for name in label_names)
+    raise ConfigError(
+        "the floor networks tell corridor, room, doorway and hall apart, and these labels are "
+        f"{', '.join(label_names)}: use unary = 'space', or name corridors and rooms so"
+    )
+
+
+def with_floor(
+    log_z: NDArray[np.float64],
+    seen: FloorScores,
+    model: FloorModel,
+    layout: GridLayout,
+    hall: NDArray[np.float32] | None = None,
+) -> NDArray[np.float64]:
+    """(N, K) log-probabilities: the weighted mean of both log-odds.
+
+    With shares s_k and scores z_k of the list, log p_k is (1 - s_k) z_k + s_k n_k, normalised. The
+    n_k of the networks are their log-probabilities over sqrt(1 + pi d^2 / 8): where views differ
+    by a deviation d of log-odds, their mean is no surer than they are together (MacKay 1992).
+    Halls are among the corridors. ``hall`` (N,), the probability that circulation is a hall,
+    becomes the mean of its log-odds and those of the networks.
+    """
+    found, share = np.empty_like(log_z), model.shares
+    for first in range(0, len(log_z), ROWS_AT_ONCE):
+        some = slice(first, first + ROWS_AT_ONCE)
+        cells = layout.cells[some]
+        if hall is not None:
+            log_p = seen.of(cells).astype(np.float64)
+            of_hall = log_p[:, _HALL] - np.logaddexp(log_p[:, _CORRIDOR], log_p[:, _HALL])
+            hall[some] = _mean_probability(hall[some], of_hall, model.share)
+        mixed = (1 - share) * log_z[some] + share * model.evidence(seen, cells)
+        mixed -= np.logaddexp.reduce(mixed.T, axis=0)[:, None]
+        found[some] = mixed
+    return found
+
+
+def _mean_probability(
+    of_list: NDArray[np.float32], log_of_networks: NDArray[np.float64], share: float
+) -> NDArray[np.float64]:
+    """(n,) the probability whose log-odds are the weighted mean of two."""
+    tiny = 1e-6
+    pair = np.stack([of_list.astype(np.float64), np.exp(log_of_networks)]).clip(tiny, 1 - tiny)
+    odds = np.log(pair) - np.log1p(-pair)
+    return np.asarray(1 / (1 + np.exp(-((1 - share) * odds[0] + share * odds[1]))))
