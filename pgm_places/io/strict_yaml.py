@@ -20,6 +20,7 @@ YamlValue: TypeAlias = "str | list[YamlValue] | dict[str, YamlValue]"
 
 MAX_BYTES = 256 * 1024  # a map's or a label file's YAML has some hundred bytes
 MAX_DEPTH = 16
+_TOO_DEEP = f"nested deeper than {MAX_DEPTH} levels"
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _NAN = re.compile(r"[+-]?\.?nan", re.IGNORECASE)
 _INTEGER = re.compile(r"[+-]?(0[xX][0-9a-fA-F]+|\d+)")
@@ -129,6 +130,8 @@ def read_yaml(path: Path, error: type[InputError], what: str) -> YamlFile:
         value = _document(events, file)
     except yaml.YAMLError as problem:
         detail = " ".join(str(problem).split())[:300]
+        if "nesting depth" in detail:  # of the parser in C, far beyond ours
+            raise file.fail(_TOO_DEEP) from None
         raise error(f"{path}: not a YAML file: {detail}") from None
     if not isinstance(value, dict):
         raise error(f"{path}: the {what} must be a mapping of keys to values (key: value)")
@@ -162,7 +165,7 @@ def _value(event: Any, events: Iterator[Any], file: YamlFile, *, depth: int) -> 
     if event.anchor is not None:
         raise file.fail("anchors and aliases (& and *) are not supported; write the value out")
     if depth > MAX_DEPTH:
-        raise file.fail(f"nested deeper than {MAX_DEPTH} levels")
+        raise file.fail(_TOO_DEEP)
     if isinstance(event, yaml.ScalarEvent):
         return str(event.value)
     if isinstance(event, yaml.SequenceStartEvent):

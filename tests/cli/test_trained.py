@@ -103,7 +103,7 @@ def test_label_takes_maps_of_other_resolutions(
     corner = grid.with_cells(grid.cells[:100, :160])
     other = (refine if resolution_m < 0.05 else coarsen)(corner, resolution_m)
     out = tmp_path / "labelled"
-    code, _, err = run("label", save_map(other, tmp_path / "map"), "--out", out)
+    code, _, err = run("label", save_map(other, tmp_path / "map"), "--unentered", "--out", out)
     assert code == 0, err
     assert f"the map has cells of {resolution_m:g} m" in err
     labels = load_labels(out / "labels.png", ("corridor", "room", "doorway"), grid=other)

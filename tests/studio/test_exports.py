@@ -90,7 +90,8 @@ def test_the_training_configuration_gives_the_labels_of_the_studio(
     assert arrays[0] == arrays[1]
     known = ("--corrections", folder / "corrections.png")
     unknown = () if unknown_value is None else ("--unknown-value", unknown_value)
-    run("label", map_yaml, "--model", trained, "--out", labelled, *known, *unknown)
+    everywhere = ("--unentered", *known, *unknown)  # as the studio does
+    run("label", map_yaml, "--model", trained, "--out", labelled, *everywhere)
     found = load_labels(labelled / "labels.png", names, grid=source.grid)
     np.testing.assert_array_equal(found, own)
     assert read(trained).rules == read(folder / "model").rules == rules
