@@ -146,8 +146,8 @@ def export(
     to: Annotated[
         str,
         Option(
-            help="nav2-route, regions, zones, keepout, speed-percent, speed-m-s, binary, graphml, "
-            "node-link, dot, geotiff or mcap."
+            help="nav2 (all that it takes), nav2-route, regions, zones, keepout, speed-percent, "
+            "speed-m-s, binary, graphml, node-link, dot, geotiff or mcap."
         ),
     ],
     out: Annotated[
@@ -157,7 +157,8 @@ def export(
         list[str] | None,
         Option(
             "--set",
-            help="Mask value of a class or a place: room=100, or with speed-m-s corridor=0.8. "
+            help="Mask value of a class or a place: room=100, or with speed-m-s and nav2 "
+            "corridor=0.8 (m/s). "
             "Repeatable.",
         ),
     ] = None,
@@ -170,6 +171,10 @@ def export(
             "areas grow by it (0 by default).",
         ),
     ] = None,
+    keep_out: Annotated[
+        list[str] | None,
+        Option(help="For nav2: a class or a place to keep out of. Repeatable."),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Write the places for Nav2, QGIS, Foxglove and other tools."""
@@ -179,8 +184,16 @@ def export(
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        if to == "nav2-route" and not values:
-            _write_routes(files.stage, topology, robot_radius_m)
+        if keep_out and to != "nav2":
+            raise InputError(f"the export {to!r} takes no --keep-out; nav2 does")
+        if to == "nav2" or (to == "nav2-route" and not values):
+            more = {
+                "speeds_m_s": _values(values or ()),
+                "keep_out": keep_out or (),
+                "lies_in": out or folder,
+            }
+            for_nav2 = more if to == "nav2" else None
+            _write_routes(files.stage, topology, robot_radius_m, for_nav2)
         else:
             write_export(
                 topology,
@@ -193,12 +206,19 @@ def export(
     say_written(files)
 
 
-def _write_routes(folder: Path, topology: "TopologicalMap", robot_radius_m: float | None) -> None:
+def _write_routes(
+    folder: Path,
+    topology: "TopologicalMap",
+    robot_radius_m: float | None,
+    for_nav2: dict[str, Any] | None,
+) -> None:
     """The route graph and its picture; says what the robot cannot reach."""
     from pgm_places.report.topology_output import routes_summary, write_routes
+    from pgm_places.topology.route_graph import ROBOT_RADIUS_M
 
-    given = {} if robot_radius_m is None else {"robot_radius_m": robot_radius_m}
-    say(routes_summary(topology, write_routes(folder, topology, **given)))
+    radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
+    found = write_routes(folder, topology, robot_radius_m=radius, for_nav2=for_nav2)
+    say(routes_summary(topology, found))
 
 
 def _values(texts: Sequence[str]) -> dict[str, float]:

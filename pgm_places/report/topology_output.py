@@ -1,5 +1,6 @@
 """The output of commands about places: the topological map's files and its picture."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ from pgm_places.io.atomic import write_bytes
 from pgm_places.io.output_set import OutputSet
 from pgm_places.io.places.check_table import CHECK_FILE, write_checks
 from pgm_places.io.places.exports import ROUTE_FILE
+from pgm_places.io.places.nav2_folder import write_nav2
 from pgm_places.io.places.nav2_route import write_nav2_route
 from pgm_places.io.places.place_settings import PlaceSettings, save_settings
 from pgm_places.io.places.topology_files import (
@@ -92,9 +94,16 @@ def write_topology(
 
 
 def write_routes(
-    folder: Path, topology: TopologicalMap, *, robot_radius_m: float = ROBOT_RADIUS_M
+    folder: Path,
+    topology: TopologicalMap,
+    *,
+    robot_radius_m: float = ROBOT_RADIUS_M,
+    for_nav2: Mapping[str, Any] | None = None,
 ) -> RouteGraph:
     """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
+
+    With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, all
+    other files for Nav2 as well.
 
     Raises
     ------
@@ -104,7 +113,10 @@ def write_routes(
         Where a file cannot be written.
     """
     found = route_graph(topology, robot_radius_m=robot_radius_m)
-    write_nav2_route(folder / ROUTE_FILE, topology, found)
+    if for_nav2 is None:
+        write_nav2_route(folder / ROUTE_FILE, topology, found)
+    else:
+        write_nav2(folder, topology, found, **for_nav2)
     write_bytes(folder / ROUTE_PICTURE, route_drawing(topology, found).png())
     return found
 

@@ -74,6 +74,11 @@ def test_where(places: Path, run: Run) -> None:
     ("to", "options", "names"),
     [
         ("nav2-route", [], ["nav2_route.geojson", "nav2_route.png"]),
+        (
+            "nav2",
+            ["--set", "corridor=0.8", "--keep-out", "room"],
+            ["nav2_route.geojson", "nav2_params.yaml", "places.launch.py", "poses.yaml"],
+        ),
         ("zones", [], ["zones.png", "zones.yaml", "zones_params.yaml"]),
         ("keepout", ["--set", "room=100"], ["keepout.png"]),
         ("graphml", [], ["places.graphml"]),
@@ -92,7 +97,9 @@ def test_export(to: str, options: list[str], names: list[str], places: Path, run
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["export", "--to", "nav2"], "Did you mean 'nav2-route'"),
+        (["export", "--to", "nav2-rout"], "Did you mean 'nav2-route'"),
+        (["export", "--to", "dot", "--keep-out", "room"], "takes no --keep-out"),
+        (["export", "--to", "nav2", "--keep-out", "rom"], "there is no place 'rom'"),
         (["export", "--to", "keepout"], "needs values"),
         (["export", "--to", "keepout", "--set", "room"], "NAME=NUMBER"),
         (["export", "--to", "keepout", "--set", "room=12345678901"], "NAME=NUMBER"),

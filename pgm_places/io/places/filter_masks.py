@@ -14,7 +14,7 @@ from pgm_places.io.places.filter_parameters import TYPES, FilterKind, filter_par
 from pgm_places.io.raster_png import raster_png
 from pgm_places.topology.topological_map import TopologicalMap
 
-__all__ = ["FilterKind", "mask_values", "write_filter_mask"]
+__all__ = ["FilterKind", "mask_files", "mask_values", "write_filter_mask"]
 
 MOST = 100
 """map_server publishes raw values from 0 to 100; larger ones would become unknown."""
@@ -91,6 +91,26 @@ def write_filter_mask(
     OutputError
         Where a file cannot be written.
     """
+    target = Path(stem)
+    paths, parameters = mask_files(
+        target, topology, kind, values=values, robot_radius_m=robot_radius_m, lies_in=lies_in
+    )
+    return [*paths, write_text(target.with_name(f"{target.name}_params.yaml"), parameters)]
+
+
+def mask_files(
+    stem: Path,
+    topology: TopologicalMap,
+    kind: FilterKind,
+    *,
+    values: Mapping[str, float] | None = None,
+    robot_radius_m: float = 0.0,
+    lies_in: Path | None = None,
+) -> tuple[list[Path], str]:
+    """The mask's picture and YAML file, written, and the text of its parameters.
+
+    All as :func:`write_filter_mask` writes it.
+    """
     from PIL import Image
 
     if kind not in TYPES:
@@ -100,7 +120,7 @@ def write_filter_mask(
         raise InputError(
             f"a {kind} mask needs values by class or place, such as room = 100; classes: {classes}"
         )
-    target = Path(stem)
+    target = stem
     coded, multiplier = (None, 1.0) if values is None else _coded(kind, values)
     mask = mask_values(topology, coded)
     if robot_radius_m:
@@ -118,18 +138,14 @@ def write_filter_mask(
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
     )
     named = {number: _state_name(topology, coded, number) for number in np.unique(mask).tolist()}
-    params_path = write_text(
-        target.with_name(f"{target.name}_params.yaml"),
-        f"# {_legend(topology, values)}\n"
-        + filter_parameters(
-            kind,
-            target.name,
-            (lies_in or target.parent).resolve() / yaml_path.name,
-            multiplier=multiplier,
-            states={name: number for number, name in named.items() if number},
-        ),
+    parameters = filter_parameters(
+        kind,
+        target.name,
+        (lies_in or target.parent).resolve() / yaml_path.name,
+        multiplier=multiplier,
+        states={name: number for number, name in named.items() if number},
     )
-    return [image_path, yaml_path, params_path]
+    return [image_path, yaml_path], f"# {_legend(topology, values)}\n{parameters}"
 
 
 def _coded(kind: FilterKind, values: Mapping[str, float]) -> tuple[dict[str, int], float]:
