@@ -415,11 +415,11 @@ class PlaceLabeler(Labeler):
         """
         names, layout = self.learned_names, graph.layout
         problem = cells_problem(graph, names, scores, method.unary, known)
-        segment, unary = scores.segment, problem.unary
-        if not self.whole_spaces or method.unary in ("laser", "context") or segment is None:
+        segments, unary = scores.segments, problem.unary
+        if not self.whole_spaces or method.unary in ("laser", "context") or segments is None:
             return problem
         assert unary is not None and isinstance(layout, GridLayout)  # there are scores of a map
-        return problem.with_unary(sealed(with_whole_spaces(unary, segment, layout, names, known)))
+        return problem.with_unary(sealed(with_whole_spaces(unary, segments, layout, names, known)))
 
     def score(self, maps: Sequence[LabelledMap], *, method: str | None = None) -> float:
         """The accuracy over the labelled cells of all maps together, for searches of options."""

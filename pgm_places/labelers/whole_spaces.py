@@ -10,15 +10,21 @@ from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.components import Components, connected_components
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.node_segments import NodeSegments
 
 __all__ = ["with_whole_spaces"]
 
 _PAIR = ("corridor", "room")
 """Only these change places: doorways keep their cells, and other labels need not follow spaces."""
 
-_INSIDE, _OPENING = 4.0, 1.0
-"""What a metre of border costs inside a segment and along an opening, in nats times square metres:
-the evidence of a cell counts by its area. Chosen on half of the buildings (docs/spaces.md)."""
+_INSIDE, _RIBBON, _OPENING = 4.0, 2.0, 1.0
+"""What a metre of border costs inside a segment, along the openings of a ribbon, and along others,
+in nats times square metres: the evidence of a cell counts by its area. Chosen on half of the
+buildings (docs/spaces.md)."""
+
+_ROOM_IN_RIBBON = 0.1
+"""What evidence for a room counts in a ribbon: where nothing is mapped beside it, it looks closed
+on all sides; what it leads to says more."""
 
 _SHARE = np.log([0.65, 0.35])
 """The new and the old label of cells that change, of what both had: about as many are right."""
@@ -32,7 +38,7 @@ _CITY_BLOCK = np.pi / 4
 
 def with_whole_spaces(
     log_z: NDArray[np.float64],
-    segment: NDArray[np.int32],
+    segments: NodeSegments,
     layout: GridLayout,
     label_names: tuple[str, ...],
     known: NDArray[np.int64] | None = None,
@@ -42,14 +48,15 @@ def with_whole_spaces(
     Connected cells of one segment and one label, corridor or room, are a *part*. The labels of all
     parts maximise the evidence of their cells less the length of the borders between both labels,
     which costs more within a segment than along an opening: an exact minimum cut. So a border in
-    open space moves to an opening of its segment, or goes, unless much speaks for both sides.
+    open space moves to an opening of its segment, or goes, unless much speaks for both sides. In
+    ribbons, evidence for a room counts a tenth: one that continues a corridor is corridor.
 
     Parameters
     ----------
     log_z : (N, K) float
         Log-probabilities; the array itself comes back where nothing changes.
-    segment : (N,) int
-        The segment of the finest scale that each cell lies in, -1 for none.
+    segments : NodeSegments
+        Those that the cells lie in.
     layout : GridLayout
         Of the N cells.
     label_names : tuple of K str
@@ -63,7 +70,7 @@ def with_whole_spaces(
     label = log_z.argmax(axis=1)
     if known is not None:
         label = np.where(known >= 0, known, label)
-    parts = _Parts.of(label, segment, layout, pair)
+    parts = _Parts.of(label, segments, layout, pair)
     odds = np.asarray(log_z[:, pair[0]] - log_z[:, pair[1]], np.float64)
     if known is not None:
         for sign, k in zip((1, -1), pair, strict=True):
@@ -85,36 +92,44 @@ class _Parts:
         Where each part is.
     is_room : (P,) bool
     segment : (P,) int64
+        -1 for none.
+    in_ribbon : (P,) bool
     resolution_m : float
     """
 
     pieces: Components
     is_room: NDArray[np.bool_]
     segment: NDArray[np.int64]
+    in_ribbon: NDArray[np.bool_]
     resolution_m: float
 
     @classmethod
     def of(
         cls,
         label: NDArray[np.int64],
-        segment: NDArray[np.int32],
+        segments: NodeSegments,
         layout: GridLayout,
         pair: list[int],
     ) -> Self:
         """Those of cells with these labels."""
         inside = (label == pair[0]) | (label == pair[1])
-        code = np.where(inside, 2 * (segment.astype(np.int32) + 1) + (label == pair[1]), -1)
+        number = segments.segment.astype(np.int32)
+        code = np.where(inside, 2 * (number + 1) + (label == pair[1]), -1)
         pieces = connected_components(layout.to_raster(code.astype(np.int32), fill=-1))
         assert isinstance(layout.source, OccupancyGrid)  # segments are those of a map
-        number = pieces.label.astype(np.int64) // 2 - 1
-        return cls(pieces, pieces.label % 2 == 1, number, layout.source.resolution_m)
+        of_part = pieces.label.astype(np.int64) // 2 - 1
+        in_ribbon = np.append(segments.is_ribbon, False)[of_part]  # none is the last
+        is_room = pieces.label % 2 == 1
+        return cls(pieces, is_room, of_part, in_ribbon, layout.source.resolution_m)
 
     def sums(self, odds: NDArray[np.float64], layout: GridLayout) -> NDArray[np.float64]:
         """(P,) what speaks for corridor rather than room, times square metres."""
         piece = layout.from_raster(self.pieces.piece)
         inside = piece >= 0
-        total = np.bincount(piece[inside], odds[inside], minlength=self.pieces.count)
-        return np.asarray(total * self.resolution_m**2, np.float64)
+        weights = np.bincount(piece[inside], odds[inside], minlength=self.pieces.count)
+        total = np.asarray(weights, np.float64)
+        total[self.in_ribbon & (total < 0)] *= _ROOM_IN_RIBBON
+        return total * self.resolution_m**2
 
     def borders(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """(B, 2) the parts that share a border, and its length (B,) in metres."""
@@ -136,7 +151,8 @@ class _Parts:
 
         pairs, length_m = self.borders()
         within = self.segment[pairs[:, 0]] == self.segment[pairs[:, 1]]
-        cost = np.where(within, _INSIDE, _OPENING) * length_m
+        opening = np.where(self.in_ribbon[pairs].any(axis=1), _RIBBON, _OPENING)
+        cost = np.where(within, _INSIDE, opening) * length_m
         best = minimum_cut(np.maximum(sums, 0), np.maximum(-sums, 0), pairs, cost, cost)
         return np.asarray(~best.source_side != self.is_room)
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.maps.number_type import number_type
 from pgm_places.spaces.cell_features import CellFeatures
+from pgm_places.spaces.node_segments import NodeSegments
 from pgm_places.spaces.relief import clearance_m
 from pgm_places.spaces.segment_lookup import Lookups
 
@@ -60,12 +60,9 @@ class NodeFeatures:
         return cls(cells, basin, relief, features.lookups, watershed.grid.resolution_m)
 
     @property
-    def segment(self) -> NDArray[np.int32]:
-        """(N,) int16 or int32, the segment of the finest scale of each node, -1 for none."""
-        segment_of = self.lookups.parts[0].segment_of
-        none = segment_of[-1]
-        numbers = np.where(segment_of == none, -1, segment_of).astype(number_type(int(none)))
-        return np.asarray(numbers[self.basin])
+    def segments(self) -> NodeSegments:
+        """The segments of the finest scale that the nodes lie in."""
+        return NodeSegments.of(self.lookups.parts[0], self.basin)
 
     def write(
         self,

@@ -22,6 +22,7 @@ from pgm_places.progress import Progress, Silent, Stage
 from pgm_places.sensing.ray_casting import iter_cast
 from pgm_places.sensing.sensor import Sensor
 from pgm_places.spaces.doorways import Doorways
+from pgm_places.spaces.node_segments import NodeSegments
 from pgm_places.unary.cell_lists import CellList, ContextPart, LaserList, SpaceList, on_labels
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.kept_table import KeptTable
@@ -64,8 +65,8 @@ class CellScores:
         The probability that each node lies in a hall if it is circulation, where it was asked for.
     doorways : Doorways or None
         The accepted gates, where ``spaces`` were not kept.
-    segment : (N,) int16 or int32, or None
-        The segment of the finest scale that each node lies in, -1 for none, beside ``space``.
+    segments : NodeSegments or None
+        The segments of the finest scale that the nodes lie in, beside ``space``.
     doubt : (N,) float32 or None
         How far the floor networks' views of each node differ: the standard deviation of the
         log-odds of circulation against rooms.
@@ -78,7 +79,7 @@ class CellScores:
     spaces: MapSpaces | None = None
     hall: NDArray[np.float32] | None = None
     doorways: Doorways | None = None
-    segment: NDArray[np.int32] | None = None
+    segments: NodeSegments | None = None
     floor: NDArray[np.float64] | None = None
     doubt: NDArray[np.float32] | None = None
 
@@ -248,7 +249,7 @@ class UnaryModel:
             spaces,
             None if hall is None else sealed(hall),
             doorways,
-            None if around is None else sealed(around.features.segment),
+            None if around is None else around.features.segments,
             floor,
             doubt,
         )

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 
 from pgm_places.datasets import generate_building
 from pgm_places.graph.layout import GridLayout
+from pgm_places.graph.mask_cells import MaskCells
 from pgm_places.labelers.whole_spaces import with_whole_spaces
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.spaces.cell_features import CellFeatures
+from pgm_places.spaces.node_features import NodeFeatures
+from pgm_places.spaces.node_segments import NodeSegments
+from pgm_places.spaces.segmentation import Segmentation
 from tests.quick_labeler import places
 from tests.reference.whole_spaces import best_labels
 
@@ -31,12 +36,17 @@ def scores(label: NDArray[np.int64], sure: Any = 0.7) -> NDArray[np.float64]:
     return np.log(found)
 
 
+def segments_of(segment: NDArray[np.int64], *ribbons: int) -> NodeSegments:
+    """Those of the cells of a raster, some of which are ribbons."""
+    is_ribbon = np.isin(np.arange(int(segment.max()) + 1), ribbons)
+    return NodeSegments(segment.ravel().astype(np.int32), is_ribbon)
+
+
 def labels(
-    given: NDArray[np.float64], segment: NDArray[np.int64], **more: Any
+    given: NDArray[np.float64], segment: NDArray[np.int64], *ribbons: int, **more: Any
 ) -> NDArray[np.int64]:
-    found = with_whole_spaces(
-        given, segment.ravel().astype(np.int32), layout_of(segment.shape), NAMES, **more
-    )
+    segments = segments_of(segment, *ribbons)
+    found = with_whole_spaces(given, segments, layout_of(segment.shape), NAMES, **more)
     return found.argmax(axis=1).reshape(segment.shape)
 
 
@@ -50,7 +60,7 @@ def test_a_border_in_the_open_stays_where_much_speaks_for_both_sides() -> None:
     hall = np.zeros((40, 100), int)
     label = np.where(np.arange(100) < 50, ROOM, CORRIDOR) + hall
     given = scores(label, 0.99)
-    found = with_whole_spaces(given, hall.ravel().astype(np.int32), layout_of(hall.shape), NAMES)
+    found = with_whole_spaces(given, segments_of(hall), layout_of(hall.shape), NAMES)
     assert found is given
 
 
@@ -62,12 +72,38 @@ def test_a_border_beside_an_opening_moves_to_it() -> None:
     assert (found == np.where(segment == 0, ROOM, CORRIDOR)).all()
 
 
+def test_a_ribbon_that_continues_a_corridor_is_corridor_and_one_behind_a_door_is_not() -> None:
+    segment = np.zeros((20, 160), int)
+    segment[:, 80:] = 1
+    label = np.where(segment == 0, CORRIDOR, ROOM)
+    given = scores(label)
+    assert (labels(given, segment) == label).all()
+    assert (labels(given, segment, 1) == CORRIDOR).all()
+    label[:, 79:81] = DOORWAY
+    assert (labels(scores(label), segment, 1) == label).all()
+
+
+def test_ribbons_are_long_and_narrow_segments() -> None:
+    cells = np.full((120, 260), 100, np.int8)
+    cells[50:70, 5:150], cells[20:100, 156:250], cells[55:65, 150:156] = 0, 0, 0
+    grid = OccupancyGrid(cells, resolution_m=CELLS_M)
+    features = CellFeatures.of(Segmentation.of(grid))
+    found = NodeFeatures.of(features, MaskCells.of(grid.free)).segments
+    assert (found.segment < len(found.is_ribbon)).all()
+    columns = np.nonzero(grid.free)[1]
+    inside = found.segment >= 0
+    ribbon = found.is_ribbon[found.segment[inside]]
+    in_passage = columns[inside] < 145
+    assert ribbon[in_passage].all()
+    assert not ribbon[(columns[inside] > 160)].any()
+
+
 def test_doorways_stay_and_keep_their_probability() -> None:
     hall = np.zeros((20, 60), int)
     label = np.where(np.arange(60) < 45, ROOM, CORRIDOR) + hall
     label[8:12, 43:47] = DOORWAY
     given = scores(label, 0.6)
-    found = with_whole_spaces(given, hall.ravel().astype(np.int32), layout_of(hall.shape), NAMES)
+    found = with_whole_spaces(given, segments_of(hall), layout_of(hall.shape), NAMES)
     moved = (label == CORRIDOR).ravel()
     assert (found.argmax(axis=1)[~moved] == label.ravel()[~moved]).all()
     assert (found.argmax(axis=1)[moved] == ROOM).all()
@@ -100,13 +136,13 @@ def test_labels_are_the_best_of_all(seed: int) -> None:
     other = np.where(label == DOORWAY, 0.0, -1e6).ravel()
     given[:, :2] = np.stack([odds / 2, -odds / 2], axis=1) - 1e4
     given[:, DOORWAY] = other
-    expected = best_labels(odds.reshape(shape), label, segment, CELLS_M)
-    np.testing.assert_array_equal(labels(given, segment), expected)
+    expected = best_labels(odds.reshape(shape), label, segment, {1}, CELLS_M)
+    np.testing.assert_array_equal(labels(given, segment, 1), expected)
 
 
 def test_other_labels_are_left_alone() -> None:
     given = scores(np.zeros((4, 4), int))
-    one = np.zeros(16, np.int32)
+    one = segments_of(np.zeros((4, 4), int))
     assert with_whole_spaces(given, one, layout_of((4, 4)), ("office", "room", "door")) is given
 
 
@@ -117,10 +153,10 @@ def test_labelers_do_so_for_methods_that_see_segments_unless_told_otherwise() ->
     assert method.unary == "space"
     specks = np.random.default_rng(0).integers(0, 2, graph.n_nodes)
     found = replace(found, space=scores(specks, 0.4))
-    assert found.segment is not None
+    assert found.segments is not None
     assert isinstance(graph.layout, GridLayout)
     assert found.space is not None
-    expected = with_whole_spaces(found.space, found.segment, graph.layout, names)
+    expected = with_whole_spaces(found.space, found.segments, graph.layout, names)
     assert (expected != found.space).any()
     np.testing.assert_array_equal(labeler.problem_of(graph, found, method).unary, expected)
     plain = labeler.with_options(whole_spaces=False)
