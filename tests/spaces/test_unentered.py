@@ -103,6 +103,45 @@ def test_a_wedge_through_a_door_was_seen_and_not_entered() -> None:
     assert not found.cells[:, :89].any()
 
 
+def test_a_wide_space_without_walls_was_only_seen() -> None:
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    cells[57:63, 88:94] = FREE  # half the disc gets through
+    cells[40:80, 94:134] = FREE
+    found = found_in(cells)
+    assert found.cells[40:80, 94:134].all()
+    assert not found.cells[:, :89].any()
+
+
+def test_niches_and_sills_belong_to_their_room() -> None:
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    for row in range(24, 96, 8):  # of which nobody has seen the walls
+        cells[row - 1 : row + 5, 89:95] = UNKNOWN
+        cells[row : row + 4, 89:94] = FREE
+    assert not found_in(cells).cells.any()
+
+
+def test_a_closed_room_need_not_have_all_its_walls() -> None:
+    cells = two_rooms(0)
+    cells[:, 174:] = UNKNOWN
+    assert not found_in(cells).cells.any()
+
+
+def test_a_room_seen_in_part_was_entered_through_its_narrow_door() -> None:
+    cells = two_rooms(7)
+    cells[:20, 94:] = cells[100:, 94:] = cells[:60, 174:] = UNKNOWN  # most of its walls are missing
+    assert not found_in(cells).cells.any()
+
+
+def test_scraps_in_a_doubled_wall_are_let_be() -> None:
+    cells = blank()
+    add_room(cells, slice(20, 100), slice(10, 90))
+    for row in (30, 50, 70):
+        cells[row : row + 10, 90:93] = FREE
+    assert not found_in(cells).cells.any()
+
+
 def test_what_is_walled_in_was_entered() -> None:
     cells = blank()
     add_room(cells, slice(10, 110), slice(10, 190))
@@ -129,6 +168,7 @@ def test_shadows_of_furniture_are_no_unknown_space() -> None:
 
 def test_a_cropped_room_was_entered() -> None:
     assert not found_in(two_rooms(16)[:60, :60]).cells.any()
+    assert not found_in(two_rooms(0)[:, :100]).cells.any()
 
 
 def test_a_radius_of_zero_takes_everything_as_entered() -> None:
@@ -142,6 +182,7 @@ def test_a_larger_disc_reaches_less() -> None:
     cells = blank()
     add_room(cells, slice(20, 100), slice(10, 90))
     cells[54:66, 90:170] = FREE  # a corridor of 0.6 m whose walls nobody has seen
+    assert found_in(cells).cells[:, 95:].sum() == 12 * 75
     assert not found_in(cells).cells[:, :89].any()
     assert found_in(cells, 0.4).area_m2 > 1.5
     assert not found_in(cells, 0.1).cells.any()
