@@ -1,6 +1,7 @@
 """Input files: what may be opened and how large it may be, with one-line errors."""
 
 import errno
+import re
 import stat
 from io import BufferedReader
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Literal
 
 from pgm_places.errors import InputError, shown
 
-__all__ = ["file_kind", "open_input", "user_path"]
+__all__ = ["file_kind", "is_address", "open_input", "user_path"]
 
 
 def user_path(path: Path | str, error: type[InputError]) -> Path:
@@ -17,14 +18,24 @@ def user_path(path: Path | str, error: type[InputError]) -> Path:
     Raises
     ------
     error
-        There is no such user, or no file can have this name.
+        There is no such user, no file can have this name, or it is an address such as ``s3://...``.
     """
     if "\0" in str(path):
         raise error(f"{path}: not a valid file name")
+    if is_address(path):
+        raise error(f"{path}: an address, not a file on this machine; copy or mount it first")
     try:
         return Path(path).expanduser()
     except RuntimeError:
         raise error(f"{path}: no such user; write the full path") from None
+
+
+def is_address(path: Path | str) -> bool:
+    """Whether a path is an address of another machine, such as ``s3://bucket/maps``.
+
+    A path has lost one of the two slashes; a single letter is a drive.
+    """
+    return re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(path)) is not None
 
 
 def file_kind(path: Path) -> Literal["file", "folder", "other"] | None:

@@ -17,6 +17,7 @@ from pgm_places.io.folder_swap import (
     finish,
     swap_in,
 )
+from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 
 __all__ = ["RECORD_FILE", "OutputSet", "claim", "has_all_files", "is_as_written", "output_set"]
@@ -45,6 +46,20 @@ class OutputSet:
     folder: Path
     stage: Path
     written: list[Path]
+
+
+def _refuse_address(folder: Path) -> None:
+    """Refuse ``s3://...`` and the like, which would become a folder called ``s3:``.
+
+    Raises
+    ------
+    OutputError
+        It is an address.
+    """
+    if is_address(folder):
+        raise OutputError(
+            f"{folder}: an address, not a folder on this machine; write to one and copy that"
+        )
 
 
 @contextlib.contextmanager
@@ -83,6 +98,7 @@ def output_set(
         is the user's own or was changed since we wrote it.
     """
     shown = Path(folder)
+    _refuse_address(shown)
     with as_output_errors(shown):
         _tidy(shown)
         target = shown.resolve()
@@ -122,6 +138,7 @@ def claim(folder: Path | str, *, force: bool = False) -> Path:
         Where the folder cannot be written, or holds files but none of ours.
     """
     shown = Path(folder)
+    _refuse_address(shown)
     with as_output_errors(shown):
         _tidy(shown)
         _check(shown, set(), "", force=force, shared=False)

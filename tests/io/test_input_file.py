@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pgm_places.errors import MapError
-from pgm_places.io.input_file import file_kind, open_input, user_path
+from pgm_places.errors import MapError, OutputError
+from pgm_places.io.input_file import file_kind, is_address, open_input, user_path
+from pgm_places.io.output_set import output_set
 
 
 def test_a_pipe_is_refused_without_opening_it(tmp_path: Path) -> None:
@@ -56,6 +57,24 @@ def test_users_and_their_paths() -> None:
         user_path("~nobody-of-this-name/map.yaml", MapError)
     with pytest.raises(MapError, match="not a valid file name"):
         user_path("a\0b", MapError)
+
+
+@pytest.mark.parametrize("address", ["s3://bucket/map.yaml", "gs://b/m", "https://a.b/c.yaml"])
+@pytest.mark.parametrize("kind", [str, Path])
+def test_addresses_are_refused(
+    address: str, kind: type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MapError, match="an address, not a file on this machine"):
+        user_path(kind(address), MapError)
+    with (
+        pytest.raises(OutputError, match="an address, not a folder on this machine"),
+        output_set(kind(address), "label"),
+    ):
+        pass
+    assert not any(tmp_path.iterdir())
+    assert not is_address("C:/maps/office.yaml")
+    assert not is_address("maps/s3:/office.yaml")
 
 
 def test_kinds_of_files(tmp_path: Path) -> None:
