@@ -1,9 +1,10 @@
 """Maps that robots made, by kind of building: ``python -m experiments.robot_maps``.
 
-Every map of DATA/robots is labelled by the shipped model, which never saw these buildings, or by
-``--model``. ``--maps floors`` and ``--maps real`` measure the drawn floors and the other real maps,
-which the shipped model has learned from. Halls count as corridors. ``--evidence MODULE:NAME`` puts
-log-probabilities of a map's cells in the place of the list's, before the method smooths them; see
+Every map of DATA/robots is labelled by the shipped model or by ``--model``. The lists of the
+shipped model never saw these buildings, its networks did: ``--lists-alone`` does without networks.
+``--maps floors`` and ``--maps real`` measure the drawn floors and the other real maps, which the
+shipped model has learned from. Halls count as corridors. ``--evidence MODULE:NAME`` puts
+log-probabilities of a map's cells in the place of the model's, before the method smooths them; see
 ``experiments/robot_maps/sources.py``. The means of a kind weigh maps by how sure their labels are;
 counts of doors and spaces are sums. ``--out FILE`` keeps the figures of each map as CSV.
 PGM_PLACES_DATA names the folder of the real maps, ``../shared/data`` by default.
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from experiments.robot_maps.catalogue import GROUPS, robot_maps, training_maps
 from experiments.robot_maps.figures import MapFigures, measured, table, write_figures
-from experiments.robot_maps.sources import Source, evidence_named
+from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.cli.progress import LineProgress
 from pgm_places.reproduce.setting import data_folder
 from pgm_places.trained import DEFAULT, trained_labeler
@@ -27,12 +28,16 @@ def main(argv: list[str] | None = None) -> None:
     )
     parser.add_argument("--model", default=DEFAULT, help="a shipped model or a folder of train")
     parser.add_argument("--method", help="one of the model's methods instead of its default")
+    parser.add_argument("--lists-alone", action="store_true", help="without the model's networks")
     parser.add_argument("--evidence", metavar="MODULE:NAME", help="log-probabilities of cells")
     parser.add_argument("--maps", choices=GROUPS, default="robots", help="which maps to label")
     parser.add_argument("--out", type=Path, help="a CSV file for the figures of each map")
     given = parser.parse_args(argv)
     evidence = None if given.evidence is None else evidence_named(given.evidence)
-    source = Source(trained_labeler(given.model), given.method, evidence)
+    labeler = trained_labeler(given.model)
+    if given.lists_alone:
+        labeler = lists_alone(labeler)
+    source = Source(labeler, given.method, evidence)
     data = data_folder() or Path("../shared/data")
     maps = list(robot_maps(data) if given.maps == "robots" else training_maps(data, given.maps))
     figures: list[MapFigures] = []

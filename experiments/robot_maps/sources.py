@@ -16,11 +16,11 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.spaces.doorways import Doorways
 from pgm_places.unary.map_model import CellScores
 
-__all__ = ["Evidence", "Found", "Source", "evidence_named"]
+__all__ = ["Evidence", "Found", "Source", "evidence_named", "lists_alone"]
 
 Evidence = Callable[[OccupancyGrid, LabelGraph, CellScores], NDArray[np.float64]]
-"""Gives the log-probabilities (N, K) of a map's nodes that the method is to label, instead of
-``scores.space``, those of the list: a network, or a mixture of both."""
+"""Gives the log-probabilities (N, K) of a map's nodes that the method is to label, instead of those
+of the model: a network, or a mixture of both."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +53,23 @@ class Source:
         name = self.method or self.labeler.default_method
         graph, scores = self.labeler.scores(grid, methods=[name])
         if self.evidence is not None:
-            scores = replace(scores, space=self.evidence(grid, graph, scores))
+            unary = self.labeler.method(name).unary
+            scores = replace(scores, **{unary: self.evidence(grid, graph, scores)})
         labeling = self.labeler.infer(graph, scores, method=name)
         doorways = None if scores.spaces is None else scores.spaces.doorways
         assert isinstance(graph.layout, GridLayout)  # the graph is that of a map
         return Found(graph.layout.to_raster(labeling.labels, fill=-1), labeling, doorways)
+
+
+def lists_alone(labeler: PlaceLabeler) -> PlaceLabeler:
+    """The labeler without its networks: methods that see the whole floor see spaces instead."""
+    methods = {
+        name: replace(method, unary="space") if method.unary == "floor" else method
+        for name, method in labeler.methods_.items()
+    }
+    found = labeler.with_options()
+    found.methods_, found.unary_model_ = methods, replace(labeler.unary_model_, floor=None)
+    return found
 
 
 def evidence_named(name: str) -> Evidence:

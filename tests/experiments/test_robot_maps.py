@@ -12,12 +12,13 @@ from experiments.buildings.maps import KnownMap
 from experiments.robot_maps import __main__ as command
 from experiments.robot_maps import catalogue
 from experiments.robot_maps.figures import cut_spaces, measured, table, write_figures
-from experiments.robot_maps.sources import Source, evidence_named
+from experiments.robot_maps.sources import Source, evidence_named, lists_alone
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.maps.occupancy_grid import OccupancyGrid
+from pgm_places.trained import trained_labeler
 from pgm_places.unary.map_model import CellScores
 from tests.quick_labeler import places
 from tests.real_data import real_data_folder
@@ -115,6 +116,17 @@ def test_means_are_weighed_and_doors_are_added_up(tmp_path: Path) -> None:
     assert [row["weight"] for row in rows] == ["1.0", "0.25"]
     assert float(rows[1]["accuracy"]) == pytest.approx(figures[1].cells.accuracy, abs=1e-4)
     assert [int(row["painted_doors"]) for row in rows] == [doors, doors]
+
+
+def test_the_lists_of_a_model_can_be_measured_alone() -> None:
+    shipped = trained_labeler()
+    found = lists_alone(shipped)
+    assert shipped.method("potts").unary == "floor"
+    assert {name: method.unary for name, method in found.methods_.items()} == dict.fromkeys(
+        shipped.methods_, "space"
+    )
+    assert found.unary_model_.floor is None
+    assert shipped.unary_model_.floor is not None
 
 
 def test_evidence_that_cannot_be_found_is_refused() -> None:
