@@ -5,7 +5,7 @@ import itertools
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -110,14 +110,18 @@ def test_what_does_not_fit_is_left_out_and_said(radius_m: float, n_lost: int) ->
         assert all(place.anchor_m[0] < 3.4 for place in lost)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
-    raster=arrays(np.bool_, (7, 9)),
-    ends=arrays(np.float64, (4,), elements=st.integers(0, 24).map(lambda k: 0.5 + k / 4)),
+    cells=st.lists(st.tuples(st.integers(3, 9), st.integers(3, 9)), min_size=1, max_size=3),
+    ends=arrays(np.float64, (4,), elements=st.integers(4, 44).map(lambda k: k / 4)),
     most=st.sampled_from([0.5, 1.7, 20.0]),
 )
-def test_clearance_is_the_exact_distance(raster: np.ndarray, ends: np.ndarray, most: float) -> None:
-    blocked = np.pad(raster, 1, constant_values=True)
+@example(cells=[(5, 5)], ends=np.array([2.0, 6.0, 8.0, 8.0]), most=20.0)  # a corner is nearest
+def test_clearance_is_the_exact_distance(
+    cells: list[tuple[int, int]], ends: np.ndarray, most: float
+) -> None:
+    blocked = np.pad(np.zeros((11, 11), np.bool_), 1, constant_values=True)
+    blocked[tuple(np.transpose(cells))] = True
     found = np.empty(1)
     segment_clearances(blocked, ends[None], np.array([most]), found)
     assert found[0] == pytest.approx(segment_clearance(blocked, ends, most), abs=1e-9)
