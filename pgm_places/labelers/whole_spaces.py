@@ -1,11 +1,13 @@
 """Whole spaces: borders between corridor and room run along openings of segments, or not at all."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pgm_places._checks import ROWS_AT_ONCE
 from pgm_places.graph.bands import bands_of_rows
 from pgm_places.graph.layout import GridLayout
 from pgm_places.maps.components import Components, connected_components
@@ -67,19 +69,24 @@ def with_whole_spaces(
     if not set(_PAIR) <= set(label_names):
         return log_z
     pair = [label_names.index(name) for name in _PAIR]
-    label = log_z.argmax(axis=1)
+    label = np.empty(len(log_z), np.int16)
+    for some in _blocks(len(log_z)):
+        label[some] = log_z[some].argmax(axis=1)
     if known is not None:
-        label = np.where(known >= 0, known, label)
+        np.copyto(label, known, where=known >= 0, casting="unsafe")
     parts = _Parts.of(label, segments, layout, pair)
-    odds = np.asarray(log_z[:, pair[0]] - log_z[:, pair[1]], np.float64)
-    if known is not None:
-        for sign, k in zip((1, -1), pair, strict=True):
-            odds[known == k] = sign * _KNOWN
-    changed = parts.changed(parts.sums(odds, layout))
-    moves = layout.from_raster(parts.pieces.on_cells(changed, False))
+    part = layout.from_raster(parts.pieces.piece)
+    changed = np.append(parts.changed(parts.sums(log_z, part, pair, known)), False)
+    moves = changed[part]  # -1, for none, is the last
     if known is not None:
         moves &= known < 0
-    return _moved(log_z, moves, label, pair)
+    return _moved(log_z, np.flatnonzero(moves), label, pair)
+
+
+def _blocks(n_cells: int) -> Iterator[slice]:
+    """Some cells at a time: those of a huge map fill the memory with every step in between."""
+    for first in range(0, n_cells, ROWS_AT_ONCE):
+        yield slice(first, first + ROWS_AT_ONCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,28 +113,40 @@ class _Parts:
     @classmethod
     def of(
         cls,
-        label: NDArray[np.int64],
+        label: NDArray[np.int16],
         segments: NodeSegments,
         layout: GridLayout,
         pair: list[int],
     ) -> Self:
         """Those of cells with these labels."""
-        inside = (label == pair[0]) | (label == pair[1])
-        number = segments.segment.astype(np.int32)
-        code = np.where(inside, 2 * (number + 1) + (label == pair[1]), -1)
-        pieces = connected_components(layout.to_raster(code.astype(np.int32), fill=-1))
+        code = np.full(len(label), -1, np.int32)
+        for some in _blocks(len(label)):
+            for second, k in enumerate(pair):
+                number = segments.segment[some].astype(np.int32)
+                np.copyto(code[some], 2 * (number + 1) + second, where=label[some] == k)
+        pieces = connected_components(layout.to_raster(code, fill=-1))
         assert isinstance(layout.source, OccupancyGrid)  # segments are those of a map
         of_part = pieces.label.astype(np.int64) // 2 - 1
         in_ribbon = np.append(segments.is_ribbon, False)[of_part]  # none is the last
         is_room = pieces.label % 2 == 1
         return cls(pieces, is_room, of_part, in_ribbon, layout.source.resolution_m)
 
-    def sums(self, odds: NDArray[np.float64], layout: GridLayout) -> NDArray[np.float64]:
+    def sums(
+        self,
+        log_z: NDArray[np.float64],
+        part: NDArray[np.int32],
+        pair: list[int],
+        known: NDArray[np.int64] | None,
+    ) -> NDArray[np.float64]:
         """(P,) what speaks for corridor rather than room, times square metres."""
-        piece = layout.from_raster(self.pieces.piece)
-        inside = piece >= 0
-        weights = np.bincount(piece[inside], odds[inside], minlength=self.pieces.count)
-        total = np.asarray(weights, np.float64)
+        total = np.zeros(self.pieces.count + 1)  # the last for cells of no part
+        for some in _blocks(len(log_z)):
+            odds = np.asarray(log_z[some, pair[0]] - log_z[some, pair[1]], np.float64)
+            if known is not None:
+                odds[known[some] == pair[0]] = _KNOWN
+                odds[known[some] == pair[1]] = -_KNOWN
+            total += np.bincount(part[some] % len(total), odds, minlength=len(total))
+        total = total[:-1]
         total[self.in_ribbon & (total < 0)] *= _ROOM_IN_RIBBON
         return total * self.resolution_m**2
 
@@ -158,10 +177,12 @@ class _Parts:
 
 
 def _moved(
-    log_z: NDArray[np.float64], moves: NDArray[np.bool_], label: NDArray[np.int64], pair: list[int]
+    log_z: NDArray[np.float64],
+    nodes: NDArray[np.int64],
+    label: NDArray[np.int16],
+    pair: list[int],
 ) -> NDArray[np.float64]:
-    """(N, K) the scores of cells that move: both labels share what they had together."""
-    nodes = np.flatnonzero(moves)
+    """(N, K) the scores with those nodes moved: both labels share what they had together."""
     if not len(nodes):
         return log_z
     found = log_z.copy()
