@@ -64,7 +64,34 @@ KINDS_TOGETHER = (
 """Generated kinds that resemble each other are left out together, one row in each fold."""
 
 ROBOT = MapSimulation(scale=(0.8, 1.25), coverage=(0.6, 1.0))
-COPIES, PER_STYLE = 5, 16
+COPIES, PER_STYLE, EFFECTS = 5, 16, 240
+NEW_KINDS = ("apartment", "lab", "passage", "atrium")
+"""Kinds that no list has learned from."""
+
+
+def _effects(seed: int) -> MapSimulation:
+    """What robots' maps show of buildings: each effect in some of the maps."""
+    rng = np.random.default_rng([seed, 77])
+
+    def some(share: float, most: float) -> tuple[float, float]:
+        return (0.0, most if rng.random() < share else 0.0)
+
+    return MapSimulation(
+        furniture=(0.0, 1.3),
+        corridor_furniture=(0.0, 2.0),
+        coverage=(0.5, 1.0) if rng.random() < 0.5 else (0.9, 1.0),
+        entered_rooms=(0.2, 1.0),
+        reach_m=(4.0, 16.0),
+        pose_noise_m=(0.0, 0.15),
+        bend=(0.0, 0.04),
+        oblique=0.6,
+        windows=some(0.75, 0.5),
+        glass_fronts=some(0.35, 0.3),
+        closed_doors=some(0.6, 0.8),
+        large_furniture=some(0.8, 1.5),
+        slip_m=some(0.25, 0.5),
+        least_seen=0.45,
+    )
 
 
 @dataclass(frozen=True)
@@ -74,7 +101,7 @@ class Floor:
     Parameters
     ----------
     name : str
-    source : {"robot", "real", "drawn", "simulated", "generated", "generated-robot"}
+    source : {"robot", "real", "drawn", "simulated", "generated", "generated-robot", "effects"}
     building : str
         Floors of one building are in one fold.
     weight : float
@@ -113,6 +140,10 @@ def all_floors(data: Path) -> Iterator[Floor]:
                 plan = _generated(style, seed)
                 yield plan
                 yield _robot_copy(plan, seed, "generated-robot")
+    for number in range(EFFECTS):
+        style = (*NEW_KINDS, *NEW_KINDS, *GENERATED_STYLES)[number % (8 + len(GENERATED_STYLES))]
+        plan = _generated(style, 30_000 + number)
+        yield _robot_copy(plan, number, "effects", _effects(number))
 
 
 def _robots(data: Path) -> Iterator[Floor]:
@@ -152,9 +183,9 @@ def _generated(style: str, seed: int) -> Floor:
     return Floor(f"generated_{style}_{seed}", "generated", style, 1.0, load)
 
 
-def _robot_copy(plan: Floor, seed: int, source: str) -> Floor:
+def _robot_copy(plan: Floor, seed: int, source: str, options: MapSimulation = ROBOT) -> Floor:
     def load() -> LabelledMap:
-        return simulate_map(plan.load(), WITH_HALLS.names, seed=seed, options=ROBOT)
+        return simulate_map(plan.load(), WITH_HALLS.names, seed=seed, options=options)
 
     name = f"{source}_{plan.name}_{seed}"
     return Floor(name, source, plan.building, 1.0, load, plan.tells_halls)

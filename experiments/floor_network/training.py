@@ -23,7 +23,8 @@ SHARES = {
     "drawn": 0.14,
     "simulated": 0.20,
     "generated": 0.10,
-    "generated-robot": 0.28,
+    "generated-robot": 0.14,
+    "effects": 0.14,
 }
 """How often a piece is cut from floors of each source."""
 
