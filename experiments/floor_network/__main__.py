@@ -6,7 +6,8 @@ network for each fold of buildings, which it never sees, in turn; it resumes whe
 writes the learning curve to ``FOLDER/curve.csv``. ``measure --kept FOLDER`` labels every map of
 DATA/robots with the network that has not seen its building beside the shipped lists, and prints
 the figures by kind; ``plans --kept FOLDER`` does so for drawn floors, their robot-like copies, and
-the real maps that the lists learned from, with lists held out, too. ``ship --kept FOLDER`` puts
+the real maps that the lists learned from, with lists held out, too, and ``kinds --kept FOLDER``
+for generated kinds that neither has learned from. ``ship --kept FOLDER`` puts
 the networks into the model ``default``. Training needs the extra ``train``. PGM_PLACES_DATA names
 the folder of the real maps.
 """
@@ -23,7 +24,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m experiments.floor_network", description=(__doc__ or "").partition("\n")[0]
     )
-    parser.add_argument("step", choices=("floors", "train", "measure", "plans", "ship"))
+    parser.add_argument("step", choices=("floors", "train", "measure", "plans", "kinds", "ship"))
     parser.add_argument("--kept", type=Path, required=True, help="folder of floors and networks")
     parser.add_argument("--steps", type=int, default=4200, help="steps of training for each fold")
     parser.add_argument("--folds", type=int, nargs="*", default=[0, 1, 2, 3])
@@ -45,10 +46,11 @@ def main(argv: list[str] | None = None) -> None:
         from experiments.floor_network.held_out import measure
 
         measure(data, given.kept, progress)
-    elif given.step == "plans":
-        from experiments.floor_network.plans import measure_plans
+    elif given.step in ("plans", "kinds"):
+        from experiments.floor_network.plans import measure_kinds, measure_plans
 
-        measure_plans(data, given.kept, given.threads, progress)
+        measure = measure_plans if given.step == "plans" else measure_kinds
+        measure(data, given.kept, given.threads, progress)
     else:
         from experiments.floor_network.held_out import ship
 

@@ -12,7 +12,7 @@ from experiments.buildings.maps import NAMES, building_numbers, sampled_maps
 from experiments.buildings.scores import SHIPPED, rescaled
 from experiments.floor_network.floors import all_floors, fold_of
 from experiments.floor_network.held_out import networks
-from experiments.unseen_kinds import _RECIPES
+from experiments.unseen_kinds import _RECIPES, scored_unseen
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.graph.layout import GridLayout
 from pgm_places.progress import Progress
@@ -22,7 +22,7 @@ from pgm_places.spaces.segmentation import Segmentation
 from pgm_places.unary.floor_model import FloorModel, with_floor
 from pgm_places.unary.space_model import MapSpaces, with_gates
 
-__all__ = ["STEPS", "measure_plans"]
+__all__ = ["STEPS", "measure_kinds", "measure_plans"]
 
 N_FOLDS_OF_LISTS = 6
 STEPS = ("lists alone", "networks alone", "lists and networks")
@@ -33,13 +33,24 @@ def measure_plans(data: Path, kept: Path, n_threads: int | None, progress: Progr
     setting = Setting(data, progress, n_threads, kept)
     samples = sampled_maps(setting)
     scored = scored_maps(setting, samples, building_numbers(samples, N_FOLDS_OF_LISTS), _RECIPES)
+    _measure(scored, data, kept, progress)
+
+
+def measure_kinds(data: Path, kept: Path, n_threads: int | None, progress: Progress) -> None:
+    """The same for generated kinds that neither lists nor the network have learned from."""
+    scored = scored_unseen(Setting(data, progress, n_threads, kept))
+    _measure(scored, data, kept, progress)
+
+
+def _measure(scored: Sequence[Scored], data: Path, kept: Path, progress: Progress) -> None:
     fold = fold_of(list(all_floors(data)))
     models = [FloorModel((network,), views_per_network=8) for network in networks(kept)]
     found: dict[str, dict[str, list[Evaluation]]] = defaultdict(lambda: defaultdict(list))
     with progress.stage("floors") as stage:
         for count, (item, log_z) in enumerate(zip(scored, rescaled(scored, SHIPPED), strict=True)):
             known = item.sample.known
-            building = "Freiburg 79" if "Freiburg" in known.building else known.building
+            building = known.kind if known.kind in fold else known.building
+            building = "Freiburg 79" if "Freiburg" in building else building
             for step, log_p in _steps(item, log_z, models[fold[building]]):
                 found[known.group][step].append(
                     evaluate(item.truth, log_p.argmax(axis=1), NAMES, beliefs=np.exp(log_p))
