@@ -78,7 +78,7 @@ def test_a_drive_without_a_map_is_labelled_by_itself(folder: Path, run: Run) -> 
 
 def test_a_map_without_a_drive_is_labelled_by_label(folder: Path, run: Run) -> None:
     out, yaml = folder / "out", folder / "map.yaml"
-    code, text, error = run("label", yaml, "-m", folder / "model", "-o", out, "-q")
+    code, text, error = run("label", yaml, "-m", folder / "model", "-o", out, "-q", "--unentered")
     assert (code, error) == (0, "")
     assert "potts: corridor" in text
     grid = load_map(yaml).grid
