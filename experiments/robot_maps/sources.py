@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +54,10 @@ class Source:
         name = self.method or self.labeler.default_method
         graph, scores = self.labeler.scores(grid, methods=[name])
         if self.evidence is not None:
-            unary = self.labeler.method(name).unary
-            scores = replace(scores, **{unary: self.evidence(grid, graph, scores)})
+            said: dict[str, Any] = {
+                self.labeler.method(name).unary: self.evidence(grid, graph, scores)
+            }
+            scores = replace(scores, **said)
         labeling = self.labeler.infer(graph, scores, method=name)
         doorways = None if scores.spaces is None else scores.spaces.doorways
         assert isinstance(graph.layout, GridLayout)  # the graph is that of a map
