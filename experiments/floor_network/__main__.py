@@ -7,9 +7,9 @@ writes the learning curve to ``FOLDER/curve.csv``. ``measure --kept FOLDER`` lab
 DATA/robots with the network that has not seen its building beside the shipped lists, and prints
 the figures by kind; ``plans --kept FOLDER`` does so for drawn floors, their robot-like copies, and
 the real maps that the lists learned from, with lists held out, too, and ``kinds --kept FOLDER``
-for generated kinds that neither has learned from. ``ship --kept FOLDER`` puts
-the networks into the model ``default``. Training needs the extra ``train``. PGM_PLACES_DATA names
-the folder of the real maps.
+for generated kinds that neither has learned from. ``ship --kept FOLDER`` puts the networks into the
+model ``default``. Training needs the extra ``train``. PGM_PLACES_DATA names the folder of the real
+maps.
 """
 
 import argparse
