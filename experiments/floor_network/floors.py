@@ -22,6 +22,7 @@ __all__ = [
     "Floor",
     "all_floors",
     "fold_of",
+    "held_out_with",
     "network_file",
     "write_floors",
 ]
@@ -161,6 +162,11 @@ def _robots(data: Path) -> Iterator[Floor]:
         yield Floor(f"robot_{name}", "robot", building, UNSURE.get(name, 1.0), load)
 
 
+def held_out_with(known: KnownMap) -> str:
+    """The building whose fold a map is in: both buildings of Freiburg are held out together."""
+    return "Freiburg 79" if "Freiburg" in known.building else known.building
+
+
 def _real(data: Path) -> Iterator[Floor]:
     for known in real_maps(data):
 
@@ -168,10 +174,9 @@ def _real(data: Path) -> Iterator[Floor]:
             return replace(known.item, labels=known.finer)
 
         drawn = known.source == "drawn" and known.halls is not None
-        building = "Freiburg 79" if "Freiburg" in known.building else known.building
         source = "drawn" if known.source == "drawn" else "real"
         name = f"{source}_{known.item.name}".replace(" ", "-").replace(",", "")
-        yield Floor(name, source, building, 1.0, load, drawn)
+        yield Floor(name, source, held_out_with(known), 1.0, load, drawn)
 
 
 def _generated(style: str, seed: int) -> Floor:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from experiments.buildings.lists import DOORWAY, Scored, scored_maps
 from experiments.buildings.maps import NAMES, building_numbers, sampled_maps
 from experiments.buildings.scores import SHIPPED, rescaled
-from experiments.floor_network.floors import all_floors, fold_of
+from experiments.floor_network.floors import all_floors, fold_of, held_out_with
 from experiments.floor_network.held_out import networks
 from experiments.unseen_kinds import _RECIPES, scored_unseen
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
@@ -49,8 +49,7 @@ def _measure(scored: Sequence[Scored], data: Path, kept: Path, progress: Progres
     with progress.stage("floors") as stage:
         for count, (item, log_z) in enumerate(zip(scored, rescaled(scored, SHIPPED), strict=True)):
             known = item.sample.known
-            building = known.kind if known.kind in fold else known.building
-            building = "Freiburg 79" if "Freiburg" in building else building
+            building = known.kind if known.kind in fold else held_out_with(known)
             for step, log_p in _steps(item, log_z, models[fold[building]]):
                 found[known.group][step].append(
                     evaluate(item.truth, log_p.argmax(axis=1), NAMES, beliefs=np.exp(log_p))

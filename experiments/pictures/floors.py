@@ -35,10 +35,8 @@ def floor() -> None:
     robot = MapSimulation(coverage=(0.75, 0.75), glass=(0.4, 0.4), corridor_furniture=(2.0, 2.0))
     grid = simulate_map(plan, NAMES, seed=SEED, options=robot, resolution_m=0.05).grid
     labeler = shipped()
-    _, scores = labeler.scores(grid)
-    assert scores.doubt is not None
     doubt = np.full(grid.shape, np.nan)
-    doubt[grid.free] = scores.doubt
+    doubt[grid.free] = labeler.unary_model_.seen(grid).doubt(np.argwhere(grid.free))
     picture = figure(8.4, 6.9)
     axes = picture.subplots(2, 2)
     draw_ground(axes[0, 0], grid)

@@ -13,6 +13,7 @@ from pgm_places.floor.inputs import FARTHEST, network_inputs, open_cells
 from pgm_places.floor.network import FloorNetwork
 from pgm_places.floor.raster import FloorRaster, holders
 from pgm_places.kernels.threads import run_tasks
+from pgm_places.maps.clearance import squared_clearance
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 
 __all__ = ["FloorScores", "View", "floor_scores", "views_of"]
@@ -204,14 +205,7 @@ def _normalised(scores: NDArray[np.float32]) -> NDArray[np.float32]:
 def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(h, w) distance of the cells in the mask to the nearest outside, in cells; none is beyond.
 
-    The kernel takes what is beyond the raster for outside, hence a frame.
+    What is beyond a raster counts as outside, hence a frame.
     """
-    from pgm_places.maps._distance_kernels import squared_distance
-
-    framed = np.pad(mask, FARTHEST, constant_values=True)
-    squared = np.empty(framed.shape, np.int32)
-    width = framed.shape[1]
-    site, start = np.empty(width, np.int32), np.empty(width, np.int32)
-    squared_distance(~framed, squared, site, start, np.empty(width, np.int64))
-    inner = squared[FARTHEST:-FARTHEST, FARTHEST:-FARTHEST]
-    return np.sqrt(inner, dtype=np.float32)
+    squared = squared_clearance(np.pad(~mask, FARTHEST))
+    return np.sqrt(squared[FARTHEST:-FARTHEST, FARTHEST:-FARTHEST], dtype=np.float32)

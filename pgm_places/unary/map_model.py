@@ -67,9 +67,6 @@ class CellScores:
         The accepted gates, where ``spaces`` were not kept.
     segments : NodeSegments or None
         The segments of the finest scale that the nodes lie in, beside ``space``.
-    doubt : (N,) float32 or None
-        How far the floor networks' views of each node differ: the standard deviation of the
-        log-odds of circulation against rooms.
     """
 
     laser: NDArray[np.float64] | None
@@ -81,7 +78,6 @@ class CellScores:
     doorways: Doorways | None = None
     segments: NodeSegments | None = None
     floor: NDArray[np.float64] | None = None
-    doubt: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,10 +230,9 @@ class UnaryModel:
         if second is not None:
             with progress.stage("spatial context"):
                 self._add_context(second, grid, layout, found["laser"], found["context"])
-        hall, doubt = None if around is None else around.hall, None
+        hall = None if around is None else around.hall
         if seen is not None and self.floor is not None and around is not None:
             found["floor"] = with_floor(around.found, seen, self.floor, layout, hall)
-            doubt = sealed(seen.doubt(layout.cells[:]))
         laser, context, space, floor = (
             sealed(found[name]) if name in found and name in unaries else None for name in UNARIES
         )
@@ -251,7 +246,6 @@ class UnaryModel:
             doorways,
             None if around is None else around.features.segments,
             floor,
-            doubt,
         )
 
     def gate_judge(self, seen: FloorScores) -> GateJudge:

@@ -131,10 +131,8 @@ def test_only_what_is_asked_for_is_returned(fitted: tuple[PlaceLabeler, Labelled
     _, scores = labeler.scores(known.grid, methods=["both"])
     assert scores.space is None
     assert scores.floor is not None
-    assert scores.doubt is not None
     _, scores = labeler.scores(known.grid, methods=["alone"])
     assert scores.floor is None
-    assert scores.doubt is None
 
 
 def test_it_is_saved_with_its_networks(
