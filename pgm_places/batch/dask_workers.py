@@ -1,10 +1,11 @@
 """Workers of a Dask cluster that runs already."""
 
+import queue
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any, TypeVar
 
 from pgm_places._extras import needed
@@ -17,6 +18,9 @@ Task = TypeVar("Task")
 
 _AHEAD = 4
 """Tasks under way per thread of the cluster: enough to keep it busy, few enough to forget."""
+
+_ASK_AGAIN_S = 1.0
+"""How old the number of threads may be: workers come and go while tasks run for minutes."""
 
 
 @dataclass(frozen=True)
@@ -43,24 +47,9 @@ class DaskWorkers:
     def run(self, function: Callable[[Task], Any], tasks: Iterable[Task]) -> Iterator[Done]:
         """The tasks with their results: see :class:`pgm_places.batch.workers.Workers`."""
         with self._client() as (distributed, client):
-            waiting = iter(tasks)
-            under_way: dict[str, Any] = {}
-
-            def submit(n: int) -> list[Any]:
-                made = []
-                for task in islice(waiting, n):
-                    future = client.submit(function, task, pure=False)
-                    under_way[future.key] = task
-                    made.append(future)
-                return made
-
-            first = submit(_AHEAD * _n_threads(client))
-            ends = distributed.as_completed(first, loop=client.loop)
-            for future in ends:
-                yield Done(under_way.pop(future.key), _result(distributed, future, self.address))
-                future.release()
-                for new in submit(1):
-                    ends.add(new)
+            under_way = _UnderWay(client, function, iter(tasks))
+            for task, future in under_way.ended():
+                yield Done(task, _result(distributed, future, self.address))
 
     @contextmanager
     def _client(self) -> Iterator[tuple[Any, Any]]:
@@ -93,8 +82,39 @@ def _wait_for_workers(client: Any, address: str, seconds: float) -> None:
         ) from None
 
 
-def _n_threads(client: Any) -> int:
-    return max(sum(client.nthreads().values()), 1)
+class _UnderWay:
+    """The tasks that the cluster has: some for each of its threads, however many it has by now."""
+
+    def __init__(self, client: Any, function: Callable[[Any], Any], tasks: Iterator[Any]) -> None:
+        self._client, self._function, self._tasks = client, function, tasks
+        self._futures: dict[str, tuple[Any, Any]] = {}
+        self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._n_threads, self._asked_s = 1, -_ASK_AGAIN_S
+
+    def ended(self) -> Iterator[tuple[Any, Any]]:
+        """Each task with its future, once that has ended; new ones take the places."""
+        while True:
+            self._fill()
+            if not self._futures:
+                return
+            with suppress(queue.Empty):
+                task, future = self._futures.pop(self._ended.get(timeout=_ASK_AGAIN_S))
+                yield task, future
+                future.release()
+
+    def _fill(self) -> None:
+        room = _AHEAD * self._threads() - len(self._futures)
+        for _, task in zip(range(room), self._tasks, strict=False):
+            future = self._client.submit(self._function, task, pure=False)
+            self._futures[future.key] = task, future
+            future.add_done_callback(lambda ended: self._ended.put(ended.key))
+
+    def _threads(self) -> int:
+        if time.monotonic() - self._asked_s >= _ASK_AGAIN_S:
+            with suppress(OSError, TimeoutError):  # what became of a lost scheduler, futures tell
+                self._n_threads = max(sum(self._client.nthreads().values()), 1)
+            self._asked_s = time.monotonic()
+        return self._n_threads
 
 
 def _result(distributed: Any, future: Any, address: str) -> Any:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 
@@ -36,3 +37,8 @@ def refuse(number: int) -> int:
     if number == 3:
         raise ValueError("no")
     return number
+
+
+def rest(seconds: float) -> float:
+    time.sleep(seconds)
+    return seconds

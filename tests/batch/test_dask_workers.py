@@ -1,6 +1,7 @@
 """A Dask cluster over TCP does what processes of this machine do."""
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 
 from pgm_places.batch.dask_workers import DaskWorkers, _unregister
 from pgm_places.errors import InputError
-from tests.batch.tasks import die_always, die_once, double, refuse
+from tests.batch.tasks import die_always, die_once, double, refuse, rest
 
 distributed = pytest.importorskip("distributed")
 
@@ -46,6 +47,26 @@ def memory_limit(_: int) -> int:
 def test_every_task_comes_back_with_its_result(address: str) -> None:
     found = dict(patient(address).run(double, iter(range(30))))
     assert found == {number: 2 * number for number in range(30)}
+
+
+def test_workers_that_come_later_get_tasks_at_once() -> None:
+    with (
+        patch.dict(os.environ),
+        distributed.LocalCluster(
+            n_workers=1,
+            threads_per_worker=1,
+            processes=False,
+            dashboard_address=None,
+            silence_logs=50,
+        ) as cluster,
+    ):
+        started = time.monotonic()
+        run = patient(cluster.scheduler_address).run(rest, [1.0] * 40)
+        assert next(run).result == 1.0
+        cluster.scale(10)
+        assert len(list(run)) == 39
+        # Alone, one worker takes 40 s; with four tasks at a time, as many as it had at first, 10 s.
+        assert time.monotonic() - started < 9.0
 
 
 def test_a_killed_worker_loses_no_task(address: str, tmp_path: Path) -> None:
