@@ -95,8 +95,8 @@ def batch_seconds(maps: Path, out: Path, workers: Workers) -> Taken:
     """What a batch takes."""
     start, before = time.perf_counter(), processor_seconds()
     found = find_maps([str(maps)], out)
-    done = label_batch(found.maps, out, OPTIONS, workers, progress=Silent())
-    assert len(done.rows) == len(found.maps)
+    done = label_batch(found, out, OPTIONS, workers, progress=Silent())
+    assert done.n_labelled == len(found.maps)
     wall_s, ours = time.perf_counter() - start, isinstance(workers, LocalWorkers)
     return Taken(wall_s, ended_processor_seconds() - before if ours else None)
 
@@ -163,7 +163,7 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
             shutil.rmtree(out)
             done = {}
         n_killed += killed([maps], out, rng.uniform(0.0, longest_s), rng)
-        now = {path: path.stat().st_mtime_ns for path in out.glob("*/manifest.json")}
+        now = {path: path.stat().st_mtime_ns for path in out.rglob("manifest.json")}
         lost += len(done.keys() - now.keys())
         done_twice += sum(now[path] != done[path] for path in done.keys() & now.keys())
         done = now
@@ -173,9 +173,9 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
         "kills": n_killed,
         "drawn from (s)": longest_s,
         "wall s": time.perf_counter() - start,
-        "lost": lost + N_KILLED_MAPS - len(list(out.glob("*/manifest.json"))),
+        "lost": lost + N_KILLED_MAPS - len(list(out.rglob("manifest.json"))),
         "done twice": done_twice,
-        "left behind": len(list(out.glob(".*.tmp"))),
+        "left behind": len(list(out.rglob(".*.tmp"))),
     }
 
 

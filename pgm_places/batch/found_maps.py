@@ -1,11 +1,11 @@
 """The maps that arguments name: files, folders to look through, and patterns."""
 
 import glob
+import os
 import re
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from pgm_places.errors import MapError
 from pgm_places.io.input_file import file_kind, user_path
@@ -23,7 +23,7 @@ class FoundMap:
     Parameters
     ----------
     name : str
-        Its folder among the results.
+        Its folder among the results: its path below the root, with slashes and without ``.yaml``.
     path : Path
         Its YAML file, absolute.
     """
@@ -34,10 +34,21 @@ class FoundMap:
 
 @dataclass(frozen=True)
 class FoundMaps:
-    """The maps, by name, and how many YAML files were passed over because they describe none."""
+    """The maps of some arguments.
+
+    Parameters
+    ----------
+    maps : tuple of FoundMap
+        By name.
+    n_passed_over : int
+        How many YAML files were passed over because they describe no map.
+    root : Path
+        The folder that their names start from, absolute.
+    """
 
     maps: tuple[FoundMap, ...]
     n_passed_over: int
+    root: Path
 
 
 def names_many(argument: str) -> bool:
@@ -46,19 +57,30 @@ def names_many(argument: str) -> bool:
     return file_kind(path) == "folder" or (glob.has_magic(argument) and not path.exists())
 
 
-def find_maps(arguments: Sequence[str], out: Path | None = None) -> FoundMaps:
+def find_maps(
+    arguments: Sequence[str], out: Path | None = None, *, root: Path | None = None
+) -> FoundMaps:
     """The maps that arguments name, each once.
 
     A file is taken as it is. In a folder, and for a pattern (``floors/*/map.yaml``, ``**`` for any
     depth), every YAML file with a key ``image`` is a map, except in hidden folders and below
-    ``out``. A map is called after its file, or after its folder where the file is ``map.yaml``;
-    where two have one name, the names of their folders are put in front.
+    ``out``. A map is called by its path below the root, so that no other map changes its name.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+    out : Path, optional
+        Where the results are.
+    root : Path, optional
+        The folder that names start from; by default the deepest one that holds all arguments.
 
     Raises
     ------
     MapError
-        A folder or a pattern holds no map.
+        A folder or a pattern holds no map, or a map lies outside the root.
     """
+    if root is None:
+        root = Path(os.path.commonpath([_base(argument) for argument in arguments]))
     found: dict[Path, None] = {}
     n_passed_over = 0
     for argument in arguments:
@@ -73,9 +95,38 @@ def find_maps(arguments: Sequence[str], out: Path | None = None) -> FoundMaps:
             )
         n_passed_over += len(listed) - len(maps)
         found |= dict.fromkeys(maps)
-    named = zip(_names(list(found)), found, strict=True)
-    maps_by_name = sorted((FoundMap(*item) for item in named), key=lambda item: item.name)
-    return FoundMaps(tuple(maps_by_name), n_passed_over)
+    named = [FoundMap(_name(path, root), path) for path in found]
+    return FoundMaps(tuple(sorted(named, key=lambda item: item.name)), n_passed_over, root)
+
+
+def _base(argument: str) -> Path:
+    """The folder of an argument: itself, that of the file, or what a pattern begins with."""
+    path = _normal(user_path(argument, MapError))
+    if not names_many(argument):
+        return path.parent
+    if file_kind(path) == "folder":
+        return path
+    return next(part for part in path.parents if not glob.has_magic(str(part)))
+
+
+def _normal(path: Path) -> Path:
+    """The path, absolute and without ``..``."""
+    return Path(os.path.abspath(path))  # noqa: PTH100  Path.absolute keeps '..'
+
+
+def _name(path: Path, root: Path) -> str:
+    """What a map is called; parts that would be hidden have a dash in front."""
+    try:
+        below = _normal(path).relative_to(root)
+    except ValueError:
+        raise MapError(
+            f"{path}: outside {root}, the folder that the names of earlier results start from; "
+            "use another --out for it"
+        ) from None
+    if below.suffix == ".yaml":  # that of hall.yml stays, for there may be hall.yaml, too
+        below = below.with_suffix("")
+    parts = (f"-{part}" if part.startswith(".") else part for part in below.parts)
+    return str(PurePosixPath(*parts))
 
 
 def _listed(argument: str, out: Path | None) -> list[Path] | None:
@@ -105,42 +156,3 @@ def _describes_map(path: Path) -> bool:
             return _DESCRIBES_MAP.search(file.read(_HEAD)) is not None
     except OSError:
         return True
-
-
-def _names(paths: Sequence[Path]) -> list[str]:
-    """A name for each path; no two differ by capital letters alone, as some disks know none."""
-    taken = [1] * len(paths)
-    parts = [_name_parts(path) for path in paths]
-    while True:
-        names = ["-".join(part[-n:]) for part, n in zip(parts, taken, strict=True)]
-        others: dict[str, set[tuple[str, ...]]] = defaultdict(set)
-        for name, part in zip(names, parts, strict=True):
-            others[name.casefold()].add(tuple(word.casefold() for word in part))
-        longer = [
-            number
-            for number, name in enumerate(names)
-            if len(others[name.casefold()]) > 1 and taken[number] < len(parts[number])
-        ]
-        if not longer:
-            return list(_numbered(names))
-        for number in longer:
-            taken[number] += 1
-
-
-def _name_parts(path: Path) -> list[str]:
-    """The words that a map's name may be made of, its own name last."""
-    folders = [part.lstrip(".") or "_" for part in path.parent.parts[1:]]
-    stem = path.stem.lstrip(".") or "_"
-    return folders if stem == "map" and folders else [*folders, stem]
-
-
-def _numbered(names: Iterable[str]) -> Iterator[str]:
-    """The names, with numbers behind those that are still the same."""
-    seen: set[str] = set()
-    for name in names:
-        number, numbered = 1, name
-        while numbered.casefold() in seen:
-            number += 1
-            numbered = f"{name}-{number}"
-        seen.add(numbered.casefold())
-        yield numbered

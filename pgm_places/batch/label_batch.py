@@ -1,22 +1,29 @@
-"""Labelling many maps: tasks for workers, and the files that list what became of them."""
+"""Labelling many maps: tasks for workers, and the lists of what became of them."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pgm_places.batch.found_maps import FoundMap
+from pgm_places.batch.batch_folder import claim_of, names_in_the_way, write_root
+from pgm_places.batch.found_maps import FoundMap, FoundMaps
 from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.lists import Lists
 from pgm_places.batch.map_task import MapTask, label_one
-from pgm_places.batch.outcomes import Failure, LabelledRow, Outcome
-from pgm_places.batch.overview_files import OVERVIEW, write_overview
+from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow
+from pgm_places.batch.overview import Overview
 from pgm_places.batch.ready_model import ready_model
+from pgm_places.batch.shard import Shard
 from pgm_places.batch.workers import Workers
 from pgm_places.errors import OutputError
-from pgm_places.io.output_set import claim, output_set
-from pgm_places.progress import Progress
+from pgm_places.io.output_set import claim
+from pgm_places.io.staging import claimed
+from pgm_places.progress import Progress, duration
 
-__all__ = ["LabelledBatch", "duration", "label_batch"]
+__all__ = ["LabelledBatch", "label_batch", "maps_to_do"]
+
+_LOOK_AGAIN_S = 1.0
+"""How often to see whether another batch has finished a map, or has died on it."""
 
 
 @dataclass(frozen=True)
@@ -25,39 +32,75 @@ class LabelledBatch:
 
     Parameters
     ----------
-    rows : tuple of LabelledRow
-        The maps that are labelled, by name.
-    failures : tuple of Failure
-        Those that could not be, by name.
+    n_labelled, n_kept, n_failed : int
+        Maps that this run labelled, that it found done, and that could not be labelled.
+    overview : Overview
+        Of the whole folder, with what earlier runs and others wrote.
     written : tuple of Path
-        The files that list them all.
+        The files that list all maps.
     """
 
-    rows: tuple[LabelledRow, ...]
-    failures: tuple[Failure, ...]
+    n_labelled: int
+    n_kept: int
+    n_failed: int
+    overview: Overview
     written: tuple[Path, ...]
 
     def summary(self) -> str:
         """One line: how many maps were labelled, had been before, and failed."""
-        n_kept = sum(row.kept for row in self.rows)
-        n_all = len(self.rows) + len(self.failures)
-        parts = [f"{len(self.rows) - n_kept:,} labelled"]
-        parts += [f"{n_kept:,} done before"] if n_kept else []
-        parts += [f"{len(self.failures):,} failed"] if self.failures else []
+        n_all = self.n_labelled + self.n_kept + self.n_failed
+        parts = [f"{self.n_labelled:,} labelled"]
+        parts += [f"{self.n_kept:,} done before"] if self.n_kept else []
+        parts += [f"{self.n_failed:,} failed"] if self.n_failed else []
         return f"{n_all:,} map{'' if n_all == 1 else 's'}: {', '.join(parts)}"
 
 
+def maps_to_do(
+    found: FoundMaps, out: Path, *, shard: Shard | None = None, only_failed: bool = False
+) -> list[FoundMap]:
+    """The maps of a shard, or only those of them that failed last."""
+    maps = [item for item in found.maps if shard is None or shard.has(item.name)]
+    if only_failed:
+        failed = Lists(out).failed()
+        maps = [item for item in maps if item.name in failed]
+    return maps
+
+
 def label_batch(
-    maps: Sequence[FoundMap],
+    found: FoundMaps,
     out: Path,
     options: LabelOptions,
     workers: Workers,
     *,
     n_threads: int = 1,
     force: bool = False,
+    shard: Shard | None = None,
+    only_failed: bool = False,
+    limit_s: float | None = None,
     progress: Progress,
 ) -> LabelledBatch:
     """Label maps, each into a folder of its own below ``out``; those that are done are kept.
+
+    Several batches may work on one folder: a map that another one is labelling is left to it, and
+    looked at again when it is done.
+
+    Parameters
+    ----------
+    found : FoundMaps
+    out : Path
+    options : LabelOptions
+    workers : Workers
+    n_threads : int
+        Of each worker.
+    force : bool
+        Overwrite what is not, or no longer, ours.
+    shard : Shard, optional
+        Label only this part of the maps.
+    only_failed : bool
+        Label only maps that failed last.
+    limit_s : float, optional
+        How long a map may take.
+    progress : Progress
 
     Raises
     ------
@@ -68,37 +111,69 @@ def label_batch(
     """
     sha256 = ready_model(options).sha256
     target = claim(out, force=force).absolute()
-    _refuse_names_of_files(maps, out)
-    tasks = [
-        MapTask(item.name, item.path, target / item.name, options, sha256, n_threads, force)
-        for item in maps
-    ]
-    outcomes = sorted(_outcomes(tasks, workers, progress), key=lambda item: item.name)
-    rows = tuple(item for item in outcomes if isinstance(item, LabelledRow))
-    failures = tuple(item for item in outcomes if isinstance(item, Failure))
-    with output_set(out, "label maps", names=OVERVIEW, force=force, shared=True) as files:
-        write_overview(files.stage, rows, failures)
-    return LabelledBatch(rows, failures, tuple(files.written))
-
-
-def _refuse_names_of_files(maps: Sequence[FoundMap], out: Path) -> None:
-    taken = {name.casefold() for name in OVERVIEW}
-    for item in maps:
-        if item.name.casefold() in taken:
-            raise OutputError(
-                f"{item.path}: its folder would be {out / item.name}, which is reserved for the "
-                "list of all maps; rename the map"
-            )
-
-
-def _outcomes(tasks: Sequence[MapTask], workers: Workers, progress: Progress) -> Iterator[Outcome]:
-    tally = _Tally(len(tasks))
+    write_root(target, found.root)
+    lists = Lists(target, (item.name for item in found.maps))
+    lists.begin(force=force)
+    maps = maps_to_do(found, target, shard=shard, only_failed=only_failed)
+    refused = {failure.name: failure for failure in names_in_the_way(found.maps)}
+    tally = _Tally(len(maps))
     with progress.stage("labelling maps") as stage:
+        for failure in (refused[item.name] for item in maps if item.name in refused):
+            tally.count(failure)
+            lists.add(failure)
+        tasks = (
+            MapTask(
+                item.name,
+                item.path,
+                target / item.name,
+                options,
+                sha256,
+                n_threads,
+                force,
+                claim_of(target, item.name),
+                limit_s,
+            )
+            for item in maps
+            if item.name not in refused
+        )
+        for outcome in _outcomes(tasks, workers, tally):
+            tally.count(outcome)
+            lists.add(outcome)
+            stage.update(tally.share, tally.note())
+    overview = lists.settle(at_the_end=True)
+    lists.write_page(overview)
+    shown = tuple(out / path.name for path in lists.files())
+    return LabelledBatch(tally.n_labelled, tally.n_kept, tally.n_failed, overview, shown)
+
+
+def _outcomes(
+    tasks: Iterable[MapTask], workers: Workers, tally: "_Tally"
+) -> Iterator[LabelledRow | Failure]:
+    """What becomes of each map; those that somebody else is labelling come last."""
+    while True:
+        others: list[MapTask] = []
+        tally.n_elsewhere = 0
         for task, result in workers.run(label_one, tasks):
             outcome = task.failure(_dead()) if result is None else result
-            tally.count(outcome)
-            stage.update(tally.share, tally.note())
-            yield outcome
+            if isinstance(outcome, Elsewhere):
+                others.append(task)
+                tally.n_elsewhere = len(others)
+            else:
+                yield outcome
+        if not others:
+            return
+        _wait_for_one(others)
+        tasks = others
+
+
+def _wait_for_one(tasks: Sequence[MapTask]) -> None:
+    """Wait until nobody labels one of the maps any more."""
+    while True:
+        for task in tasks:
+            with claimed(task.claim) as is_free:
+                if is_free:
+                    return
+        time.sleep(_LOOK_AGAIN_S)
 
 
 def _dead() -> OutputError:
@@ -112,13 +187,18 @@ class _Tally:
 
     def __init__(self, n_all: int) -> None:
         self._n_all, self._start = n_all, time.monotonic()
-        self._n_done = self._n_kept = self._n_failed = 0
+        self.n_labelled = self.n_kept = self.n_failed = self.n_elsewhere = 0
 
-    def count(self, outcome: Outcome) -> None:
+    def count(self, outcome: LabelledRow | Failure) -> None:
         """Take note of a map."""
-        self._n_done += 1
-        self._n_failed += isinstance(outcome, Failure)
-        self._n_kept += isinstance(outcome, LabelledRow) and outcome.kept
+        self.n_failed += isinstance(outcome, Failure)
+        if isinstance(outcome, LabelledRow):
+            self.n_kept += outcome.kept
+            self.n_labelled += not outcome.kept
+
+    @property
+    def _n_done(self) -> int:
+        return self.n_labelled + self.n_kept + self.n_failed
 
     @property
     def share(self) -> float:
@@ -128,24 +208,12 @@ class _Tally:
     def note(self) -> str:
         """Maps, their rate without those that were done before, time left, and failures."""
         parts = [f"{self._n_done:,} of {self._n_all:,}"]
-        worked = self._n_done - self._n_kept
+        worked = self._n_done - self.n_kept
         seconds = time.monotonic() - self._start
         if worked and seconds > 0:
             rate = worked / seconds
             parts.append(f"{rate:.1f} maps/s" if rate >= 1 else f"{60 * rate:.1f} maps/min")
             parts.append(f"{duration((self._n_all - self._n_done) / rate)} left")
-        parts += [f"{self._n_failed:,} failed"] if self._n_failed else []
+        parts += [f"{self.n_failed:,} failed"] if self.n_failed else []
+        parts += [f"{self.n_elsewhere:,} left to another batch"] if self.n_elsewhere else []
         return "; ".join(parts)
-
-
-def duration(seconds: float) -> str:
-    """A time as people say it.
-
-    Examples
-    --------
-    >>> duration(42), duration(600), duration(9000)
-    ('42 s', '10 min', '2.5 h')
-    """
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,9 +1,10 @@
 """How maps are to be labelled: the model, its method, and what departs from its options."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pgm_places.options import UnknownGrey
+from pgm_places.report.outputs import Outputs
 from pgm_places.trained import model_folder
 
 __all__ = ["LabelOptions"]
@@ -30,6 +31,8 @@ class LabelOptions:
         :func:`~pgm_places.io.maps.map_server.load_map`.
     max_cells : int, optional
         No map is refined to more cells than this; 100 million by default.
+    outputs : Outputs
+        Which files are written besides labels and places.
     """
 
     model: str = "default"
@@ -40,6 +43,7 @@ class LabelOptions:
     unentered: bool | None = None
     unknown_value: UnknownGrey | None = None
     max_cells: int | None = None
+    outputs: Outputs = field(default_factory=Outputs)
 
     @property
     def folder(self) -> Path:

@@ -3,11 +3,13 @@
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from pgm_places._version import __version__
 from pgm_places.batch.label_options import LabelOptions
+from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.batch.ready_model import ReadyModel
 from pgm_places.errors import InputError
 from pgm_places.io.checks import sha256_of
@@ -15,8 +17,16 @@ from pgm_places.io.json_file import read_json
 from pgm_places.io.output_set import has_all_files
 from pgm_places.io.places.topology_files import NAMES_FILE
 from pgm_places.options import option_values
+from pgm_places.report.outputs import Outputs
 
-__all__ = ["MANIFEST_FILE", "done_figures", "made_from", "manifest_text"]
+__all__ = [
+    "MANIFEST_FILE",
+    "done_figures",
+    "labelled_row",
+    "made_from",
+    "manifest_text",
+    "warnings_of",
+]
 
 MANIFEST_FILE = "manifest.json"
 _FORMAT, _SCHEMA = "pgm-places labelled map", 1
@@ -40,9 +50,16 @@ def made_from(
     }
 
 
-def manifest_text(made: Mapping[str, Any], figures: Mapping[str, Any]) -> str:
-    """The file: what :func:`made_from` says, and what came out."""
-    record = {"format": _FORMAT, "schema": _SCHEMA, "made_from": made, "figures": figures}
+def manifest_text(made: Mapping[str, Any], row: LabelledRow, outputs: Outputs) -> str:
+    """The file: what :func:`made_from` says, what came out, and which files were written."""
+    record = {
+        "format": _FORMAT,
+        "schema": _SCHEMA,
+        "map": row.map,
+        "made_from": made,
+        "outputs": asdict(outputs),
+        "figures": row.figures,
+    }
     return json.dumps(record, indent=1, allow_nan=False) + "\n"
 
 
@@ -52,21 +69,50 @@ def done_figures(
     """What came out when the map was labelled before; None where it has to be labelled (again).
 
     It is done where the manifest says that it was made from the same map, model, options and
-    version, and where every file that was written then is still there.
+    version, and where every file that was written then is still there, and all that are wanted.
     """
-    path = folder / MANIFEST_FILE
-    if not path.exists():
+    record = _record(folder)
+    if record is None:
         return None
     try:
-        record = read_json(path, InputError, "a labelled map's manifest", max_bytes=_MAX_BYTES)
-        if (record["format"], record["schema"]) != (_FORMAT, _SCHEMA):
-            return None
         made, figures = record["made_from"], dict(record["figures"])
+        wanted = {name for name, is_wanted in asdict(options.outputs).items() if is_wanted}
+        left_out = {name for name, was in record.get("outputs", {}).items() if not was}
         image_path = yaml_path.parent / made["image"]
         now = made_from(folder, yaml_path, image_path, model, options)
-    except (InputError, LookupError, TypeError, ValueError):
+    except (InputError, LookupError, TypeError, ValueError, AttributeError):
         return None  # damaged, or a map that is gone: labelling it will say what is wrong
-    return figures if made == now and has_all_files(folder) else None
+    same = made == now and not wanted & left_out
+    return figures if same and has_all_files(folder) else None
+
+
+def labelled_row(folder: Path, name: str) -> LabelledRow | None:
+    """What a folder's manifest says came out; None where it is no labelled map's, or damaged."""
+    record = _record(folder)
+    try:
+        if record is not None:
+            row = LabelledRow.of_figures(name, str(record["map"]), dict(record["figures"]))
+            return row if row.is_sound else None
+    except (LookupError, TypeError, ValueError, AttributeError):
+        pass
+    return None
+
+
+def warnings_of(folder: Path) -> tuple[str, ...]:
+    """The warnings that came when a map was labelled; none where that is not known any more."""
+    row = labelled_row(folder, "")
+    return () if row is None else row.warnings
+
+
+def _record(folder: Path) -> dict[str, Any] | None:
+    """The content of a folder's manifest; None where there is none, or it is no manifest."""
+    path = folder / MANIFEST_FILE
+    try:
+        record = read_json(path, InputError, "a labelled map's manifest", max_bytes=_MAX_BYTES)
+        known = (record["format"], record["schema"]) == (_FORMAT, _SCHEMA)
+    except (InputError, LookupError, TypeError):
+        return None
+    return record if known else None
 
 
 def _made_with(model: ReadyModel, options: LabelOptions) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from pgm_places.kernels.pages import return_freed
 from pgm_places.labelers.label_map import LabelledPlaces, label_map
 from pgm_places.progress import Progress
 from pgm_places.report.label_files import write_labels
+from pgm_places.report.outputs import Outputs
 from pgm_places.report.packing import Packing
 from pgm_places.report.topology_output import write_places
 from pgm_places.spaces.unentered import Unentered
@@ -58,13 +59,14 @@ def label_file(
     *,
     known: NDArray[np.int16] | None = None,
     max_cells: int | None = None,
+    outputs: Outputs | None = None,
     n_threads: int | None = None,
     progress: Progress,
 ) -> LabelledFile:
     """Label a map that has been read and write everything that ``pgm-places label`` promises.
 
     ``known`` (H, W) holds labels that are known, -1 elsewhere; no map is refined to more cells than
-    ``max_cells``.
+    ``max_cells``; ``outputs`` leaves some files out.
     """
     return write_labelled(
         label_map(  # without a name here, so that the labels of a huge map's nodes can be freed
@@ -81,6 +83,7 @@ def label_file(
         files,
         model.rules,
         progress,
+        outputs=outputs,
         n_threads=n_threads,
     )
 
@@ -92,12 +95,14 @@ def write_labelled(
     rules: TopologyOptions,
     progress: Progress,
     *,
+    outputs: Outputs | None = None,
     n_threads: int | None = None,
 ) -> LabelledFile:
-    """Write a labelled map and its places."""
+    """Write a labelled map and its places; ``outputs`` leaves some files out."""
+    outputs = outputs or Outputs()
     with Packing(n_threads) as packing:
         with progress.stage("writing files"):
-            write_labels(result, source, files.stage, packing=packing)
+            write_labels(result, source, files.stage, packing=packing, outputs=outputs)
         summary, labels, area_m2 = result.summary(), result.labels, result.shares()
         unentered = result.unentered
         warnings = (*source.warnings, *result.warnings)
@@ -107,7 +112,13 @@ def write_labelled(
         return_freed()
         with progress.stage("places"):
             topology = write_places(
-                files, title, rules, packing=packing, grid=source.grid, **inputs
+                files,
+                title,
+                rules,
+                packing=packing,
+                picture=outputs.pictures,
+                grid=source.grid,
+                **inputs,
             )
     return LabelledFile(summary, labels, area_m2, warnings, topology, unentered)
 

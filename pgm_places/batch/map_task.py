@@ -11,13 +11,15 @@ from pgm_places._version import __version__
 from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.manifest import MANIFEST_FILE, done_figures, made_from, manifest_text
 from pgm_places.batch.map_files import LabelledFile, label_file
-from pgm_places.batch.outcomes import Failure, LabelledRow, Outcome
+from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow, Outcome
 from pgm_places.batch.ready_model import ReadyModel, ready_model
+from pgm_places.batch.time_limit import TimeIsUpError, time_limit
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
 from pgm_places.io.maps.map_server import MapFile, load_map
 from pgm_places.io.output_set import output_set
-from pgm_places.progress import Silent
+from pgm_places.io.staging import claimed
+from pgm_places.progress import Silent, duration
 from pgm_places.report.file_names import label_names
 from pgm_places.report.map_pictures import thumbnail
 from pgm_places.topology.checks import doubtful_share, places_to_check
@@ -47,6 +49,10 @@ class MapTask:
     n_threads : int
     force : bool
         Overwrite what is not, or no longer, ours.
+    claim : Path, optional
+        The file that stands for the right to label this map.
+    limit_s : float, optional
+        How long it may take.
     version : str
         Of the process that made the task.
     """
@@ -58,6 +64,8 @@ class MapTask:
     model_sha256: str
     n_threads: int = 1
     force: bool = False
+    claim: Path | None = None
+    limit_s: float | None = None
     version: str = __version__
 
     def failure(self, error: BaseException) -> Failure:
@@ -67,6 +75,9 @@ class MapTask:
             message = str(error)
         elif isinstance(error, MemoryError):
             message = "out of memory; raise --memory, or use fewer jobs"
+        elif isinstance(error, TimeIsUpError):
+            name = "TimeLimit"
+            message = f"it took longer than {duration(self.limit_s or 0.0)}; raise --time-limit"
         else:
             frame = traceback.extract_tb(error.__traceback__)[-1:]
             where = f" ({Path(frame[0].filename).name}:{frame[0].lineno})" if frame else ""
@@ -86,15 +97,19 @@ def label_one(task: MapTask) -> Outcome:
     """
     model = _same_model(task)
     try:
-        figures = done_figures(task.folder, task.map, model, task.options)
-        if figures is not None:
-            return LabelledRow.of_figures(task.name, str(task.map), figures)
-        return _labelled(task, model)
+        with claimed(task.claim) as is_ours:
+            if not is_ours:
+                return Elsewhere(task.name)
+            figures = done_figures(task.folder, task.map, model, task.options)
+            if figures is not None:
+                return LabelledRow.of_figures(task.name, str(task.map), figures)
+            with time_limit(task.limit_s):
+                return _labelled(task, model)
     except OutputError as error:
         if _is_full(error):
             raise NoSpaceError(str(error)) from None
         return task.failure(error)
-    except Exception as error:  # noqa: BLE001  one bad map must not end a night's work
+    except (Exception, TimeIsUpError) as error:  # noqa: BLE001  one bad map must not end a night's work
         return task.failure(error)
 
 
@@ -122,7 +137,8 @@ def _ready(options: LabelOptions, sha256: str) -> ReadyModel:  # noqa: ARG001  a
 
 def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
     start = time.perf_counter()
-    names = (*label_names(model.labeler.label_names), THUMBNAIL_FILE, MANIFEST_FILE)
+    outputs = task.options.outputs
+    names = (*label_names(model.labeler.label_names, outputs), THUMBNAIL_FILE, MANIFEST_FILE)
     with output_set(task.folder, "label", names=names, force=task.force) as files:
         source = load_map(task.map, unknown_value=task.options.unknown_value)
         made = made_from(task.folder, task.map, source.image_path, model, task.options)
@@ -131,12 +147,14 @@ def _labelled(task: MapTask, model: ReadyModel) -> LabelledRow:
             source,
             files,
             max_cells=task.options.max_cells,
+            outputs=outputs,
             n_threads=task.n_threads,
             progress=Silent(),
         )
-        write_bytes(files.stage / THUMBNAIL_FILE, _thumbnail(source, found))
+        if outputs.pictures:
+            write_bytes(files.stage / THUMBNAIL_FILE, _thumbnail(source, found))
         row = _row(task, model, found, time.perf_counter() - start)
-        write_text(files.stage / MANIFEST_FILE, manifest_text(made, row.figures))
+        write_text(files.stage / MANIFEST_FILE, manifest_text(made, row, outputs))
     return row
 
 

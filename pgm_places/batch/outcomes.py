@@ -1,9 +1,9 @@
-"""What becomes of a map in a batch: a row of the summary, or a failure."""
+"""What becomes of a map in a batch: it is labelled, it fails, or somebody else is at it."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-__all__ = ["Failure", "LabelledRow", "Outcome"]
+__all__ = ["Elsewhere", "Failure", "LabelledRow", "Outcome"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +48,16 @@ class LabelledRow:
         return sum(self.area_m2.values())
 
     @property
+    def is_sound(self) -> bool:
+        """Whether every value is of its kind: a manifest may be damaged."""
+        numbers = [self.n_places, self.n_connections, self.seconds, *self.area_m2.values()]
+        numbers += [] if self.doubt is None else [self.doubt]
+        texts = [self.method, self.check_first, *self.area_m2, *self.warnings]
+        return all(isinstance(item, int | float) for item in numbers) and all(
+            isinstance(item, str) for item in texts
+        )
+
+    @property
     def figures(self) -> dict[str, Any]:
         """What the manifest keeps of it."""
         left_out = ("name", "map", "kept")
@@ -80,4 +90,11 @@ class Failure:
     message: str
 
 
-Outcome = LabelledRow | Failure
+@dataclass(frozen=True)
+class Elsewhere:
+    """A map that another batch on the same folder is labelling."""
+
+    name: str
+
+
+Outcome = LabelledRow | Failure | Elsewhere

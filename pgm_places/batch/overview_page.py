@@ -1,49 +1,66 @@
 """The page of all maps of a batch: pictures, areas and doubts in a table that can be sorted."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import quote
 
-from pgm_places.batch.outcomes import Failure, LabelledRow
+from pgm_places.batch.manifest import warnings_of
+from pgm_places.batch.map_task import THUMBNAIL_FILE
+from pgm_places.batch.overview import Overview
 from pgm_places.palette import label_swatches
 from pgm_places.report.page import render
 
-__all__ = ["MOST_ROWS", "overview_page"]
+__all__ = ["PAGE_MARK", "overview_page"]
 
-MOST_ROWS = 2000
-"""Maps listed, those with most area in doubt; the table of all is in ``summary.csv``."""
+PAGE_MARK = b"<title>Labelled maps</title>"
+"""Stands in every such page, and so tells it from others."""
 
 
-def overview_page(rows: Sequence[LabelledRow], failures: Sequence[Failure]) -> str:
-    """The page as text; its pictures are the files beside it."""
-    labels = tuple(dict.fromkeys(label for row in rows for label in row.area_m2))
-    shown = sorted(rows, key=lambda row: (-_doubtful_m2(row), row.name))[:MOST_ROWS]
+def overview_page(overview: Overview, out: Path) -> str:
+    """The page as text; its pictures are the files below ``out``, beside it."""
+    rows = [
+        {
+            **row,
+            "link": quote(row["name"]),
+            "areas": [_figure(row.get(f"{label}_m2", "")) for label in overview.labels],
+            "has_picture": (out / row["name"] / THUMBNAIL_FILE).exists(),
+            "messages": warnings_of(out / row["name"]) if row["warnings"] != "0" else (),
+            "doubt_percent": _figure(row["doubt"], 100.0),
+            "doubtful": _figure(row["doubtful_m2"]),
+            "total": _figure(row["area_m2"]),
+        }
+        for row in overview.rows
+    ]
     return render(
         "overview.html",
         script="sort.js",
         title="Labelled maps",
-        cards=list(_cards(rows, failures)),
-        labels=label_swatches(labels),
-        rows=[(row, quote(row.name), _doubtful_m2(row)) for row in shown],
-        n_rows=len(rows),
-        failures=failures[:MOST_ROWS],
-        n_failures=len(failures),
+        cards=list(_cards(overview)),
+        labels=label_swatches(overview.labels),
+        rows=rows,
+        n_rows=overview.n_rows,
+        failures=overview.failures,
+        n_failures=overview.n_failures,
+        gone=[(name, quote(name)) for name in overview.gone],
+        n_gone=overview.n_gone,
     )
 
 
-def _doubtful_m2(row: LabelledRow) -> float:
-    return (row.doubt or 0.0) * row.total_m2
+def _figure(text: str, times: float = 1.0) -> str:
+    """A number of the table, a dash for none."""
+    try:
+        return f"{times * float(text):.1f}"
+    except ValueError:
+        return "–"
 
 
-def _cards(rows: Sequence[LabelledRow], failures: Sequence[Failure]) -> Iterator[tuple[str, str]]:
+def _cards(overview: Overview) -> Iterator[tuple[str, str]]:
     """The figures most readers come for."""
-    area_m2 = sum(row.total_m2 for row in rows)
-    known = [row for row in rows if row.doubt is not None]
-    yield f"{len(rows):,}", f"map{'' if len(rows) == 1 else 's'} labelled"
-    if failures:
-        yield f"{len(failures):,}", "failed"
-    yield f"{area_m2:,.0f} m²", "free area"
-    yield f"{sum(row.n_places for row in rows):,}", "places"
-    known_m2 = sum(row.total_m2 for row in known)
-    if known_m2:
-        share = sum(_doubtful_m2(row) for row in known) / known_m2
+    yield f"{overview.n_rows:,}", f"map{'' if overview.n_rows == 1 else 's'} labelled"
+    if overview.n_failures:
+        yield f"{overview.n_failures:,}", "failed"
+    yield f"{overview.area_m2:,.0f} m²", "free area"
+    yield f"{overview.n_places:,}", "places"
+    if overview.known_m2:
+        share = overview.doubtful_m2 / overview.known_m2
         yield f"{100 * share:.1f} %", "of the area in doubt"

@@ -14,6 +14,7 @@ COMMANDS = {
     "compare": "experiments",
     "train": "experiments",
     "label": "label",
+    "index": "label_many",
     "studio": "studio",
     "topology": "places",
     "export": "places",

@@ -75,7 +75,7 @@ class _Row:
 
     def cells(self, speed: "Speed | None") -> list[str]:
         """What stands in the table's columns."""
-        from pgm_places.batch.label_batch import duration
+        from pgm_places.progress import duration
 
         seconds = None
         if speed is not None and self.forecast is not None:
@@ -102,9 +102,9 @@ def check_maps(
     """
     from pgm_places.batch.forecast import Speed
     from pgm_places.batch.found_maps import find_maps
-    from pgm_places.batch.label_batch import duration
     from pgm_places.batch.label_options import LabelOptions
     from pgm_places.batch.ready_model import ready_model
+    from pgm_places.progress import duration
 
     found = find_maps(arguments)
     options = LabelOptions(model=model)

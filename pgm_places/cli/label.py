@@ -1,20 +1,19 @@
 """``pgm-places label``: one map into a folder, or many, each into a folder of its own."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from pgm_places.cli.arguments import Force, Model, Out, Quiet, Threads, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
-from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.flags import GivenOptions, named_as_flags, option_flags
+from pgm_places.cli.label_many import BatchOptions, label_many
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.tables import shares_line
 from pgm_places.cli.terminal import say, say_written
 from pgm_places.cli.warm_up import WarmUp
-from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions, make_workers
+from pgm_places.cli.workers import Jobs, Memory, Scheduler, WorkerOptions
 from pgm_places.errors import InputError
-from pgm_places.options import Whole
+from pgm_places.options import Positive, Whole
 from pgm_places.spaces.entered_options import EnteredOptions
 
 if TYPE_CHECKING:
@@ -76,6 +75,30 @@ def label(
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     memory: Memory = None,
+    shard: Annotated[
+        str | None,
+        Option(
+            metavar="I/N",
+            help="Of a batch, label only the I-th of N parts; for job arrays, from 1/N to N/N.",
+        ),
+    ] = None,
+    time_limit_s: Annotated[
+        Positive | None,
+        Option("--time-limit", metavar="SECONDS", help="Of a batch, give up a map after so long."),
+    ] = None,
+    retry_failed: Annotated[
+        bool, Option(help="Of a batch, label only the maps that failures.csv lists.")
+    ] = False,
+    dry_run: Annotated[
+        bool, Option(help="Of a batch, only say what would be labelled; nothing is written.")
+    ] = False,
+    outputs: Annotated[
+        str | None,
+        Option(
+            metavar="pictures,probabilities|none",
+            help="What to write besides labels and places; both by default.",
+        ),
+    ] = None,
     force: Force = False,
     n_threads: Threads = None,
     quiet: Quiet = False,
@@ -83,11 +106,13 @@ def label(
     """Label every free cell of a map, or of many.
 
     One map is labelled into the folder itself. Several maps, a folder, or any of --jobs,
-    --scheduler and --memory make a batch: each map gets its own folder, maps already labelled are
-    kept, and index.html lists them all. The exit code is 3 if some map could not be labelled.
+    --scheduler, --memory and the options of a batch make one: each map gets its own folder, maps
+    already labelled are kept, and index.html lists them all. The exit code is 3 if some map could
+    not be labelled.
     """
     from pgm_places.batch.found_maps import names_many
     from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.report.outputs import Outputs
 
     options = LabelOptions(
         model=model,
@@ -96,11 +121,14 @@ def label(
         halls=halls,
         unknown_value=unknown_value,
         max_cells=max_cells,
+        outputs=Outputs() if outputs is None else Outputs.named(outputs),
         **entered.values,
     )
     workers = WorkerOptions(jobs, scheduler, memory)
+    batch = BatchOptions(shard, time_limit_s, retry_failed, dry_run)
     progress = make_progress(quiet=quiet)
-    if len(maps) == 1 and not workers.given and not names_many(maps[0]):
+    asked = workers.given or batch.given
+    if len(maps) == 1 and not asked and not names_many(maps[0]):
         _label_one(
             Path(maps[0]),
             out,
@@ -113,7 +141,10 @@ def label(
         return
     if corrections is not None:
         raise InputError("--corrections are those of one map; label it by itself, not in a batch")
-    _label_many(maps, out, options, workers, force=force, n_threads=n_threads, progress=progress)
+    _read(options, progress)
+    label_many(
+        maps, out, options, workers, batch, force=force, n_threads=n_threads, progress=progress
+    )
 
 
 def _label_one(
@@ -148,7 +179,7 @@ def _label_one(
             from pgm_places.teaching.paint import Paint
 
             known = Paint.read(corrections, loaded.grid, model.labeler.label_names_).labels
-        names = label_names(model.labeler.label_names)
+        names = label_names(model.labeler.label_names, options.outputs)
         with output_set(out, "label", names=names, force=force) as files:
             say(shares_line(loaded.fractions))
             found = label_file(
@@ -157,6 +188,7 @@ def _label_one(
                 files,
                 known=known,
                 max_cells=options.max_cells,
+                outputs=options.outputs,
                 n_threads=n_threads,
                 progress=progress,
             )
@@ -175,33 +207,3 @@ def _read(options: "LabelOptions", progress: "Progress") -> "ReadyModel":
     if options.halls is not None and not model.labeler.unary_model_.knows_halls:
         progress.warn("--halls: this model was not trained to tell halls from corridors")
     return model
-
-
-def _label_many(
-    maps: Sequence[str],
-    out: Path,
-    options: "LabelOptions",
-    workers: WorkerOptions,
-    *,
-    force: bool,
-    n_threads: int | None,
-    progress: "Progress",
-) -> None:
-    from pgm_places.batch.found_maps import find_maps
-
-    found = find_maps(maps, out)
-    if found.n_passed_over:
-        n = found.n_passed_over
-        say(f"passed over {n:,} YAML file{'' if n == 1 else 's'} without a key 'image'")
-    from pgm_places.batch.label_batch import label_batch
-
-    _read(options, progress)
-    processes, threads = make_workers(workers, len(found.maps), n_threads)
-    batch = label_batch(
-        found.maps, out, options, processes, n_threads=threads, force=force, progress=progress
-    )
-    say(batch.summary())
-    for path in batch.written:
-        say(f"wrote {path}")
-    if batch.failures:
-        raise SystemExit(EXIT_MAPS_FAILED)

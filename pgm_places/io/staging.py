@@ -1,6 +1,7 @@
 """Stages: hidden folders for output that is not complete yet, removed whatever happens."""
 
 import contextlib
+import errno
 import os
 import re
 import shutil
@@ -16,6 +17,7 @@ except ImportError:  # Windows: leftovers stay, and writers do not wait for each
 
 __all__ = [
     "as_output_errors",
+    "claimed",
     "flush",
     "flush_tree",
     "is_staged",
@@ -40,7 +42,7 @@ def stage(parent: Path, name: str) -> Iterator[Path]:
     remove_leftovers(parent, name)
     while True:
         folder = parent / f".{name}.{os.urandom(6).hex()}.tmp"
-        folder.mkdir()
+        folder.mkdir(parents=True)  # a neighbour that failed may just have removed its own
         lock = _lock(folder)
         if lock is not None:
             break  # otherwise somebody took the new folder for a leftover before it was locked
@@ -93,6 +95,38 @@ def locked(folder: Path) -> Iterator[None]:
             os.close(lock)
 
 
+@contextlib.contextmanager
+def claimed(path: Path | None) -> Iterator[bool]:
+    """Whether nobody else holds the claim that a file stands for; it is held during the block.
+
+    The claim ends with the process, whatever ends that, and the file with the block. Where a file
+    system knows no locks, nothing is held, and everybody gets it.
+    """
+    if path is None or fcntl is None:
+        yield True
+        return
+    lock = None
+    while lock is None:
+        with as_output_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+        try:
+            lock = _lock(path, wait=False)
+        except OSError as error:
+            if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS):
+                raise
+            yield True
+            return
+        if lock is None and path.exists():  # else the last holder has just removed it
+            yield False
+            return
+    try:
+        yield True
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(lock)
+
+
 def _lock(path: Path, *, wait: bool = True) -> int | None:
     """An open file that holds the lock; None if another process holds it or the path has moved."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -110,6 +144,9 @@ def _lock(path: Path, *, wait: bool = True) -> int | None:
             return number
     except (BlockingIOError, FileNotFoundError):
         pass
+    except OSError:
+        os.close(number)
+        raise
     os.close(number)
     return None
 

@@ -15,38 +15,37 @@ from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.places.label_probabilities import probability_file
 from pgm_places.io.raster_png import raster_png
 from pgm_places.labelers.label_map import LabelledPlaces
+from pgm_places.report.outputs import Outputs
 from pgm_places.report.packing import Packing
 
 __all__ = ["write_labels"]
 
 
 def write_labels(
-    result: LabelledPlaces, source: MapFile, folder: Path, *, packing: Packing | None = None
+    result: LabelledPlaces,
+    source: MapFile,
+    folder: Path,
+    *,
+    packing: Packing | None = None,
+    outputs: Outputs | None = None,
 ) -> list[Path]:
     """Write everything that ``pgm-places label`` promises; the paths written.
 
     ``labels.png`` and ``labels.yaml`` on the map image's own raster; ``probability_<label>.png``
     per label (0 to 255 for 0 to 1, 0 outside the free cells); ``overview.png`` to look at;
-    ``summary.json`` for programs.
+    ``summary.json`` for programs. ``outputs`` leaves some out.
     """
-    from pgm_places.report.map_pictures import overview
-
+    outputs = outputs or Outputs()
     for name in result.label_names:
         if "/" in name or "\\" in name or name.startswith("."):
             raise OutputError(f"label {name!r} cannot be part of a file name; rename it")
     labels_path = folder / "labels.png"
     save_labels(labels_path, result.labels, result.label_names)
     written = [labels_path, folder / "labels.yaml"]
-    written += _write_probabilities(result, folder)
-    drawing = overview(
-        result.grid,
-        result.labels,
-        result.label_names,
-        beliefs=result.labeling.beliefs,
-        layout=result.layout,
-        title=f"{source.name}: {result.method}",
-    )
-    picture = (packing or Packing()).write(folder / "overview.png", drawing)
+    if outputs.probabilities:
+        written += _write_probabilities(result, folder)
+    if outputs.pictures:
+        written.append(_write_overview(result, source, folder, packing or Packing()))
     summary = folder / "summary.json"
     record = {
         "map": str(source.yaml_path),
@@ -60,7 +59,23 @@ def write_labels(
         "warnings": [*source.warnings, *result.warnings],
     }
     write_text(summary, json.dumps(record, indent=2) + "\n")
-    return [*written, picture, summary]
+    return [*written, summary]
+
+
+def _write_overview(
+    result: LabelledPlaces, source: MapFile, folder: Path, packing: Packing
+) -> Path:
+    from pgm_places.report.map_pictures import overview
+
+    drawing = overview(
+        result.grid,
+        result.labels,
+        result.label_names,
+        beliefs=result.labeling.beliefs,
+        layout=result.layout,
+        title=f"{source.name}: {result.method}",
+    )
+    return packing.write(folder / "overview.png", drawing)
 
 
 def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:

@@ -45,12 +45,14 @@ def write_places(
     rules: TopologyOptions,
     *,
     packing: Packing | None = None,
+    picture: bool = True,
     **inputs: Any,
 ) -> TopologicalMap:
     """A topological map, written into the set, that keeps the ids of an earlier one in its folder.
 
-    ``inputs`` are those of ``topological_map``, the grid among them. The rules and the gates are
-    written as well, so that the same places can be found from the labels again.
+    ``picture`` says whether it is drawn. ``inputs`` are those of ``topological_map``, the grid
+    among them. The rules and the gates are written as well, so that the same places can be found
+    from the labels again.
     """
     doorways = inputs.get("doorways")
     gates = doorways if doorways is not None and len(doorways) else None
@@ -64,7 +66,9 @@ def write_places(
         own_names=read_own_names(files.folder),
         **inputs,
     )
-    write_topology(files.stage, inputs["grid"], found, title=title, packing=packing)
+    write_topology(
+        files.stage, inputs["grid"], found, title=title, packing=packing, picture=picture
+    )
     return found
 
 
@@ -75,8 +79,9 @@ def write_topology(
     *,
     title: str | None = None,
     packing: Packing | None = None,
+    picture: bool = True,
 ) -> list[Path]:
-    """Write the topological map's files and ``topology.png``; the paths.
+    """Write the topological map's files and, as its ``picture``, ``topology.png``; the paths.
 
     Where probabilities are known, ``check.csv`` lists the places to check first.
 
@@ -85,9 +90,11 @@ def write_topology(
     OutputError
         Where a file cannot be written.
     """
-    drawing = topology_drawing(grid, topology, title=title)
-    picture = (packing or Packing()).write(folder / "topology.png", drawing)
-    written = [*save_topology(folder, topology), picture]
+    written = []
+    if picture:  # first: the largest is packed beside what follows
+        drawing = topology_drawing(grid, topology, title=title)
+        written.append((packing or Packing()).write(folder / "topology.png", drawing))
+    written += save_topology(folder, topology)
     if places_to_check(topology):
         written.append(write_checks(folder / CHECK_FILE, topology))
     return written

@@ -33,38 +33,66 @@ def names(folder: Path, *arguments: str) -> list[str]:
 
 def test_a_folder_is_looked_through(folder: Path) -> None:
     found = find_maps([str(folder)], folder / "results")
-    assert [item.name for item in found.maps] == ["a", "annex", "b", "hall"]
+    assert [item.name for item in found.maps] == [
+        "floors/a/map",
+        "floors/b/annex",
+        "floors/b/map",
+        "floors/deep/er/hall.yml",
+    ]
+    assert found.root == folder
     assert found.n_passed_over == 1
 
 
 def test_a_pattern_is_filled_in(folder: Path) -> None:
-    assert names(folder, "floors/*/map.yaml") == ["a", "b"]
-    assert names(folder, "floors/**/*.y*ml") == ["a", "annex", "b", "hall"]
+    assert names(folder, "floors/*/map.yaml") == ["a/map", "b/map"]
+    assert names(folder, "floors/**/*.y*ml") == [
+        "a/map",
+        "b/annex",
+        "b/map",
+        "deep/er/hall.yml",
+    ]
 
 
 def test_a_file_is_taken_as_it_is_and_each_map_once(folder: Path) -> None:
     assert names(folder, "floors/b/labels.yaml", "floors/b", "floors/b/map.yaml") == [
         "annex",
-        "b",
         "labels",
+        "map",
     ]
 
 
-def test_maps_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
-    paths = [
-        tmp_path / name
-        for name in ("north/one/map.yaml", "south/ONE.yaml", "two/map.yaml", "two.yaml")
-    ]
-    for path in paths:
+def test_adding_a_map_renames_none(tmp_path: Path) -> None:
+    def found() -> dict[str, Path]:
+        return {item.name: item.path for item in find_maps([str(tmp_path)]).maps}
+
+    before: dict[str, Path] = {}
+    for name in ("north/one/map.yaml", "south/ONE.yaml", "two/map.yaml", "two.yaml", "two.yml"):
+        path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("image: map.png\n")
-    found = find_maps([str(path) for path in paths], tmp_path / "out")
-    assert {item.name: item.path for item in found.maps} == {
-        "north-one": paths[0],
-        "south-ONE": paths[1],
-        "two": paths[2],
-        "two-2": paths[3],
-    }
+        now = found()
+        assert len(now) == len(before) + 1
+        assert before.items() < now.items()
+        before = now
+    assert set(now) == {"north/one/map", "south/ONE", "two/map", "two", "two.yml"}
+
+
+def test_names_start_from_the_root_that_is_given(folder: Path) -> None:
+    found = find_maps([str(folder / "floors" / "b")], root=folder)
+    assert [item.name for item in found.maps] == ["floors/b/annex", "floors/b/map"]
+    with pytest.raises(MapError, match=r"map.yaml: outside .*floors/b, .*use another --out"):
+        find_maps([str(folder / "floors")], root=folder / "floors" / "b")
+
+
+def test_names_do_not_hide_nor_leave_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in (".site/.map.yaml", "hall.yaml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("image: map.png\n")
+    monkeypatch.chdir(tmp_path / ".site")
+    found = find_maps([".map.yaml", "../hall.yaml"])
+    assert [item.name for item in found.maps] == ["-.site/-.map", "hall"]
 
 
 @pytest.mark.parametrize("argument", ["empty", "floors/*/none.yaml"])

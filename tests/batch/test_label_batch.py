@@ -1,26 +1,37 @@
 """A batch labels every map once, keeps what is done, and lists what went wrong."""
 
+import contextlib
 import csv
 import errno
+import io
 import json
 import os
+import shutil
+import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
 
 from pgm_places.batch import map_task
+from pgm_places.batch.batch_folder import claim_of, recorded_root
 from pgm_places.batch.found_maps import find_maps
 from pgm_places.batch.label_batch import LabelledBatch, label_batch
 from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.map_files import LabelledFile, label_file
 from pgm_places.batch.map_task import NoSpaceError
+from pgm_places.batch.outcomes import LabelledRow
+from pgm_places.batch.plan import Plan, plan
+from pgm_places.batch.shard import Shard
 from pgm_places.batch.workers import Done
 from pgm_places.errors import OutputError
 from pgm_places.io.maps.map_server import MapFile
-from pgm_places.io.output_set import OutputSet
+from pgm_places.io.output_set import OutputSet, claim
+from pgm_places.io.staging import claimed
 from pgm_places.progress import Silent
+from pgm_places.report.outputs import Outputs
 
 
 class Here:
@@ -42,12 +53,14 @@ Batch = Callable[..., LabelledBatch]
 
 @pytest.fixture
 def batch(model: Path, maps: Path) -> Batch:
-    def run(workers: Any = None, *, force: bool = False, **changes: Any) -> LabelledBatch:
+    def run(
+        workers: Any = None, *, force: bool = False, how: Any = MappingProxyType({}), **changes: Any
+    ) -> LabelledBatch:
         out = maps.parent / "out"
         found = find_maps([str(maps)], out)
         options = LabelOptions(model=str(model), **changes)
         return label_batch(
-            found.maps, out, options, workers or Here(), force=force, progress=Silent()
+            found, out, options, workers or Here(), force=force, progress=Silent(), **how
         )
 
     return run
@@ -58,28 +71,57 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def labelled_now(found: LabelledBatch) -> list[str]:
-    return [row.name for row in found.rows if not row.kept]
+class Watched(Here):
+    """This process, which remembers the maps that it labels."""
+
+    def __init__(self) -> None:
+        self.labelled: list[str] = []
+
+    def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Done]:
+        for done in super().run(function, tasks):
+            if isinstance(done.result, LabelledRow) and not done.result.kept:
+                self.labelled.append(done.result.name)
+            yield done
+
+
+Again = Callable[..., list[str]]
+
+
+@pytest.fixture
+def again(batch: Batch) -> Again:
+    """Runs the batch again; the names of the maps that it labels."""
+
+    def run(**options: Any) -> list[str]:
+        watched = Watched()
+        batch(watched, **options)
+        return watched.labelled
+
+    return run
+
+
+def failures(folder: Path) -> dict[str, dict[str, str]]:
+    path = folder / "failures.csv"
+    return {row["name"]: row for row in rows(path)} if path.exists() else {}
 
 
 def test_every_map_gets_a_folder_and_what_is_wrong_a_row(batch: Batch, maps: Path) -> None:
     found = batch()
     out = maps.parent / "out"
     assert found.summary() == "3 maps: 2 labelled, 1 failed"
-    assert (out / "floor1" / "labels.png").exists()
+    assert (out / "floor1" / "map" / "labels.png").exists()
     assert not (out / "torn").exists()
     [failed] = rows(out / "failures.csv")
     assert (failed["name"], failed["error"]) == ("torn", "MapError")
     assert "torn.yaml" in failed["message"]
     first, second = rows(out / "summary.csv")
-    assert (first["name"], second["name"]) == ("floor1", "floor2")
-    kept = json.loads((out / "floor1" / "summary.json").read_text())["area_m2"]
+    assert (first["name"], second["name"]) == ("floor1/map", "floor2/map")
+    kept = json.loads((out / "floor1" / "map" / "summary.json").read_text())["area_m2"]
     assert float(first["room_m2"]) == pytest.approx(kept["room"], abs=1e-3)
     assert float(first["area_m2"]) == pytest.approx(sum(kept.values()), abs=1e-3)
-    places = json.loads((out / "floor1" / "topology.json").read_text())["regions"]
+    places = json.loads((out / "floor1" / "map" / "topology.json").read_text())["regions"]
     assert int(first["places"]) == len(places)
     page = (out / "index.html").read_text()
-    assert "floor1/thumbnail.png" in page
+    assert "floor1/map/thumbnail.png" in page
     assert "torn.yaml" in page
 
 
@@ -93,9 +135,11 @@ def test_what_is_done_is_kept_with_the_same_row(batch: Batch, maps: Path) -> Non
 
 
 @pytest.mark.parametrize("change", ["map", "image", "file", "own names"])
-def test_what_has_changed_is_labelled_again(batch: Batch, maps: Path, change: str) -> None:
+def test_what_has_changed_is_labelled_again(
+    batch: Batch, again: Again, maps: Path, change: str
+) -> None:
     batch()
-    source, folder = maps / "floor1", maps.parent / "out" / "floor1"
+    source, folder = maps / "floor1", maps.parent / "out" / "floor1" / "map"
     if change == "map":
         with (source / "map.yaml").open("a") as file:
             file.write("# looked through\n")
@@ -105,61 +149,72 @@ def test_what_has_changed_is_labelled_again(batch: Batch, maps: Path, change: st
         (folder / "topology.json").unlink()
     else:
         (folder / "place_names.yaml").write_text("1: Reception\n")
-    assert labelled_now(batch()) == ["floor1"]
-    assert labelled_now(batch()) == []
+    assert again() == ["floor1/map"]
+    assert again() == []
 
 
-def test_a_manifest_changed_by_hand_is_overwritten_only_by_force(batch: Batch, maps: Path) -> None:
+def test_a_manifest_changed_by_hand_is_overwritten_only_by_force(
+    batch: Batch, again: Again, maps: Path
+) -> None:
     batch()
-    manifest = maps.parent / "out" / "floor1" / "manifest.json"
+    manifest = maps.parent / "out" / "floor1" / "map" / "manifest.json"
     manifest.write_text("{}")
-    assert "manifest.json: it was changed" in batch().failures[0].message
+    batch()
+    failed = failures(maps.parent / "out")["floor1/map"]
+    assert "manifest.json: it was changed" in failed["message"]
     manifest.unlink()
-    assert labelled_now(batch()) == ["floor1"]
+    assert again() == ["floor1/map"]
     manifest.write_text("{}")
-    assert labelled_now(batch(force=True)) == ["floor1"]
+    assert again(force=True) == ["floor1/map"]
 
 
-def test_other_options_label_again(batch: Batch) -> None:
+def test_other_options_label_again(batch: Batch, again: Again) -> None:
     batch()
-    assert labelled_now(batch(doorways="labels")) == ["floor1", "floor2"]
-    assert labelled_now(batch(doorways="labels", unknown_value=205)) == ["floor1", "floor2"]
+    both = ["floor1/map", "floor2/map"]
+    assert again(doorways="labels") == both
+    assert again(doorways="labels", unknown_value=205) == both
 
 
-def test_labels_that_were_corrected_by_hand_are_kept(batch: Batch, maps: Path) -> None:
+def test_labels_that_were_corrected_by_hand_are_kept(
+    batch: Batch, again: Again, maps: Path
+) -> None:
     batch()
-    labels = maps.parent / "out" / "floor1" / "labels.png"
+    labels = maps.parent / "out" / "floor1" / "map" / "labels.png"
     labels.write_bytes(b"mine")
-    assert labelled_now(batch()) == []
+    assert again() == []
     assert labels.read_bytes() == b"mine"
 
 
 def test_failures_go_when_nothing_fails_any_more(batch: Batch, maps: Path) -> None:
     batch()
     (maps / "torn.yaml").unlink()
-    assert batch().failures == ()
+    assert batch().n_failed == 0
     assert not (maps.parent / "out" / "failures.csv").exists()
 
 
-def test_a_dead_worker_is_a_failure_of_its_map(batch: Batch) -> None:
-    found = batch(Dying())
-    assert [item.name for item in found.failures] == ["floor1", "floor2", "torn"]
-    assert all("its worker died" in item.message for item in found.failures)
+def test_a_dead_worker_is_a_failure_of_its_map(batch: Batch, maps: Path) -> None:
+    batch(Dying())
+    found = failures(maps.parent / "out")
+    assert list(found) == ["floor1/map", "floor2/map", "torn"]
+    assert all("its worker died" in row["message"] for row in found.values())
 
 
-def test_any_error_is_a_failure_of_its_map(batch: Batch, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_error_is_a_failure_of_its_map(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(map_task, "label_file", lambda *_, **__: [][1])
-    messages = {item.name: item for item in batch().failures}
-    assert messages["floor1"].kind == "IndexError"
-    assert messages["floor1"].message.startswith("list index out of range (test_label_batch.py:")
+    batch()
+    failed = failures(maps.parent / "out")["floor1/map"]
+    assert failed["error"] == "IndexError"
+    assert failed["message"].startswith("list index out of range (test_label_batch.py:")
 
 
 @pytest.mark.parametrize("reason", [errno.ENOSPC, errno.EDQUOT])
 def test_a_full_disk_or_quota_ends_the_batch_and_keeps_what_is_done(
-    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch, reason: int
+    batch: Batch, again: Again, maps: Path, monkeypatch: pytest.MonkeyPatch, reason: int
 ) -> None:
     def until_full(model: Any, source: MapFile, files: OutputSet, **options: Any) -> LabelledFile:
-        if files.folder.name == "floor2":
+        if files.folder.parent.name == "floor2":
             error = OSError(reason, os.strerror(reason))
             raise OutputError(f"cannot write {files.folder}") from error
         return label_file(model, source, files, **options)
@@ -168,7 +223,7 @@ def test_a_full_disk_or_quota_ends_the_batch_and_keeps_what_is_done(
         changed.setattr(map_task, "label_file", until_full)
         batch()
     assert not (maps.parent / "out" / "floor2").exists()
-    assert labelled_now(batch()) == ["floor2"]
+    assert again() == ["floor2/map"]
 
 
 def test_a_folder_of_somebody_else_is_refused(batch: Batch, maps: Path) -> None:
@@ -178,8 +233,177 @@ def test_a_folder_of_somebody_else_is_refused(batch: Batch, maps: Path) -> None:
         batch()
 
 
-def test_a_map_may_not_be_called_like_the_list_of_all_maps(batch: Batch, maps: Path) -> None:
-    (maps / "torn.yaml").rename(maps / "Index.html.yaml")
-    with pytest.raises(OutputError, match=r"Index.html, which is reserved for the list of all"):
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("Index.html.yaml", "called like a list of all maps"),
+        ("floor1.yaml", "its folder would hold that of"),
+        ("Torn.yaml", "by capital letters alone"),
+    ],
+)
+def test_a_map_whose_folder_is_in_the_way_is_refused_alone(
+    batch: Batch, maps: Path, path: str, message: str
+) -> None:
+    (maps / path).write_bytes((maps / "floor1" / "map.yaml").read_bytes())
+    found = batch()
+    assert (found.n_labelled, found.n_failed) == (2, 2)
+    texts = [row["message"] for row in failures(maps.parent / "out").values()]
+    assert sum(message in text and "rename the map" in text for text in texts) == 1
+
+
+def test_what_is_no_longer_in_the_input_is_listed(batch: Batch, maps: Path) -> None:
+    batch()
+    out = maps.parent / "out"
+    (maps / "floor1" / "map.yaml").unlink()
+    found = batch()
+    assert (found.overview.gone, found.n_kept) == (["floor1/map"], 1)
+    assert [row["in_input"] for row in rows(out / "summary.csv")] == ["no", "yes"]
+    assert "No longer in the input" in (out / "index.html").read_text()
+    shutil.rmtree(out / "floor1")
+    assert batch().overview.gone == []
+    assert [row["name"] for row in rows(out / "summary.csv")] == ["floor2/map"]
+
+
+def test_lists_are_of_the_whole_folder(batch: Batch, maps: Path, model: Path) -> None:
+    batch()
+    out = maps.parent / "out"
+    before = (out / "summary.csv").read_text(), (out / "failures.csv").read_text()
+    found = find_maps([str(maps / "floor2")], out, root=recorded_root(out))
+    options = LabelOptions(model=str(model))
+    done = label_batch(found, out, options, Here(), progress=Silent())
+    assert (done.n_kept, done.overview.n_rows, done.overview.n_failures) == (1, 2, 1)
+    assert ((out / "summary.csv").read_text(), (out / "failures.csv").read_text()) == before
+
+
+def test_rows_are_there_as_soon_as_their_maps_are_done(batch: Batch, maps: Path) -> None:
+    summary = maps.parent / "out" / "summary.csv"
+    seen = []
+
+    class Looking(Here):
+        def run(self, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Done]:
+            for done in super().run(function, tasks):
+                seen.append([row["name"] for row in rows(summary)])
+                yield done
+
+    batch(Looking())
+    assert seen == [[], ["floor1/map"], ["floor1/map", "floor2/map"]]
+
+
+def test_a_row_that_was_torn_is_written_again(batch: Batch, maps: Path) -> None:
+    batch()
+    summary = maps.parent / "out" / "summary.csv"
+    whole = summary.read_text()
+    summary.write_text(whole[: whole.rindex("floor2") + 9])
+    batch()
+    again = [{**row, "time": ""} for row in rows(summary)]
+    assert again == [{**row, "time": ""} for row in csv.DictReader(io.StringIO(whole))]
+
+
+@pytest.mark.parametrize("name", ["summary.csv", "failures.csv", "index.html"])
+def test_a_list_that_is_not_ours_is_refused(batch: Batch, maps: Path, name: str) -> None:
+    out = maps.parent / "out"
+    claim(out)
+    (out / name).write_text("mine,too\n1,2\n")
+    with pytest.raises(OutputError, match=name):
         batch()
-    assert not list((maps.parent / "out").glob("floor*"))
+    assert (out / name).read_text() == "mine,too\n1,2\n"
+
+
+def test_a_map_that_somebody_else_labels_is_left_to_them_and_looked_at_later(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = maps.parent / "out"
+    claim(out)
+    other = contextlib.ExitStack()
+    assert other.enter_context(claimed(claim_of(out, "floor1/map")))
+    waits = []
+
+    def let_go(_: float) -> None:
+        waits.append([path.parent.parent.name for path in out.rglob("manifest.json")])
+        other.close()
+
+    monkeypatch.setattr(time, "sleep", let_go)
+    watched = Watched()
+    batch(watched)
+    assert watched.labelled == ["floor2/map", "floor1/map"]
+    assert waits == [["floor2"]]
+
+
+def test_shards_share_all_maps_and_never_move_one(batch: Batch, maps: Path) -> None:
+    counts = [batch(how={"shard": Shard(number, 3)}) for number in (1, 2, 3)]
+    assert sum(found.n_labelled + found.n_failed for found in counts) == 3
+    assert all(found.n_kept == 0 for found in counts)
+    last = counts[-1].overview
+    assert (last.n_rows, last.n_failures) == (2, 1)
+    names = [f"site{number}/map" for number in range(1000)]
+    parts = [[name for name in names if Shard(part, 7).has(name)] for part in range(1, 8)]
+    assert sorted(name for part in parts for name in part) == sorted(names)
+    assert all(100 < len(part) < 190 for part in parts)
+
+
+def test_only_what_failed_is_tried_again(batch: Batch, maps: Path) -> None:
+    batch()
+    (maps / "torn.yaml").write_bytes((maps / "floor2" / "map.yaml").read_bytes())
+    (maps / "map.png").write_bytes((maps / "floor2" / "map.png").read_bytes())
+    found = batch(how={"only_failed": True})
+    assert (found.n_labelled, found.n_kept, found.n_failed) == (1, 0, 0)
+    assert found.overview.n_rows == 3
+    assert batch(how={"only_failed": True}).summary() == "0 maps: 0 labelled"
+
+
+def test_a_map_that_takes_too_long_is_given_up(
+    batch: Batch, maps: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*_: Any, **__: Any) -> None:
+        while True:
+            with contextlib.suppress(Exception):  # what catches every error must not stop it
+                sum(range(1000))
+
+    with monkeypatch.context() as changed:
+        changed.setattr(map_task, "label_file", slow)
+        batch(how={"limit_s": 0.2})
+    failed = failures(maps.parent / "out")["floor1/map"]
+    assert (failed["error"], failed["message"]) == (
+        "TimeLimit",
+        "it took longer than 0.2 s; raise --time-limit",
+    )
+    assert not list((maps.parent / "out").rglob(".*.tmp"))
+    assert batch(how={"limit_s": 600.0}).n_labelled == 2
+
+
+def test_pictures_may_be_left_out_and_are_made_when_they_are_wanted(
+    batch: Batch, again: Again, maps: Path
+) -> None:
+    folder = maps.parent / "out" / "floor1" / "map"
+    batch(outputs=Outputs.named("none"))
+    names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+    assert {"labels.png", "topology.json", "regions.png", "check.csv"} <= names
+    assert not {"overview.png", "topology.png", "thumbnail.png", "probability_room.png"} & names
+    assert "thumbnail.png" not in (maps.parent / "out" / "index.html").read_text()
+    assert again(outputs=Outputs.named("none")) == []
+    assert again() == ["floor1/map", "floor2/map"]
+    assert (folder / "thumbnail.png").exists()
+    assert again(outputs=Outputs.named("probabilities")) == []  # there is more than is wanted
+
+
+def test_a_plan_says_what_would_be_done_and_writes_nothing(
+    batch: Batch, maps: Path, model: Path
+) -> None:
+    out, options = maps.parent / "out", LabelOptions(model=str(model))
+
+    def planned() -> Plan:
+        found = find_maps([str(maps)], out)
+        return plan(found.maps, found, out, options)
+
+    assert planned().summary() == "3 maps: 3 to label; nothing was written"
+    assert not out.exists()
+    batch()
+    assert planned() == Plan(("torn",), ("torn",), ("floor1/map", "floor2/map"), ())
+
+
+def test_a_root_that_was_written_holds_until_the_input_moves(batch: Batch, maps: Path) -> None:
+    batch()
+    out = maps.parent / "out"
+    assert recorded_root(out) == maps
+    maps.rename(maps.parent / "moved")
+    assert recorded_root(out) is None

@@ -1,5 +1,6 @@
 """``label`` with many maps: which arguments make a batch, what it prints, and how it ends."""
 
+import json
 import shutil
 import signal
 import subprocess
@@ -44,7 +45,7 @@ def test_a_folder_is_a_batch_that_ends_with_3_where_a_map_is_bad(floors: Path, r
         *(f"wrote {out / name}" for name in ("failures.csv", "index.html", "summary.csv")),
     ]
     assert [line.partition(":")[0] for line in error.splitlines()] == ["labelling maps"]
-    assert (out / "f1" / "labels.png").exists()
+    assert (out / "f1" / "map" / "labels.png").exists()
     (floors / "floors" / "f3" / "map.yaml").unlink()
     code, text, _ = run(*label, "--quiet")
     assert code == 0
@@ -57,7 +58,7 @@ def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) 
         "label", map_yaml, "-m", floors / "model", "-o", out, "--jobs", 1, "--memory", "4GB", "-q"
     )
     assert code == 0, error
-    assert (out / floors.name / "labels.png").exists()
+    assert (out / "map" / "labels.png").exists()
     assert (out / "index.html").exists()
 
 
@@ -68,6 +69,9 @@ def test_one_map_is_a_batch_where_workers_are_asked_for(floors: Path, run: Run) 
         (["--memory", "much"], "--memory expects a size such as 4GB"),
         (["--method", "adabost"], "Did you mean 'adaboost'"),
         (["--doorways", "doors"], "--doorways"),
+        (["--shard", "0/4"], "--shard expects i/n, such as 3/16"),
+        (["--outputs", "picture"], "Did you mean 'pictures'"),
+        (["--time-limit", "0"], "--time-limit"),
     ],
 )
 def test_flags_that_are_wrong_are_refused_before_the_work(
@@ -91,12 +95,12 @@ def test_a_batch_that_was_killed_goes_on_where_it_stopped(floors: Path, run: Run
     out = floors / "out"
     label = ["label", floors / "floors", "-m", floors / "model", "-o", out, "--jobs", 1, "-q"]
     with subprocess.Popen([sys.executable, "-m", "pgm_places", *map(str, label)]) as process:
-        while len(list(out.glob("f*/manifest.json"))) < 2:
+        while len(list(out.rglob("manifest.json"))) < 2:
             assert process.poll() is None
             time.sleep(0.05)
         process.send_signal(signal.SIGKILL)
     time.sleep(2)  # for the worker to see that its parent is gone
-    done = {path: path.stat().st_mtime_ns for path in out.glob("f*/manifest.json")}
+    done = {path: path.stat().st_mtime_ns for path in out.rglob("manifest.json")}
     assert 2 <= len(done) < 10
     code, text, _ = run(*label)
     assert code == 3
@@ -104,4 +108,51 @@ def test_a_batch_that_was_killed_goes_on_where_it_stopped(floors: Path, run: Run
         f"11 maps: {10 - len(done)} labelled, {len(done)} done before, 1 failed"
     )
     assert all(path.stat().st_mtime_ns == time_ns for path, time_ns in done.items())
-    assert not list(out.glob(".*.tmp"))
+    assert not list(out.rglob(".*.tmp"))
+
+
+def test_a_batch_is_planned_done_in_parts_and_listed_anew(floors: Path, run: Run) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    out = floors / "out"
+    label = ["label", floors / "floors", "-m", floors / "model", "-o", out, "-j", 1, "-q"]
+    code, text, _ = run(*label, "--dry-run")
+    assert (code, out.exists()) == (0, False)
+    assert text.splitlines() == [
+        "3 maps: 3 to label; nothing was written",
+        "to label: f1/map, f2/map, f3/map",
+    ]
+    for part in ("1/2", "2/2"):
+        run(*label, "--shard", part, "--outputs", "none")
+    code, text, _ = run(*label, "--retry-failed")
+    assert (code, text.splitlines()[0]) == (3, "1 map: 0 labelled, 1 failed")
+    lists = {name: (out / name).read_text() for name in ("summary.csv", "failures.csv")}
+    (out / "summary.csv").unlink()
+    shutil.rmtree(floors / "floors" / "f2")
+    code, text, error = run("index", out, "--parquet", "-q")
+    assert (code, error) == (0, "")
+    assert text.splitlines() == [
+        "2 maps labelled, 1 failed",
+        "no longer in the input: f2/map; its results stay until you remove the folder",
+        *(
+            f"wrote {out / name}"
+            for name in ("failures.csv", "index.html", "summary.csv", "places.parquet")
+        ),
+    ]
+    rows = (out / "summary.csv").read_text().splitlines()
+    before = lists["summary.csv"].splitlines()
+    assert [row.split(",")[:6] for row in rows] == [row.split(",")[:6] for row in before]
+    assert [row.rpartition(",")[2] for row in rows] == ["in_input", "yes", "no"]
+    table = parquet.read_table(out / "places.parquet").to_pylist()
+    places = json.loads((out / "f1" / "map" / "topology.json").read_text())["regions"]
+    first = [row for row in table if row["map"] == "f1/map"]
+    assert [(row["place"], row["name"]) for row in first] == [
+        (place["id"], place["name"]) for place in places
+    ]
+    assert [row["area_m2"] for row in first] == [place["area_m2"] for place in places]
+
+
+def test_a_folder_without_labelled_maps_is_no_index(floors: Path, run: Run) -> None:
+    code, _, error = run("index", floors / "floors")
+    assert code == 2
+    assert "no labelled map below it" in error
+    assert not list((floors / "floors").glob("*.csv"))

@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 from PIL import Image
 
 from pgm_places.batch.manifest import MANIFEST_FILE, manifest_text
+from pgm_places.batch.outcomes import LabelledRow
 from pgm_places.datasets import generate_building
 from pgm_places.graph.label_graph import LabelGraph
 from pgm_places.inference.backends import build
@@ -27,6 +28,7 @@ from pgm_places.labelers.joint_labeler import JointLabeler
 from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.persistence.model_folder import load_folder, save_folder
 from pgm_places.persistence.stored import load, save
+from pgm_places.report.outputs import Outputs
 from pgm_places.studio.classes import Classes
 from pgm_places.studio.journal import Journal
 from pgm_places.studio.painting import Painting
@@ -199,9 +201,20 @@ def seeds(folder: Path) -> None:
     for name in gated_floor_map().label_names:
         half.save(labelled / f"probability_{name}.png")
     inputs = {"map": "0" * 64, "image": "map.png", "image_sha256": "0" * 64, "names": None}
-    figures = {"seconds": 1.5, "places": {"room": 2}}
+    row = LabelledRow(
+        name="hall",
+        map="hall.yaml",
+        method="potts",
+        n_places=3,
+        n_connections=2,
+        area_m2={"room": 20.5},
+        doubt=0.1,
+        check_first="room 1",
+        warnings=("grey 205",),
+        seconds=1.5,
+    )
     (folder / "batch").mkdir()
-    (folder / "batch" / MANIFEST_FILE).write_text(manifest_text(inputs, figures))
+    (folder / "batch" / MANIFEST_FILE).write_text(manifest_text(inputs, row, Outputs()))
     _write_models(folder)
 
 

@@ -1,0 +1,65 @@
+"""The folder that the results of many maps are written to: its names, its root, its claims."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from pgm_places.batch.found_maps import FoundMap
+from pgm_places.batch.lists import LISTS
+from pgm_places.batch.outcomes import Failure
+from pgm_places.errors import InputError
+from pgm_places.io.atomic import write_text
+from pgm_places.io.json_file import read_json
+
+__all__ = ["claim_of", "names_in_the_way", "recorded_root", "write_root"]
+
+_RECORD = ".pgm-places-batch.json"
+_CLAIMS = ".pgm-places-claims"
+_FORMAT, _SCHEMA = "pgm-places batch", 1
+_MAX_BYTES = 1 << 16
+
+
+def recorded_root(out: Path) -> Path | None:
+    """The folder that the names in ``out`` start from; None where it is unknown, or has moved."""
+    try:
+        record = read_json(out / _RECORD, InputError, "a batch's record", max_bytes=_MAX_BYTES)
+        root = Path(record["root"])
+    except (InputError, LookupError, TypeError):
+        return None
+    return root if root.is_dir() else None
+
+
+def write_root(out: Path, root: Path) -> None:
+    """Keep the root for later runs."""
+    if recorded_root(out) != root:
+        record = {"format": _FORMAT, "schema": _SCHEMA, "root": str(root)}
+        write_text(out / _RECORD, json.dumps(record, indent=1) + "\n")
+
+
+def claim_of(out: Path, name: str) -> Path:
+    """The file that stands for the right to label a map."""
+    digest = hashlib.sha256(name.encode("utf-8", "surrogateescape")).hexdigest()
+    return out / _CLAIMS / digest[:32]
+
+
+def names_in_the_way(maps: Iterable[FoundMap]) -> Iterator[Failure]:
+    """The maps whose folders would hold those of others, or be called like the lists of all."""
+    reserved = {name.casefold() for name in LISTS}
+    by_name = {item.name.casefold(): item for item in maps}
+    found: dict[str, str] = {}
+    for name, item in by_name.items():
+        parts = name.split("/")
+        if parts[0] in reserved:
+            found[item.name] = "its folder would be called like a list of all maps"
+        for n in range(1, len(parts)):
+            holder = by_name.get("/".join(parts[:n]))
+            if holder is not None:
+                found[holder.name] = f"its folder would hold that of {item.path}"
+    for item in maps:
+        if by_name[item.name.casefold()] is not item:
+            other = by_name[item.name.casefold()].path
+            found[item.name] = f"its name differs from that of {other} by capital letters alone"
+        if item.name in found:
+            message = f"{item.path}: {found[item.name]}; rename the map or its folder"
+            yield Failure(item.name, str(item.path), "MapError", message)

@@ -1,0 +1,148 @@
+"""``pgm-places label`` with many maps, and ``pgm-places index``: their lists made anew."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pgm_places.cli.arguments import Force, Quiet
+from pgm_places.cli.declarations import Argument, Option
+from pgm_places.cli.entry import EXIT_MAPS_FAILED
+from pgm_places.cli.progress import make_progress
+from pgm_places.cli.terminal import say
+from pgm_places.cli.workers import WorkerOptions, make_workers
+
+if TYPE_CHECKING:
+    from pgm_places.batch.found_maps import FoundMaps
+    from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.batch.overview import Overview
+    from pgm_places.batch.shard import Shard
+    from pgm_places.progress import Progress
+
+__all__ = ["BatchOptions", "index", "label_many"]
+
+_MOST_NAMES = 10
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """The flags that only a batch has."""
+
+    shard: str | None = None
+    time_limit_s: float | None = None
+    retry_failed: bool = False
+    dry_run: bool = False
+
+    @property
+    def given(self) -> bool:
+        """Whether any flag was given."""
+        return self != BatchOptions()
+
+
+def label_many(
+    arguments: Sequence[str],
+    out: Path,
+    options: "LabelOptions",
+    workers: WorkerOptions,
+    batch: BatchOptions,
+    *,
+    force: bool,
+    n_threads: int | None,
+    progress: "Progress",
+) -> None:
+    """Label the maps that arguments name; the exit code says whether one failed."""
+    from pgm_places.batch.batch_folder import recorded_root
+    from pgm_places.batch.found_maps import find_maps
+    from pgm_places.batch.shard import Shard
+
+    shard = None if batch.shard is None else Shard.named(batch.shard)
+    found = find_maps(arguments, out, root=recorded_root(out))
+    if found.n_passed_over:
+        n = found.n_passed_over
+        say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
+    if batch.dry_run:
+        _say_plan(found, out, options, shard, only_failed=batch.retry_failed)
+        return
+    from pgm_places.batch.label_batch import label_batch
+
+    processes, threads = make_workers(workers, len(found.maps), n_threads)
+    done = label_batch(
+        found,
+        out,
+        options,
+        processes,
+        n_threads=threads,
+        force=force,
+        shard=shard,
+        only_failed=batch.retry_failed,
+        limit_s=batch.time_limit_s,
+        progress=progress,
+    )
+    say(done.summary())
+    _say_gone(done.overview)
+    for path in done.written:
+        say(f"wrote {path}")
+    if done.n_failed:
+        raise SystemExit(EXIT_MAPS_FAILED)
+
+
+def _say_plan(
+    found: "FoundMaps",
+    out: Path,
+    options: "LabelOptions",
+    shard: "Shard | None",
+    *,
+    only_failed: bool,
+) -> None:
+    from pgm_places.batch.label_batch import maps_to_do
+    from pgm_places.batch.plan import plan
+
+    maps = maps_to_do(found, out, shard=shard, only_failed=only_failed)
+    planned = plan(maps, found, out, options)
+    say(planned.summary())
+    for title, names in planned.lists():
+        shown = ", ".join(names[:_MOST_NAMES])
+        more = len(names) - _MOST_NAMES
+        say(f"{title}: {shown}{f' and {more:,} more' if more > 0 else ''}")
+
+
+def _say_gone(overview: "Overview") -> None:
+    if n := overview.n_gone:
+        names = ", ".join(overview.gone[:_MOST_NAMES])
+        more = f" and {n - _MOST_NAMES:,} more" if n > _MOST_NAMES else ""
+        say(
+            f"no longer in the input: {names}{more}; "
+            f"{'its results stay' if n == 1 else 'their results stay'} until you remove "
+            f"{'the folder' if n == 1 else 'the folders'}"
+        )
+
+
+def _s(n: int) -> str:
+    return "" if n == 1 else "s"
+
+
+def index(
+    folder: Annotated[
+        Path, Argument(metavar="DIR", help="Folder that 'label' wrote many maps to.")
+    ],
+    *,
+    parquet: Annotated[
+        bool,
+        Option(help="Write places.parquet as well: a row for each place of all maps."),
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """List all labelled maps of a folder anew, from what lies in it.
+
+    For folders that several batches have filled, of which some were killed, or from which maps were
+    removed: index.html, summary.csv and failures.csv are written again.
+    """
+    from pgm_places.batch.index import index_folder
+
+    found = index_folder(folder, parquet=parquet, force=force, progress=make_progress(quiet=quiet))
+    failed = f", {found.overview.n_failures:,} failed" if found.overview.n_failures else ""
+    say(f"{found.overview.n_rows:,} map{_s(found.overview.n_rows)} labelled{failed}")
+    _say_gone(found.overview)
+    for path in found.written:
+        say(f"wrote {path}")
