@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pgm_places.batch.label_options import LabelOptions
-from pgm_places.batch.manifest import MANIFEST_FILE, done_figures
+from pgm_places.batch.manifest import MANIFEST_FILE, done_figures, labelled_row
 from pgm_places.batch.ready_model import ReadyModel, ready_model
 from pgm_places.experiment.config import load_config
 from pgm_places.experiment.experiment import Experiment
@@ -139,6 +139,7 @@ def model_for_batches() -> ReadyModel:
 
 
 def figures_of(folder: Path) -> object:
+    labelled_row(folder / "batch", "hall")
     return done_figures(folder / "batch", folder / "map.yaml", model_for_batches(), LabelOptions())
 
 
