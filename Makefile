@@ -3,14 +3,12 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-data test-uncompiled fuzz faults lint types imports docs wheel wheel-compiled bench clean
-
-# setuptools prints a page about every editable installation; it is how we mean to install.
-$(VENV)/.package $(VENV)/.installed: export PYTHONWARNINGS = ignore:Editable installation
+.PHONY: demo test test-data test-uncompiled fuzz faults lint types imports docs wheel bench core current clean
 
 # The README prints these lines for those without make. Only errors of pip are shown.
 $(VENV)/.package: pyproject.toml
 	@echo "Setting up $(VENV): installing pgm_places and the libraries it needs (once) ..."
+	@$(PYTHON) tools/core.py --announce
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --quiet --upgrade "pip>=25.1"
 	@$(BIN)/python -m pip install --quiet --quiet --editable .
@@ -21,7 +19,16 @@ $(VENV)/.installed: $(VENV)/.package
 	@$(BIN)/python -m pip install --quiet --quiet --group dev
 	@touch $@
 
-demo: $(VENV)/.package
+# The kernels in C++ compiled in place, for the Python of $(VENV) or PYTHON=...; 'current' does so
+# only where a source is newer.
+CORE_PYTHON := $(if $(filter file,$(origin PYTHON)),$(or $(wildcard $(BIN)/python),$(PYTHON)),$(PYTHON))
+core:
+	@$(CORE_PYTHON) tools/core.py
+
+current: $(VENV)/.package
+	@$(BIN)/python tools/core.py --if-changed
+
+demo: current
 	$(BIN)/pgm-places demo --out demo-report
 
 # A process for each core. A file stays in one of them, for what its tests share; tests/conftest.py
@@ -29,7 +36,7 @@ demo: $(VENV)/.package
 # sources anew each time if none could be kept.
 PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses logical \
 	--dist loadfile --no-loadscope-reorder
-test: $(VENV)/.installed
+test: $(VENV)/.installed current
 	$(PYTEST)
 
 # Only the tests on real maps and logs, which are skipped where these are absent.
@@ -69,15 +76,10 @@ docs: $(VENV)/.installed
 wheel: $(VENV)/.installed
 	rm -rf dist build
 	$(BIN)/python -m build --outdir dist
-	$(BIN)/python tests/check_wheel.py dist/*-any.whl
-
-# For Linux on x86-64 and this Python and numba; a first run of 'label' compiles nothing.
-wheel-compiled: wheel
-	$(BIN)/python tools/compiled_wheel.py dist/*-any.whl
-	$(BIN)/python tests/check_wheel.py dist/*-manylinux*.whl
+	$(BIN)/python tests/check_wheel.py dist/*.whl
 
 bench: $(VENV)/.installed
 	$(BIN)/python -m benchmarks
 
 clean:
-	rm -rf $(VENV) build dist docs/_build .pytest_cache .mypy_cache .ruff_cache *.egg-info
+	rm -rf $(VENV) build dist docs/_build pgm_places/_core* .pytest_cache .mypy_cache .ruff_cache *.egg-info

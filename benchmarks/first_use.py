@@ -8,9 +8,6 @@ one thread. Processor seconds include both processes. The second table compiles 
 separately, in a fresh process: imports, then all kernels of the stage, in processor seconds.
 Python's bytecode is there in all of them, as it is once a package has been installed; without it a
 warm run takes 1.3 times the processor time. Linking the kernels of a warm run takes 0.05 s of it.
-
-After ``make wheel-compiled`` there is a row more: a cold run of the package in that wheel, which
-brings its machine code.
 """
 
 import compileall
@@ -22,12 +19,10 @@ import subprocess
 import sys
 import tempfile
 import time
-import zipfile
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-BROUGHT = "cold, from the wheel"
 STAGES = ("casting", "features", "segments", "space", "relaxation", "topology")
 MEASURE = "--measure"
 
@@ -38,9 +33,9 @@ def spent() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def command_seconds(arguments: list[str], cache: Path, package: Path) -> tuple[float, float]:
-    """Wall and processor seconds of a command of a package, with a folder for kernels."""
-    changes = {"PGM_PLACES_CACHE_DIR": str(cache), "PYTHONPATH": str(package)}
+def command_seconds(arguments: list[str], cache: Path) -> tuple[float, float]:
+    """Wall and processor seconds of a command, with a folder for kernels."""
+    changes = {"PGM_PLACES_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
     environment = {**os.environ, **changes}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     start, before = time.perf_counter(), spent()
@@ -56,18 +51,15 @@ def command_seconds(arguments: list[str], cache: Path, package: Path) -> tuple[f
 def command_rows(
     name: str, arguments: list[str], folder: Path, repeats: int
 ) -> list[dict[str, Any]]:
-    """Rows of one command: cold, on one thread, from a wheel, warm; taken in turn."""
-    packages = {"cold": ROOT, "cold, one thread": ROOT, BROUGHT: unpacked(folder), "warm": ROOT}
+    """Rows of one command: cold, on one thread, warm; taken in turn."""
     found: dict[str, list[tuple[float, float]]] = {}
     for _ in range(repeats):
-        for kind, package in packages.items():
-            if package is None:
-                continue
+        for kind in ("cold", "cold, one thread", "warm"):
             words = [*arguments, *(["--threads", "1"] if "one thread" in kind else [])]
             with tempfile.TemporaryDirectory(dir=folder) as cache:
                 if kind == "warm":
-                    command_seconds(words, Path(cache), package)
-                seconds = command_seconds(words, Path(cache), package)
+                    command_seconds(words, Path(cache))
+                seconds = command_seconds(words, Path(cache))
                 found.setdefault(kind, []).append(seconds)
     return [
         {
@@ -79,18 +71,6 @@ def command_rows(
         }
         for kind, values in found.items()
     ]
-
-
-def unpacked(folder: Path) -> Path | None:
-    """The package of the wheel that brings its kernels, if one has been built."""
-    python = "cp{}{}".format(*sys.version_info)
-    for wheel in (ROOT / "dist").glob(f"*-{python}-manylinux*.whl"):
-        place = folder / "wheel"
-        if not place.is_dir():
-            zipfile.ZipFile(wheel).extractall(place)
-            compileall.compile_dir(place, quiet=1)
-        return place
-    return None
 
 
 def stage_row(stage: str) -> dict[str, Any]:

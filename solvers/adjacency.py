@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array, sealed
+from pgm_places._core import fill_slots
 from pgm_places.errors import InputError
-from pgm_places.solvers._adjacency_kernels import Arcs, fill_slots
+from pgm_places.solvers._adjacency_kernels import Arcs
 
 __all__ = ["Adjacency", "adjacency", "part_means"]
 

@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pgm_places._checks import integer_array
+from pgm_places._core import copy_edges, update_parts_of_raster
 from pgm_places.errors import InputError
 from pgm_places.graph.mask_cells import MaskCells
-from pgm_places.kernels.jit import ready
 from pgm_places.kernels.pages import Planes
 from pgm_places.kernels.threads import Crew, run_tasks
 from pgm_places.solvers.compatibility import DIRECTIONS
@@ -25,18 +26,42 @@ from pgm_places.solvers.relaxation import (
     useful_threads,
 )
 
-if TYPE_CHECKING:
-    from pgm_places.solvers._grid_relaxation_kernels import Scratch, Store
-
 __all__ = ["neighbour_weights", "relax_grid"]
 
 CELLS_PER_PART = 16_384
 MAX_PARTS = 64  # bounds the rows that parts keep
-FEW_LABELS = 4  # the kernel is compiled for each of these numbers of labels, and for any number
 NODES_AT_ONCE = 131_072  # while filling and reading the store: bounds the temporary arrays
 PARTS_AT_ONCE = 16  # that are read before what they were read from is given up
 
 _Cells: TypeAlias = NDArray[np.int32] | MaskCells
+
+
+class _Store(NamedTuple):
+    """The beliefs of a raster and where each part of it lies; row y of the raster is row y + 1."""
+
+    beliefs: NDArray[np.float32]
+    """(K, M)."""
+    codes: NDArray[np.uint8]
+    """(M,) which neighbours are walls: see ``code_walls``."""
+    row_start: NDArray[np.int64]
+    """(H + 3,) first cell of each row."""
+    span_start: NDArray[np.int64]
+    """(H + 3,) the spans of row y are ``span_start[y]`` to ``span_start[y + 1]``."""
+    spans: NDArray[np.int64]
+    """(S, 4) cells of a span, and where it starts in the row above, here and below."""
+    part_start: NDArray[np.int64]
+    """(P + 1,) first row of each part."""
+
+
+class _Update(NamedTuple):
+    """How beliefs are renewed."""
+
+    tables: NDArray[np.float32]
+    """(1, K, K + 1) c r for the cells that share a side, or (8, K, K + 1), one per direction; the
+    last column is the wall."""
+    ratio: np.float32
+    """What one table is multiplied by for cells that share a corner."""
+    damping: np.float32
 
 
 @dataclass(frozen=True)
@@ -117,7 +142,6 @@ def relax_grid(
     neighbour one, so that empty parts of a huge raster cost next to nothing. They are given up
     while the result is read from them.
     """
-    from pgm_places.solvers._grid_relaxation_kernels import Store, Update, update_parts
     from pgm_places.solvers._relaxation_kernels import SUMS
 
     check_options(damping, iterations, tolerance)
@@ -136,22 +160,17 @@ def relax_grid(
     n_parts = len(parts) - 1
     codes = _codes(walls, cells, shape, rows, by_direction=not one_table)
     beliefs = _fill(table, cells, rows, floor, n_threads)
-    store = Store(beliefs.array, codes, rows.row_start, rows.span_start, rows.spans, parts)
-    rule = Update(
-        tables[0] if one_table else tables,
-        ratio,
-        np.float32(damping),
-        _each(n_labels) if one_table else np.zeros(n_labels, np.int64),
-    )
+    store = _Store(beliefs.array, codes, rows.row_start, rows.span_start, rows.spans, parts)
+    rule = _Update(tables, ratio, np.float32(damping))
     edges = _edges(store, n_labels, rows.longest)
     results = np.zeros((n_parts, SUMS))
     threads = useful_threads(n_threads, n_parts)
     groups = thread_groups(n_parts, threads)
-    scratch = [_scratch(n_labels, rows.longest) for _ in groups]
+    ahead = [np.zeros((3, n_labels, rows.longest), np.float32) for _ in groups]
     calls = [
         [
-            ready(update_parts, store, rule, room, group, *turn, results)
-            for room, group in zip(scratch, groups, strict=True)
+            partial(update_parts_of_raster, store, rule, room, *group, *turn, results)
+            for room, group in zip(ahead, groups, strict=True)
         ]
         for turn in (edges, edges[::-1])
     ]
@@ -174,33 +193,13 @@ def relax_grid(
         )
 
 
-def _edges(store: "Store", n_labels: int, longest: int) -> list[NDArray[np.float32]]:
+def _edges(store: _Store, n_labels: int, longest: int) -> list[NDArray[np.float32]]:
     """The rows at the edges of parts as they are, and room for those of the next iteration."""
-    from pgm_places.solvers._grid_relaxation_kernels import copy_edges
-
     n_parts = len(store.part_start) - 1
     now, later = (np.zeros((n_parts + 2, 2, n_labels, longest), np.float32) for _ in range(2))
     for part in range(n_parts):
         copy_edges(store, part, now)
     return [now, later]
-
-
-def _each(n_labels: int) -> Any:
-    """An entry per label, in a tuple where there are few."""
-    return (0,) * n_labels if n_labels <= FEW_LABELS else np.zeros(n_labels, np.int64)
-
-
-def _scratch(n_labels: int, longest: int) -> "Scratch":
-    from pgm_places.kernels.lanes import LANES, aligned_planes
-    from pgm_places.solvers._grid_relaxation_kernels import SUPPORT, Scratch
-
-    rows = aligned_planes(3 * n_labels * longest // LANES, np.float32)
-    rows[:] = 0
-    return Scratch(
-        rows.reshape(3, n_labels, longest),
-        aligned_planes(2 * n_labels + 1, np.float32),
-        aligned_planes(SUPPORT + 1, np.float64),
-    )
 
 
 def _check_cells(cells_rc: ArrayLike | MaskCells, n_nodes: int, shape: tuple[int, int]) -> _Cells:

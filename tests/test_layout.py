@@ -3,7 +3,6 @@
 import ast
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -19,15 +18,6 @@ def test_links_lead_to_the_real_folders(name: str) -> None:
     if not link.is_symlink():
         pytest.skip("this checkout has no symbolic links; builds work through the mapping")
     assert link.resolve() == ROOT / name
-
-
-def test_every_package_is_listed_for_the_wheel() -> None:
-    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    files = [path for path in (ROOT / "pgm_places").rglob("*.*") if path.is_file()]
-    folders = {path.parent for path in files if "__pycache__" not in path.parts}  # of data, too
-    found = {".".join(path.relative_to(ROOT).parts) for path in folders}
-    found |= {f"pgm_places.{name}" for name in ("models", "solvers")}
-    assert sorted(listed) == sorted(found)
 
 
 def test_every_package_has_a_layer_and_no_imports_go_round_or_up() -> None:

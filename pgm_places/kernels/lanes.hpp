@@ -1,0 +1,247 @@
+// Vectors of a few numbers, in parts as wide as the processor's registers.
+//
+// No operation mixes lanes unless its name says so, and sums and fused products are exactly those
+// written, so that a lane's bits depend neither on the other lanes nor on the machine.
+//
+// A kernel that uses them is a template over BYTES, the width of a register, and is compiled for
+// each kind of processor: see `variants`. Everything that it calls has to be PGM_INLINE.
+
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#define PGM_INLINE inline __attribute__((always_inline))
+
+namespace pgm {
+
+template <class T, int N> struct Register {
+    // Aligned by name: for vectors wider than the machine's registers GCC forgets to.
+    typedef T type __attribute__((vector_size(N * sizeof(T)), aligned(N * sizeof(T))));
+};
+
+// What comparing two numbers of a type gives: all bits are set, or none.
+template <class T> using Flag = std::conditional_t<sizeof(T) == 8, std::int64_t, std::int32_t>;
+
+template <class T, int N, int BYTES> struct alignas(std::min<int>(N * sizeof(T), BYTES)) Lanes {
+    static constexpr int WIDTH = std::min<int>(N, BYTES / sizeof(T)), PARTS = N / WIDTH;
+    using Part = typename Register<T, WIDTH>::type;
+    using Mask = Lanes<Flag<T>, N, BYTES>;
+
+    Part part[PARTS];
+
+    static PGM_INLINE Lanes load(const T *from) {
+        Lanes lanes;
+        std::memcpy(&lanes, from, sizeof(lanes));
+        return lanes;
+    }
+
+    static PGM_INLINE Lanes splat(T value) {
+        return each([&](int) { return Part{} + value; });
+    }
+
+    // Lanes made of the function of each part's number.
+    template <class Function> static PGM_INLINE Lanes each(Function function) {
+        Lanes lanes;
+        for (int p = 0; p < PARTS; ++p) lanes.part[p] = function(p);
+        return lanes;
+    }
+
+    // Lanes made of the function of each lane's number.
+    template <class Function> static PGM_INLINE Lanes every(Function function) {
+        Lanes lanes;
+        for (int p = 0; p < PARTS; ++p)
+            for (int i = 0; i < WIDTH; ++i) lanes.part[p][i] = function(p * WIDTH + i);
+        return lanes;
+    }
+
+    PGM_INLINE void store(T *to) const { std::memcpy(to, this, sizeof(*this)); }
+
+    PGM_INLINE T operator[](int lane) const { return part[lane / WIDTH][lane % WIDTH]; }
+
+    friend PGM_INLINE Lanes operator+(Lanes a, Lanes b) {
+        return each([&](int p) { return a.part[p] + b.part[p]; });
+    }
+    friend PGM_INLINE Lanes operator-(Lanes a, Lanes b) {
+        return each([&](int p) { return a.part[p] - b.part[p]; });
+    }
+    friend PGM_INLINE Lanes operator*(Lanes a, Lanes b) {
+        return each([&](int p) { return a.part[p] * b.part[p]; });
+    }
+    friend PGM_INLINE Lanes operator/(Lanes a, Lanes b) {
+        return each([&](int p) { return a.part[p] / b.part[p]; });
+    }
+    friend PGM_INLINE Mask operator>(Lanes a, Lanes b) {
+        return Mask::each([&](int p) { return a.part[p] > b.part[p]; });
+    }
+    friend PGM_INLINE Mask operator<(Lanes a, Lanes b) {
+        return Mask::each([&](int p) { return a.part[p] < b.part[p]; });
+    }
+    friend PGM_INLINE Mask operator>=(Lanes a, Lanes b) {
+        return Mask::each([&](int p) { return a.part[p] >= b.part[p]; });
+    }
+    friend PGM_INLINE Mask operator<=(Lanes a, Lanes b) {
+        return Mask::each([&](int p) { return a.part[p] <= b.part[p]; });
+    }
+    friend PGM_INLINE Mask operator==(Lanes a, Lanes b) {
+        return Mask::each([&](int p) { return a.part[p] == b.part[p]; });
+    }
+    friend PGM_INLINE Lanes operator&(Lanes a, Lanes b) {
+        return each([&](int p) { return a.part[p] & b.part[p]; });
+    }
+    friend PGM_INLINE Lanes operator|(Lanes a, Lanes b) {
+        return each([&](int p) { return a.part[p] | b.part[p]; });
+    }
+};
+
+// `a` where the mask holds, `b` elsewhere.
+template <class T, int N, int B>
+PGM_INLINE Lanes<T, N, B> select(Lanes<Flag<T>, N, B> mask, Lanes<T, N, B> a, Lanes<T, N, B> b) {
+    return a.each([&](int p) { return mask.part[p] ? a.part[p] : b.part[p]; });
+}
+
+// The larger of two numbers; the second where one is NaN.
+template <class T, int N, int B>
+PGM_INLINE Lanes<T, N, B> largest(Lanes<T, N, B> a, Lanes<T, N, B> b) {
+    return a.each([&](int p) { return a.part[p] > b.part[p] ? a.part[p] : b.part[p]; });
+}
+
+// The smaller of two numbers; the second where one is NaN.
+template <class T, int N, int B>
+PGM_INLINE Lanes<T, N, B> smallest(Lanes<T, N, B> a, Lanes<T, N, B> b) {
+    return a.each([&](int p) { return a.part[p] < b.part[p] ? a.part[p] : b.part[p]; });
+}
+
+// `a * b + c` rounded once.
+template <class T, int N, int B>
+PGM_INLINE Lanes<T, N, B> fma(Lanes<T, N, B> a, Lanes<T, N, B> b, Lanes<T, N, B> c) {
+    return a.every([&](int lane) { return std::fma(a[lane], b[lane], c[lane]); });
+}
+
+template <class T, int N, int B> PGM_INLINE Lanes<T, N, B> square_root(Lanes<T, N, B> a) {
+    return a.every([&](int lane) { return std::sqrt(a[lane]); });
+}
+
+template <class T, int N, int B> PGM_INLINE Lanes<T, N, B> absolute(Lanes<T, N, B> a) {
+    return a.every([&](int lane) { return std::fabs(a[lane]); });
+}
+
+// Every lane rounded to the nearest integer, halves to the even one.
+template <class T, int N, int B> PGM_INLINE Lanes<T, N, B> nearest_integer(Lanes<T, N, B> a) {
+    return a.every([&](int lane) { return std::nearbyint(a[lane]); });
+}
+
+// 2 to the power of every lane: whole numbers from -1022 to 1023.
+template <int N, int B> PGM_INLINE Lanes<double, N, B> power_of_two(Lanes<double, N, B> a) {
+    using Whole = typename Register<std::int64_t, Lanes<double, N, B>::WIDTH>::type;
+    return a.each([&](int p) {
+        const auto moved = a.part[p] + (0x1.8p52 + 1023);  // the exponent is in the lowest bits
+        return reinterpret_cast<decltype(a.part[p])>(reinterpret_cast<Whole>(moved) << 52);
+    });
+}
+
+template <class T, int N, int B> PGM_INLINE bool any_lane(Lanes<T, N, B> mask) {
+    T any = 0;
+    for (int lane = 0; lane < N; ++lane) any |= mask[lane];
+    return any != 0;
+}
+
+template <int N, int B> PGM_INLINE Lanes<float, N, B> narrow(Lanes<double, N, B> a) {
+    return Lanes<float, N, B>::every([&](int lane) { return static_cast<float>(a[lane]); });
+}
+
+template <int N, int B> PGM_INLINE Lanes<double, N, B> widen(Lanes<float, N, B> a) {
+    return Lanes<double, N, B>::every([&](int lane) { return static_cast<double>(a[lane]); });
+}
+
+// The sum of all lanes: of the two halves' sums, added lane by lane until one is left.
+template <class T, int N, int B> PGM_INLINE T sum_of_lanes(Lanes<T, N, B> lanes) {
+    T sums[N];
+    lanes.store(sums);
+    for (int half = N / 2; half > 0; half /= 2)
+        for (int lane = 0; lane < half; ++lane) sums[lane] = sums[lane] + sums[lane + half];
+    return sums[0];
+}
+
+// The sum of all lanes from the first to the last.
+template <class T, int N, int B> PGM_INLINE T sum_in_order(Lanes<T, N, B> lanes) {
+    T sum = lanes[0];
+    for (int lane = 1; lane < N; ++lane) sum = sum + lanes[lane];
+    return sum;
+}
+
+// The largest of all lanes, none of which is NaN.
+template <class T, int N, int B> PGM_INLINE T highest_lane(Lanes<T, N, B> lanes) {
+    T highest = lanes[0];
+    for (int lane = 1; lane < N; ++lane) highest = lanes[lane] > highest ? lanes[lane] : highest;
+    return highest;
+}
+
+// `(code >> shift) & mask` of as many bytes as there are lanes.
+template <class L> PGM_INLINE L field_at(const std::uint8_t *codes, int shift, int mask) {
+    return L::every([&](int lane) { return static_cast<float>((codes[lane] >> shift) & mask); });
+}
+
+// What tests take away from the processor: kernels use no wider registers than this.
+inline int &register_limit() {
+    static int bytes = 64;
+    return bytes;
+}
+
+// The width in bytes of the widest registers of this processor.
+inline int widest_registers() {
+#if defined(__x86_64__) || defined(_M_X64)
+    static const int bytes = [] {
+        __builtin_cpu_init();
+        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+            __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+            return 64;
+        if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return 32;
+        return 16;
+    }();
+    return bytes;
+#else
+    return 16;
+#endif
+}
+
+// The width in bytes of the registers that kernels use.
+inline int register_bytes() { return std::min(widest_registers(), register_limit()); }
+
+template <class Kernel, class Signature> struct Variants;
+
+template <class Kernel, class Result, class... Arguments>
+struct Variants<Kernel, Result (*)(Arguments...)> {
+#if defined(__x86_64__) || defined(_M_X64)
+    __attribute__((target("arch=x86-64-v4"), flatten)) static Result v4(Arguments... arguments) {
+        return Kernel::template run<64>(arguments...);
+    }
+    __attribute__((target("arch=x86-64-v3"), flatten)) static Result v3(Arguments... arguments) {
+        return Kernel::template run<32>(arguments...);
+    }
+#endif
+    __attribute__((flatten)) static Result v1(Arguments... arguments) {
+        return Kernel::template run<16>(arguments...);
+    }
+    static Result run(Arguments... arguments) {
+#if defined(__x86_64__) || defined(_M_X64)
+        const int bytes = register_bytes();
+        if (bytes == 64) return v4(arguments...);
+        if (bytes == 32) return v3(arguments...);
+#endif
+        return v1(arguments...);
+    }
+};
+
+// The function that calls `Kernel::run<BYTES>` compiled for this processor, to add to a module:
+//
+//     struct UpdateParts {
+//         template <int BYTES> static PGM_INLINE void run(Array<float, 2> beliefs, ...) { ... }
+//     };
+template <class Kernel>
+constexpr auto variants = &Variants<Kernel, decltype(&Kernel::template run<16>)>::run;
+
+}  // namespace pgm

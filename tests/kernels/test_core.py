@@ -1,0 +1,97 @@
+"""The compiled module: what its kernels accept, and that every kind of processor gives the same."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pgm_places import _core
+from pgm_places.solvers.grid_relaxation import relax_grid
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+def slots() -> list[np.ndarray]:
+    """The arguments of a kernel for three nodes in a row."""
+    edges = np.array([[0, 1], [1, 2]], np.uint32)
+    return [edges, np.zeros(3, np.uint32), *(np.zeros(4, np.uint32) for _ in range(3))]
+
+
+def test_a_kernel_writes_into_its_arguments() -> None:
+    edges, room, start, head, arc = slots()
+    _core.fill_slots(edges, room, start, head, arc)
+    assert start.tolist() == [0, 1, 3, 4]
+    assert head.tolist() == [1, 0, 2, 1]
+    assert arc.tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda array: array.astype(np.int32),
+        lambda array: array.astype(np.float32),
+        lambda array: array.astype(np.uint64),
+        lambda array: array.astype(">u4"),
+        lambda array: np.stack([array, array]),
+        lambda array: np.repeat(array, 2)[::2],
+        lambda array: array.tolist(),
+        lambda array: None,
+    ],
+    ids=["int", "float", "wider", "big-endian", "dimensions", "strides", "list", "none"],
+)
+@pytest.mark.parametrize("at", [0, 3])
+def test_an_array_of_another_kind_is_refused_and_never_converted(spoil: object, at: int) -> None:
+    arguments = slots()
+    arguments[at] = spoil(arguments[at])  # type: ignore[operator]
+    with pytest.raises(TypeError, match=r"fill_slots\(edges: array\[uint32, ndim=2\]"):
+        _core.fill_slots(*arguments)
+
+
+def test_only_what_is_written_has_to_be_writable() -> None:
+    for at, array in enumerate(slots()):
+        arguments = slots()
+        arguments[at] = array
+        array.flags.writeable = False
+        if at == 0:
+            _core.fill_slots(*arguments)
+        else:
+            with pytest.raises(TypeError, match="writable"):
+                _core.fill_slots(*arguments)
+
+
+def test_a_tuple_of_another_length_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"copy_edges\(store: tuple\["):
+        _core.copy_edges((np.zeros((1, 1), np.float32),), 0, np.zeros((3, 2, 1, 1), np.float32))
+
+
+@pytest.fixture
+def any_registers() -> Iterator[None]:
+    yield
+    _core.limit_registers(64)
+
+
+@pytest.mark.parametrize("n_tables", [1, 8])
+@pytest.mark.parametrize("n_labels", [1, 2, 3, 4, 7])
+@pytest.mark.usefixtures("any_registers")
+def test_registers_of_any_width_give_the_same_bits(n_labels: int, n_tables: int) -> None:
+    rng = np.random.default_rng(n_labels)
+    mask = rng.random((40, 50)) < 0.7
+    cells = np.argwhere(mask).astype(np.int32)
+    unary = rng.normal(size=(len(cells), n_labels))
+    tables = rng.uniform(-1, 1, (n_tables, n_labels + 1, n_labels + 1))
+    found = []
+    for width in (16, 32, 64):
+        _core.limit_registers(width)
+        relaxed = relax_grid(unary, cells, mask.shape, tables, walls=~mask, iterations=5)
+        found.append((relaxed.beliefs.tobytes(), relaxed.max_change, relaxed.support))
+    assert found[0] == found[1] == found[2]
+
+
+def test_the_compiled_module_is_newer_than_its_sources() -> None:
+    script = ROOT / "tools" / "core.py"
+    code = f"import runpy, sys; sys.exit(not runpy.run_path({str(script)!r})['is_current']())"
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == 0, "a source in C++ has changed: run 'make core'"
