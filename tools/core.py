@@ -14,7 +14,6 @@ import subprocess
 import sys
 import sysconfig
 import time
-import tomllib
 import venv
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -139,6 +138,8 @@ def _quietly(command: list[object]) -> None:
 
 def tools_python() -> str:
     """A Python beside which the tools are installed, its programs on the path."""
+    import tomllib  # not in the Pythons that pip then refuses
+
     if find_spec("nanobind") and shutil.which("cmake") and has_compiler():
         return sys.executable
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
