@@ -10,6 +10,7 @@ from pgm_places.batch.lists import LISTS
 from pgm_places.batch.outcomes import Failure
 from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
+from pgm_places.io.input_file import is_address
 from pgm_places.io.json_file import read_json
 
 __all__ = ["claim_of", "names_in_the_way", "recorded_root", "write_root"]
@@ -27,7 +28,7 @@ def recorded_root(out: Path) -> Path | None:
         root = Path(record["root"])
     except (InputError, LookupError, TypeError):
         return None
-    return root if root.is_dir() else None
+    return root if is_address(root) or root.is_dir() else None
 
 
 def write_root(out: Path, root: Path) -> None:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from pgm_places.errors import MapError
-from pgm_places.io.input_file import file_kind, user_path
+from pgm_places.io.far_files import FarFolder, address_of
+from pgm_places.io.input_file import file_kind, is_address, user_path
 
 __all__ = ["FoundMap", "FoundMaps", "find_maps", "names_many"]
 
@@ -53,6 +54,8 @@ class FoundMaps:
 
 def names_many(argument: str) -> bool:
     """Whether an argument is a folder or a pattern, and no single file."""
+    if is_address(argument):
+        return glob.has_magic(argument) or FarFolder.at(argument, MapError).is_folder()
     path = user_path(argument, MapError)
     return file_kind(path) == "folder" or (glob.has_magic(argument) and not path.exists())
 
@@ -80,13 +83,14 @@ def find_maps(
         A folder or a pattern holds no map, or a map lies outside the root.
     """
     if root is None:
-        root = Path(os.path.commonpath([_base(argument) for argument in arguments]))
+        root = _common([_base(argument) for argument in arguments])
     found: dict[Path, None] = {}
     n_passed_over = 0
     for argument in arguments:
         listed = _listed(argument, None if out is None else out.absolute())
         if listed is None:
-            found[user_path(argument, MapError).absolute()] = None
+            path = Path(argument) if is_address(argument) else user_path(argument, MapError)
+            found[path if is_address(path) else path.absolute()] = None
             continue
         maps = [path for path in listed if _describes_map(path)]
         if not maps:
@@ -101,16 +105,37 @@ def find_maps(
 
 def _base(argument: str) -> Path:
     """The folder of an argument: itself, that of the file, or what a pattern begins with."""
-    path = _normal(user_path(argument, MapError))
+    path = Path(argument) if is_address(argument) else _normal(user_path(argument, MapError))
     if not names_many(argument):
         return path.parent
-    if file_kind(path) == "folder":
+    if not glob.has_magic(str(path)) or file_kind(path) == "folder":
         return path
     return next(part for part in path.parents if not glob.has_magic(str(part)))
 
 
+def _common(bases: Sequence[Path]) -> Path:
+    """The deepest folder that holds all others.
+
+    Raises
+    ------
+    MapError
+        There is none, because addresses of different machines, or files of this one, are among
+        them.
+    """
+    far = [path for path in bases if is_address(path / "any")]  # s3: has lost its slashes
+    root = Path(os.path.commonpath(bases)) if len(far) in (0, len(bases)) else Path()
+    if far and not is_address(root / "any"):
+        raise MapError(
+            f"{address_of(far[0])}: names start from one folder that holds all maps, and there is "
+            "none; label what lies in different places by itself, into another --out"
+        )
+    return root
+
+
 def _normal(path: Path) -> Path:
-    """The path, absolute and without ``..``."""
+    """The path, absolute and without ``..``; an address as it is."""
+    if is_address(path):
+        return path
     return Path(os.path.abspath(path))  # noqa: PTH100  Path.absolute keeps '..'
 
 
@@ -131,9 +156,11 @@ def _name(path: Path, root: Path) -> str:
 
 def _listed(argument: str, out: Path | None) -> list[Path] | None:
     """The YAML files of a folder or a pattern, absolute and sorted; None for a single file."""
-    path = user_path(argument, MapError)
     if not names_many(argument):
         return None
+    if is_address(argument):
+        return _listed_far(FarFolder.at(argument, MapError))
+    path = user_path(argument, MapError)
     if file_kind(path) == "folder":
         below: Iterable[Path] = (*path.rglob("*.yaml"), *path.rglob("*.yml"))
         below = (file for file in below if not _is_hidden(file.relative_to(path)))
@@ -145,12 +172,25 @@ def _listed(argument: str, out: Path | None) -> list[Path] | None:
     return sorted(file for file in files if file.is_file() and out not in file.parents)
 
 
+def _listed_far(folder: FarFolder) -> list[Path]:
+    """The YAML files of a far folder, or that fit a pattern, as addresses."""
+    if glob.has_magic(folder.path):
+        start = len(folder.address) - len(folder.path)
+        files = [Path(folder.address[:start] + name) for name in folder.matching()]
+    else:
+        names = (name for name in folder.names() if not _is_hidden(Path(name)))
+        files = [Path(f"{folder.address.rstrip('/')}/{name}") for name in names]
+    return sorted(file for file in files if file.suffix in (".yaml", ".yml"))
+
+
 def _is_hidden(file: Path) -> bool:
     return any(part.startswith(".") for part in file.parts)
 
 
 def _describes_map(path: Path) -> bool:
     """Whether it has a key ``image``; a file that cannot be read counts, so that it is reported."""
+    if is_address(path):
+        return _DESCRIBES_MAP.search(FarFolder.at(path, MapError).head(_HEAD)) is not None
     try:
         with path.open("rb") as file:
             return _DESCRIBES_MAP.search(file.read(_HEAD)) is not None

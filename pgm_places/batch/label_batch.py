@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.batch.batch_folder import claim_of, names_in_the_way, write_root
 from pgm_places.batch.found_maps import FoundMap, FoundMaps
 from pgm_places.batch.label_options import LabelOptions
-from pgm_places.batch.lists import Lists
+from pgm_places.batch.lists import LISTS, Lists
 from pgm_places.batch.map_task import MapTask, label_one
 from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow
 from pgm_places.batch.overview import Overview
@@ -16,6 +17,8 @@ from pgm_places.batch.ready_model import ready_model
 from pgm_places.batch.shard import Shard
 from pgm_places.batch.workers import Workers
 from pgm_places.errors import OutputError
+from pgm_places.io.far_files import address_of
+from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import claim
 from pgm_places.io.staging import claimed
 from pgm_places.progress import Progress, duration
@@ -36,7 +39,7 @@ class LabelledBatch:
         Maps that this run labelled, that it found done, and that could not be labelled.
     overview : Overview
         Of the whole folder, with what earlier runs and others wrote.
-    written : tuple of Path
+    written : tuple of str
         The files that list all maps.
     """
 
@@ -44,7 +47,7 @@ class LabelledBatch:
     n_kept: int
     n_failed: int
     overview: Overview
-    written: tuple[Path, ...]
+    written: tuple[str, ...]
 
     def summary(self) -> str:
         """One line: how many maps were labelled, had been before, and failed."""
@@ -110,17 +113,15 @@ def label_batch(
         The model is refused, or there are no workers.
     """
     sha256 = ready_model(options).sha256
-    target = claim(out, force=force).absolute()
-    write_root(target, found.root)
-    lists = Lists(target, (item.name for item in found.maps))
-    lists.begin(force=force)
-    maps = maps_to_do(found, target, shard=shard, only_failed=only_failed)
-    refused = {failure.name: failure for failure in names_in_the_way(found.maps)}
-    tally = _Tally(len(maps))
-    with progress.stage("labelling maps") as stage:
+    tally = _Tally()
+    with _lists(found, out, force=force) as lists:
+        maps = maps_to_do(found, lists.out, shard=shard, only_failed=only_failed)
+        tally.n_all = len(maps)
+        refused = {failure.name: failure for failure in names_in_the_way(found.maps)}
         for failure in (refused[item.name] for item in maps if item.name in refused):
             tally.count(failure)
             lists.add(failure)
+        target = out if is_address(out) else lists.out
         tasks = (
             MapTask(
                 item.name,
@@ -130,20 +131,44 @@ def label_batch(
                 sha256,
                 n_threads,
                 force,
-                claim_of(target, item.name),
+                None if is_address(out) else claim_of(target, item.name),
                 limit_s,
             )
             for item in maps
             if item.name not in refused
         )
-        for outcome in _outcomes(tasks, workers, tally):
-            tally.count(outcome)
-            lists.add(outcome)
-            stage.update(tally.share, tally.note())
-    overview = lists.settle(at_the_end=True)
-    lists.write_page(overview)
-    shown = tuple(out / path.name for path in lists.files())
-    return LabelledBatch(tally.n_labelled, tally.n_kept, tally.n_failed, overview, shown)
+        with progress.stage("labelling maps") as stage:
+            for outcome in _outcomes(tasks, workers, tally):
+                tally.count(outcome)
+                lists.add(outcome)
+                stage.update(tally.share, tally.note())
+        overview = lists.settle(at_the_end=True)
+        lists.write_page(overview)
+        written = tuple(f"{_shown(out)}/{path.name}" for path in lists.files())
+    return LabelledBatch(tally.n_labelled, tally.n_kept, tally.n_failed, overview, written)
+
+
+@contextmanager
+def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
+    """The lists of a folder, which becomes ours; those of a far one by way of a local one."""
+    names = (item.name for item in found.maps)
+    if is_address(out):
+        from pgm_places.batch.far_maps import lists_of
+
+        with lists_of(out, LISTS) as (here, put):
+            lists = Lists(here, names, put)
+            lists.begin(force=force)
+            yield lists
+        return
+    target = claim(out, force=force).absolute()
+    write_root(target, found.root)
+    lists = Lists(target, names)
+    lists.begin(force=force)
+    yield lists
+
+
+def _shown(out: Path) -> str:
+    return address_of(out) if is_address(out) else str(out)
 
 
 def _outcomes(
@@ -185,9 +210,9 @@ def _dead() -> OutputError:
 class _Tally:
     """How far a batch is, how fast, and how long it will take."""
 
-    def __init__(self, n_all: int) -> None:
-        self._n_all, self._start = n_all, time.monotonic()
-        self.n_labelled = self.n_kept = self.n_failed = self.n_elsewhere = 0
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self.n_all = self.n_labelled = self.n_kept = self.n_failed = self.n_elsewhere = 0
 
     def count(self, outcome: LabelledRow | Failure) -> None:
         """Take note of a map."""
@@ -203,17 +228,17 @@ class _Tally:
     @property
     def share(self) -> float:
         """Of the maps that are done."""
-        return self._n_done / max(self._n_all, 1)
+        return self._n_done / max(self.n_all, 1)
 
     def note(self) -> str:
         """Maps, their rate without those that were done before, time left, and failures."""
-        parts = [f"{self._n_done:,} of {self._n_all:,}"]
+        parts = [f"{self._n_done:,} of {self.n_all:,}"]
         worked = self._n_done - self.n_kept
         seconds = time.monotonic() - self._start
         if worked and seconds > 0:
             rate = worked / seconds
             parts.append(f"{rate:.1f} maps/s" if rate >= 1 else f"{60 * rate:.1f} maps/min")
-            parts.append(f"{duration((self._n_all - self._n_done) / rate)} left")
+            parts.append(f"{duration((self.n_all - self._n_done) / rate)} left")
         parts += [f"{self.n_failed:,} failed"] if self.n_failed else []
         parts += [f"{self.n_elsewhere:,} left to another batch"] if self.n_elsewhere else []
         return "; ".join(parts)

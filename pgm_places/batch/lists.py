@@ -17,6 +17,7 @@ from pgm_places.batch.overview import Overview
 from pgm_places.batch.overview_page import PAGE_MARK, overview_page
 from pgm_places.errors import OutputError
 from pgm_places.io.atomic import write_text
+from pgm_places.io.input_file import is_address
 from pgm_places.io.output_set import is_as_written
 from pgm_places.io.staging import locked
 
@@ -48,10 +49,17 @@ class Lists:
         The folder of all results.
     names : iterable of str, optional
         The maps of the input; without it, a map is of the input as long as its file is there.
+    put : callable, optional
+        What copies the lists to another machine, where the results are.
     """
 
-    def __init__(self, out: Path, names: Iterable[str] | None = None) -> None:
-        self.out = out
+    def __init__(
+        self,
+        out: Path,
+        names: Iterable[str] | None = None,
+        put: Callable[[], None] | None = None,
+    ) -> None:
+        self.out, self._put = out, put
         self._summary = GrowingTable(out / SUMMARY_FILE, _FIRST, _LAST)
         self._failures = GrowingTable(out / FAILURE_FILE, _FAILURE)
         self._input = None if names is None else _sorted_hashes(names)
@@ -96,7 +104,10 @@ class Lists:
 
     def write_page(self, overview: Overview) -> Path:
         """Write the page; its path."""
-        path = write_text(self.out / INDEX_FILE, overview_page(overview, self.out))
+        here = None if self._put else self.out
+        path = write_text(self.out / INDEX_FILE, overview_page(overview, here))
+        if self._put is not None:
+            self._put()
         now = time.monotonic()
         took = now - self._written_s
         self._next_s = now + max(_LEAST_PAUSE_S, _PAUSES * took)
@@ -151,6 +162,9 @@ class Lists:
     def _stays(self, row: Row, *, is_row: bool) -> bool:
         """Whether a row is still true; notes whether its map is in the input."""
         given = self._input is not None and _is_in(self._input, row["name"])
+        if self._put is not None or is_address(row["map"]):  # asking for each takes long
+            row["in_input"] = "yes" if given or self._input is None else "no"
+            return is_row or given
         is_there = given or Path(row["map"]).exists()
         if not is_row:
             return is_there

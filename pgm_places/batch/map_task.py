@@ -16,6 +16,8 @@ from pgm_places.batch.ready_model import ReadyModel, ready_model
 from pgm_places.batch.time_limit import TimeIsUpError, time_limit
 from pgm_places.errors import InputError, OutputError, PgmPlacesError, printable
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.far_files import address_of
+from pgm_places.io.input_file import is_address
 from pgm_places.io.maps.map_server import MapFile, load_map
 from pgm_places.io.output_set import output_set
 from pgm_places.io.staging import claimed
@@ -53,6 +55,10 @@ class MapTask:
         The file that stands for the right to label this map.
     limit_s : float, optional
         How long it may take.
+    source : str
+        What the map is called in lists and messages, if not by its path.
+    only_look : bool
+        Say whether it is done, and leave it to others if not.
     version : str
         Of the process that made the task.
     """
@@ -66,7 +72,14 @@ class MapTask:
     force: bool = False
     claim: Path | None = None
     limit_s: float | None = None
+    source: str = ""
+    only_look: bool = False
     version: str = __version__
+
+    @property
+    def shown(self) -> str:
+        """What the map is called in lists and messages."""
+        return self.source or (address_of(self.map) if is_address(self.map) else str(self.map))
 
     def failure(self, error: BaseException) -> Failure:
         """What the error makes of this map."""
@@ -82,7 +95,7 @@ class MapTask:
             frame = traceback.extract_tb(error.__traceback__)[-1:]
             where = f" ({Path(frame[0].filename).name}:{frame[0].lineno})" if frame else ""
             message = f"{error}{where}"
-        return Failure(self.name, str(self.map), name, printable(message))
+        return Failure(self.name, self.shown, name, printable(message))
 
 
 def label_one(task: MapTask) -> Outcome:
@@ -97,12 +110,18 @@ def label_one(task: MapTask) -> Outcome:
     """
     model = _same_model(task)
     try:
+        if is_address(task.map) or is_address(task.folder):
+            from pgm_places.batch.far_maps import label_far
+
+            return label_far(task, label_one)
         with claimed(task.claim) as is_ours:
             if not is_ours:
                 return Elsewhere(task.name)
             figures = done_figures(task.folder, task.map, model, task.options)
             if figures is not None:
-                return LabelledRow.of_figures(task.name, str(task.map), figures)
+                return LabelledRow.of_figures(task.name, task.shown, figures)
+            if task.only_look:
+                return Elsewhere(task.name)
             with time_limit(task.limit_s):
                 return _labelled(task, model)
     except OutputError as error:
@@ -168,7 +187,7 @@ def _row(task: MapTask, model: ReadyModel, found: LabelledFile, seconds: float) 
     checks = places_to_check(topology)
     return LabelledRow(
         name=task.name,
-        map=str(task.map),
+        map=task.shown,
         method=model.method,
         n_places=len(topology.regions),
         n_connections=len(topology.connections),

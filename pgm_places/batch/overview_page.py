@@ -16,15 +16,18 @@ PAGE_MARK = b"<title>Labelled maps</title>"
 """Stands in every such page, and so tells it from others."""
 
 
-def overview_page(overview: Overview, out: Path) -> str:
-    """The page as text; its pictures are the files below ``out``, beside it."""
+def overview_page(overview: Overview, out: Path | None) -> str:
+    """The page as text; its pictures are the files below ``out``, beside it.
+
+    Where the results are on another machine, ``out`` is None, and they are not looked at.
+    """
     rows = [
         {
             **row,
             "link": quote(row["name"]),
             "areas": [_figure(row.get(f"{label}_m2", "")) for label in overview.labels],
-            "has_picture": (out / row["name"] / THUMBNAIL_FILE).exists(),
-            "messages": warnings_of(out / row["name"]) if row["warnings"] != "0" else (),
+            "has_picture": out is None or (out / row["name"] / THUMBNAIL_FILE).exists(),
+            "messages": warnings_of(out / row["name"]) if out and row["warnings"] != "0" else (),
             "doubt_percent": _figure(row["doubt"], 100.0),
             "doubtful": _figure(row["doubtful_m2"]),
             "total": _figure(row["area_m2"]),

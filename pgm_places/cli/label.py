@@ -112,6 +112,7 @@ def label(
     """
     from pgm_places.batch.found_maps import names_many
     from pgm_places.batch.label_options import LabelOptions
+    from pgm_places.io.input_file import is_address
     from pgm_places.report.outputs import Outputs
 
     options = LabelOptions(
@@ -127,7 +128,7 @@ def label(
     workers = WorkerOptions(jobs, scheduler, memory)
     batch = BatchOptions(shard, time_limit_s, retry_failed, dry_run)
     progress = make_progress(quiet=quiet)
-    asked = workers.given or batch.given
+    asked = workers.given or batch.given or is_address(maps[0]) or is_address(out)
     if len(maps) == 1 and not asked and not names_many(maps[0]):
         _label_one(
             Path(maps[0]),

@@ -11,6 +11,7 @@ from pgm_places.cli.entry import EXIT_MAPS_FAILED
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import say
 from pgm_places.cli.workers import WorkerOptions, make_workers
+from pgm_places.errors import InputError
 
 if TYPE_CHECKING:
     from pgm_places.batch.found_maps import FoundMaps
@@ -54,6 +55,7 @@ def label_many(
     from pgm_places.batch.batch_folder import recorded_root
     from pgm_places.batch.found_maps import find_maps
     from pgm_places.batch.shard import Shard
+    from pgm_places.io.input_file import is_address
 
     shard = None if batch.shard is None else Shard.named(batch.shard)
     found = find_maps(arguments, out, root=recorded_root(out))
@@ -61,6 +63,8 @@ def label_many(
         n = found.n_passed_over
         say(f"passed over {n:,} YAML file{_s(n)} without a key 'image'")
     if batch.dry_run:
+        if is_address(out):
+            raise InputError("--dry-run looks at results on this machine; leave it out")
         _say_plan(found, out, options, shard, only_failed=batch.retry_failed)
         return
     from pgm_places.batch.label_batch import label_batch

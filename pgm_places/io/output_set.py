@@ -20,7 +20,15 @@ from pgm_places.io.folder_swap import (
 from pgm_places.io.input_file import is_address
 from pgm_places.io.staging import as_output_errors, locked, make_folders, remove_leftovers, stage
 
-__all__ = ["RECORD_FILE", "OutputSet", "claim", "has_all_files", "is_as_written", "output_set"]
+__all__ = [
+    "RECORD_FILE",
+    "OutputSet",
+    "claim",
+    "has_all_files",
+    "is_as_written",
+    "output_set",
+    "written_names",
+]
 
 RECORD_FILE = ".pgm-places.json"
 """Lists the files of a folder that are ours, with their SHA-256 and the run that wrote them."""
@@ -167,6 +175,11 @@ def is_as_written(path: Path) -> bool:
     """Whether we wrote a file, and nobody has changed it since."""
     entry = (_record(path.parent) or {}).get(path.name)
     return entry is not None and path.is_file() and _hash(path) == entry["sha256"]
+
+
+def written_names(folder: Path) -> set[str]:
+    """The files of a folder that we wrote, whether they are still there or not."""
+    return set(_record(folder) or ())
 
 
 def _record_text(files: Mapping[str, Mapping[str, str]]) -> str:

@@ -1,0 +1,122 @@
+"""Maps and results behind addresses are labelled as if they were files of this machine."""
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pgm_places.batch.found_maps import find_maps
+from pgm_places.batch.label_batch import LabelledBatch, label_batch
+from pgm_places.batch.label_options import LabelOptions
+from pgm_places.errors import MapError, OutputError
+from pgm_places.io.far_files import FarFolder, address_of
+from pgm_places.progress import Silent
+from tests.batch.test_label_batch import Here
+
+fsspec = pytest.importorskip("fsspec")
+
+
+@pytest.fixture
+def bucket(maps: Path) -> Iterator[Any]:
+    """A file system in memory that holds the maps."""
+    system = fsspec.filesystem("memory")
+    system.put(str(maps), "/maps", recursive=True)
+    yield system
+    system.rm("/", recursive=True)
+
+
+def label(model: Path, out: str | Path, *maps: str) -> LabelledBatch:
+    found = find_maps(maps or ["memory://maps"])
+    return label_batch(found, Path(out), LabelOptions(model=str(model)), Here(), progress=Silent())
+
+
+def test_far_maps_are_labelled_as_near_ones_are(
+    bucket: Any, model: Path, maps: Path, tmp_path: Path
+) -> None:
+    far, near = tmp_path / "far", tmp_path / "near"
+    label(model, far)
+    label(model, near, str(maps))
+    for name in ("labels.png", "topology.json", "regions.png"):
+        path = Path("floor1") / "map" / name
+        assert (far / path).read_bytes() == (near / path).read_bytes()
+    with (far / "summary.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["map"] for row in rows] == [
+        f"memory://maps/floor{number}/map.yaml" for number in (1, 2)
+    ]
+    assert label(model, far).summary() == "3 maps: 0 labelled, 2 done before, 1 failed"
+
+
+def test_far_results_are_kept_and_completed(bucket: Any, model: Path) -> None:
+    found = label(model, "memory://out")
+    assert found.written == tuple(
+        f"memory://out/{name}" for name in ("failures.csv", "index.html", "summary.csv")
+    )
+    names = {Path(name).name for name in bucket.find("/out/floor1/map")}
+    assert {"labels.png", "thumbnail.png", "manifest.json", ".pgm-places.json"} <= names
+    before = bucket.modified("/out/floor1/map/labels.png")
+    bucket.rm_file("/out/floor2/map/labels.png")
+    again = label(model, "memory://out")
+    assert (again.n_labelled, again.n_kept, again.overview.n_rows) == (1, 1, 2)
+    assert bucket.modified("/out/floor1/map/labels.png") == before
+    manifest = json.loads(bucket.cat_file("/out/floor2/map/manifest.json"))
+    assert manifest["map"] == "memory://maps/floor2/map.yaml"
+
+
+def test_names_that_a_user_gave_places_are_kept(bucket: Any, model: Path) -> None:
+    label(model, "memory://out")
+    bucket.pipe_file("/out/floor1/map/place_names.yaml", b"1: Reception\n")
+    assert label(model, "memory://out").n_labelled == 1
+    assert bucket.cat_file("/out/floor1/map/place_names.yaml") == b"1: Reception\n"
+    places = json.loads(bucket.cat_file("/out/floor1/map/topology.json"))["regions"]
+    assert places[0]["name"] == "Reception"
+
+
+def test_a_result_whose_copying_was_broken_off_is_not_done(
+    bucket: Any, model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put_file = type(bucket).put_file
+
+    def until(self: Any, local: str, target: str, **options: Any) -> None:
+        if target.endswith("topology.json"):
+            raise KeyboardInterrupt
+        put_file(self, local, target, **options)
+
+    with monkeypatch.context() as changed, pytest.raises(KeyboardInterrupt):
+        changed.setattr(type(bucket), "put_file", until)
+        label(model, "memory://out")
+    assert bucket.exists("/out/floor1/map/labels.png")
+    assert not bucket.exists("/out/floor1/map/manifest.json")
+    bucket.pipe_file("/out/floor1/map/notes.txt", b"mine")
+    bucket.pipe_file("/out/floor1/map/place_names.yaml", b"1: Reception\n")
+    assert label(model, "memory://out").n_labelled == 2
+    assert bucket.cat_file("/out/floor1/map/notes.txt") == b"mine"
+    assert bucket.cat_file("/out/floor1/map/place_names.yaml") == b"1: Reception\n"
+
+
+def test_an_image_elsewhere_is_not_fetched(bucket: Any, model: Path, tmp_path: Path) -> None:
+    bucket.pipe_file("/maps/torn.yaml", b"image: ../secret.png\nresolution: 0.05\n")
+    label(model, tmp_path / "out")
+    assert "lies outside its folder" in (tmp_path / "out" / "failures.csv").read_text()
+
+
+def test_addresses_are_refused_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(MapError, match=r"nonsense://maps: .*Protocol not known"):
+        find_maps(["nonsense://maps"])
+    with pytest.raises(MapError, match=r"memory://none/\*.yaml: no map in it"):
+        find_maps(["memory://none/*.yaml", "memory://none"])
+    with pytest.raises(MapError, match="label what lies in different places by itself"):
+        find_maps(["memory://a/b.yaml", str(tmp_path / "c.yaml")])
+    monkeypatch.setattr("pgm_places.io.far_files.find_spec", lambda _: None)
+    with pytest.raises(MapError, match=r"s3://b/m: an address, .*\[remote\]"):
+        find_maps(["s3://b/m"])
+    with pytest.raises(OutputError, match=r"s3://b/m: an address, .*\[remote\]"):
+        FarFolder.at("s3://b/m", OutputError)
+
+
+@pytest.mark.parametrize("address", ["s3://bucket/m.yaml", "file:///tmp/m.yaml", "memory://m"])
+def test_a_path_is_an_address_again(address: str) -> None:
+    assert address_of(Path(address)) == address_of(address) == address
