@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from pgm_places.batch.manifest import MANIFEST_FILE
-from pgm_places.batch.map_task import MapTask
+from pgm_places.batch.map_task import MapTask, label_one
 from pgm_places.batch.outcomes import LabelledRow, Outcome
 from pgm_places.errors import MapError, OutputError
 from pgm_places.io.far_files import FarFolder
@@ -16,38 +16,71 @@ from pgm_places.io.output_set import RECORD_FILE, written_names
 from pgm_places.io.places.topology_files import NAMES_FILE
 from pgm_places.io.strict_yaml import read_yaml
 
-__all__ = ["label_far", "lists_of"]
+__all__ = ["label_anywhere", "lists_of"]
 
 _LOOKED_AT = (MANIFEST_FILE, RECORD_FILE, NAMES_FILE)
 """The files of a result that say whether it is done."""
 
 
-def label_far(task: MapTask, label: Callable[[MapTask], Outcome]) -> Outcome:
-    """Label a map where it, its results or both are behind addresses.
+def label_anywhere(task: MapTask) -> Outcome:
+    """What :func:`~pgm_places.batch.map_task.label_one` does, also behind addresses.
 
     The manifest is removed before, and written after, all other files of a result, and the record
     of files is written first: whatever ends the run, a result that is not complete does not count
     as done, but as ours.
+
+    Raises
+    ------
+    NoSpaceError, InputError
+        As ``label_one``.
     """
+    if not is_address(task.map) and not is_address(task.folder):
+        return label_one(task)
     with tempfile.TemporaryDirectory(prefix="pgm-places-") as temporary:
-        here = Path(temporary)
-        near = replace(task, claim=None, source=task.shown)
-        if is_address(task.map):
+        try:
+            return _label_far(task, Path(temporary))
+        except _FarError as error:
+            return task.failure(error.reason)
+
+
+class _FarError(Exception):
+    """Something could not be fetched or put, which is this map's fault at most."""
+
+    def __init__(self, reason: Exception) -> None:
+        super().__init__()
+        self.reason = reason
+
+
+@contextmanager
+def _between_machines() -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:  # one bad map must not end a night's work
+        raise _FarError(error) from error
+
+
+def _label_far(task: MapTask, here: Path) -> Outcome:
+    near = replace(task, claim=None, source=task.shown)
+    if is_address(task.map):
+        with _between_machines():
             near = replace(near, map=_fetched_map(task, here / "map"))
-        if not is_address(task.folder):
-            return label(near)
+    if not is_address(task.folder):
+        return label_one(replace(near, claim=task.claim))
+    near = replace(near, folder=here / "result" / task.folder.name)
+    with _between_machines():
         far = FarFolder.at(task.folder, OutputError)
-        near = replace(near, folder=here / "result" / task.folder.name)
         _look_at(far, near.folder)
-        outcome = label(replace(near, only_look=True))
-        if isinstance(outcome, LabelledRow):
-            return outcome
+    outcome = label_one(replace(near, only_look=True))
+    if isinstance(outcome, LabelledRow):
+        return outcome
+    with _between_machines():
         _fetch_all(far, near.folder)
         before = written_names(near.folder)
-        outcome = label(near)
-        if isinstance(outcome, LabelledRow):
+    outcome = label_one(near)
+    if isinstance(outcome, LabelledRow):
+        with _between_machines():
             _put_result(near.folder, far, before)
-        return outcome
+    return outcome
 
 
 @contextmanager

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pgm_places.batch.batch_folder import claim_of, names_in_the_way, write_root
+from pgm_places.batch.far_maps import label_anywhere, lists_of
 from pgm_places.batch.found_maps import FoundMap, FoundMaps
 from pgm_places.batch.label_options import LabelOptions
 from pgm_places.batch.lists import LISTS, Lists
-from pgm_places.batch.map_task import MapTask, label_one
+from pgm_places.batch.map_task import MapTask
 from pgm_places.batch.outcomes import Elsewhere, Failure, LabelledRow
 from pgm_places.batch.overview import Overview
 from pgm_places.batch.ready_model import ready_model
@@ -153,8 +154,6 @@ def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
     """The lists of a folder, which becomes ours; those of a far one by way of a local one."""
     names = (item.name for item in found.maps)
     if is_address(out):
-        from pgm_places.batch.far_maps import lists_of
-
         with lists_of(out, LISTS) as (here, put):
             lists = Lists(here, names, put)
             lists.begin(force=force)
@@ -178,7 +177,7 @@ def _outcomes(
     while True:
         others: list[MapTask] = []
         tally.n_elsewhere = 0
-        for task, result in workers.run(label_one, tasks):
+        for task, result in workers.run(label_anywhere, tasks):
             outcome = task.failure(_dead()) if result is None else result
             if isinstance(outcome, Elsewhere):
                 others.append(task)

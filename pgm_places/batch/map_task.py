@@ -110,10 +110,6 @@ def label_one(task: MapTask) -> Outcome:
     """
     model = _same_model(task)
     try:
-        if is_address(task.map) or is_address(task.folder):
-            from pgm_places.batch.far_maps import label_far
-
-            return label_far(task, label_one)
         with claimed(task.claim) as is_ours:
             if not is_ours:
                 return Elsewhere(task.name)
