@@ -27,8 +27,9 @@ def main() -> None:
     path = arguments.config.resolve()
     experiment = Experiment(load_config(path), path.parent)
     tests = load_maps(experiment, "test")
-    experiment, labeler = train(experiment)
-    found, space = compare_fitted(experiment, labeler, tests), labeler.unary_model_.space
+    trained = train(experiment)
+    found = compare_fitted(trained, tests)
+    space = trained.labeler.unary_model_.space
     for k, item in enumerate(found.maps):
         answers = {
             method.id: item.layout.to_raster(method.labelings[k].labels.astype(np.int16), fill=-1)

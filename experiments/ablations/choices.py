@@ -3,7 +3,8 @@
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare
-from pgm_places.experiment.selection import Selection, Sources, select
+from pgm_places.experiment.selection import Selection, select
+from pgm_places.experiment.sources import Sources
 from pgm_places.reproduce.figures import DOORWAY, finding, percent
 from pgm_places.reproduce.section import Finding, Outcome, Table
 from pgm_places.reproduce.setting import Setting

@@ -55,21 +55,21 @@ def partial_maps(setting: Setting) -> Outcome:
     """Maps of the first part of a drive, and snapshots of a building while it was mapped."""
     experiment = setting.experiment("ablations", {"methods": _WITHOUT_NETWORK})
     [whole] = load_maps(experiment, "test")
-    experiment, labeler = train(experiment)
+    trained = train(experiment)
     drive = _drive(setting, whole)
     found: dict[str, Comparison] = {}
     for share in SHARES:
         with setting.progress.stage(f"map of {100 * share:.0f} % of the drive"):
             seen = seen_part(whole, drive[: max(int(share * len(drive)), 1)])
         if seen.labelled_cells.any():
-            found[f"{100 * share:.0f} %"] = compare_fitted(experiment, labeler, [seen])
+            found[f"{100 * share:.0f} %"] = compare_fitted(trained, [seen])
     pictures, files = [], {}
     for words, comparison in found.items():
         name = f"seen_{words.removesuffix(' %')}.png"
         files[name] = label_sheet(comparison)
         pictures.append(Picture(name, f"The map after {words} of the drive."))
     for name, grid in _snapshots(setting).items():
-        labels = label_map(labeler, grid, n_threads=setting.n_threads)
+        labels = label_map(trained.labeler, grid, n_threads=setting.n_threads)
         files[f"{name}.png"] = label_picture(grid, labels.labels, labels.label_names)
         pictures.append(Picture(f"{name}.png", f"A snapshot taken while mapping, {name}."))
     return Outcome(

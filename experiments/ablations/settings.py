@@ -11,7 +11,7 @@ from sklearn.base import clone
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.maps import load_maps
-from pgm_places.experiment.runs import compare, compare_fitted
+from pgm_places.experiment.runs import Trained, compare, compare_fitted
 from pgm_places.experiment.setup import make_labeler
 from pgm_places.features.laser import LASER_FEATURES
 from pgm_places.maps.labelled_map import LabelledMap
@@ -179,7 +179,8 @@ def _compare_on(setting: Setting, train: LabelledMap) -> Comparison:
     labeler = make_labeler(experiment.config).fit(
         [train], n_threads=setting.n_threads, progress=setting.progress
     )
-    return compare_fitted(experiment, labeler, load_maps(experiment, "test"))
+    trained = Trained(experiment, dict.fromkeys(labeler.methods_, labeler))
+    return compare_fitted(trained, load_maps(experiment, "test"))
 
 
 def _outcome(words: str, caption: str, found: dict[str, Comparison]) -> Outcome:

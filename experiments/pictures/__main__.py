@@ -66,6 +66,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "reliability": kills.reliability,
     "mutation_testing": mutants.mutation_testing,
     "reproduce": report_page.report_page,
+    "comparison": report_page.comparison_page,
     "many_maps": batch.many_maps,
     "cards": landing.cards,
 }

@@ -11,9 +11,9 @@ from pgm_places.experiment.comparison import Comparison, MethodResult, score_int
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.feature_cache import FeatureCache
-from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare
-from pgm_places.experiment.setup import check_labeler
+from pgm_places.experiment.sources import load_sources
+from pgm_places.experiment.tasks import task_of, tests_of
 
 __all__ = ["FoldTask", "compare_buildings", "compare_fold", "fold_tasks"]
 
@@ -26,7 +26,7 @@ class FoldTask:
     ----------
     building : str
     config : ExperimentConfig
-        Trains on the other buildings' maps and tests on its own.
+        Trains on the other buildings and tests on this one.
     folder : Path
         What the configuration's paths are relative to.
     feature_cache : FeatureCache, optional
@@ -41,30 +41,37 @@ class FoldTask:
 
 
 def fold_tasks(experiment: Experiment, *, n_threads: int = 1) -> list[FoldTask]:
-    """A task per building of the training maps.
+    """A task per building of the training maps, drives or graphs.
 
     Raises
     ------
     ConfigError
-        All maps are of one building, or steps of drives are labelled.
+        All that can be tested on is of one building.
     """
-    config = experiment.config
-    if config.nodes != "cells":
-        raise ConfigError("--by-building leaves out buildings of maps; use it for nodes = 'cells'")
-    buildings = [item.building for item in load_maps(experiment, "train")]
-    names = list(dict.fromkeys(buildings))
+    config, loaded = experiment.config, load_sources(experiment, "train")
+    maps, others = iter(loaded.maps), iter(loaded.all[len(loaded.maps) :])
+    is_other = [item.is_drive or item.graph is not None for item in config.train]
+    buildings = [(next(others) if other else next(maps)).building for other in is_other]
+    sources = list(zip(config.train, buildings, strict=True))
+    # Where steps are labelled, maps are learned from and drives are tested on, too.
+    names = list(dict.fromkeys(item.building for item in tests_of(config, loaded)))
     if len(names) < 2:
+        kind = task_of(config).tests
+        table = ", or buildings = 'table.csv'" if kind == "maps" else ""
         raise ConfigError(
-            "--by-building needs maps of two buildings in [[train]], and there is one; name the "
-            "building of each map: building = '...', or buildings = 'table.csv'"
+            f"--by-building needs {kind} of two buildings in [[train]], and there is one; name the "
+            f"building of each {kind.removesuffix('s')}: building = '...'{table}"
         )
     tasks = []
     for name in names:
-        sources = list(zip(config.train, buildings, strict=True))
         fold = replace(
             config,
             train=tuple(item for item, of in sources if of != name),
-            test=tuple(item for item, of in sources if of == name),
+            test=tuple(
+                item
+                for (item, of), other in zip(sources, is_other, strict=True)
+                if of == name and other == (config.nodes != "cells")
+            ),
         )
         cache = experiment.feature_cache
         tasks.append(FoldTask(str(name), fold, experiment.folder, cache, n_threads))
@@ -82,7 +89,7 @@ def compare_fold(task: FoldTask) -> Comparison:
 def compare_buildings(
     experiment: Experiment, workers: Workers, *, n_threads: int = 1
 ) -> Comparison:
-    """All methods of a configuration on each building of its training maps, left out in turn.
+    """All methods of a configuration on each building of its training data, left out in turn.
 
     Options of ``[select]`` are chosen separately for every building, on the others. ``[[test]]`` is
     not looked at.
@@ -94,7 +101,7 @@ def compare_buildings(
     OutputError
         A worker died on a building each time.
     """
-    check_labeler(experiment.config)
+    task_of(experiment.config).check(experiment.config)
     tasks = fold_tasks(experiment, n_threads=n_threads)
     found: dict[str, Comparison] = {}
     with experiment.progress.stage("buildings left out") as stage:

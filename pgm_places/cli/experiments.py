@@ -1,6 +1,6 @@
 """The commands demo, compare and train: read inputs, call the library, write results."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +17,7 @@ from pgm_places.options import Seed
 
 if TYPE_CHECKING:
     from pgm_places.experiment.experiment import Experiment
-    from pgm_places.experiment.setup import AnyMethod
+    from pgm_places.experiment.runs import Trained
 
 __all__ = ["compare", "demo", "train"]
 
@@ -151,27 +151,25 @@ def train(
         from pgm_places.persistence.model_folder import check_target
 
         check_target(out)
-        if experiment.config.nodes == "graph":
-            _train_graphs(experiment, out)
-            return
-        if experiment.config.nodes != "cells":
-            _train_steps(experiment, out)
-            return
         from pgm_places.experiment.runs import train as train_labeler
         from pgm_places.experiment.setup import make_labeler
         from pgm_places.persistence.place_labeler import check_savable
         from pgm_places.persistence.stored import save
 
-        if experiment.config.base_model is None:
+        if experiment.config.nodes != "cells":
+            _require_one_method(experiment)
+        elif experiment.config.base_model is None:
             check_savable(make_labeler(experiment.config))  # not after hours of training
-        experiment, labeler = train_labeler(experiment)
-        save(labeler, out, record=_training_record(experiment, labeler.methods_))
-    methods = ", ".join(labeler.methods_)
-    say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; methods: {methods})")
+        trained = train_labeler(experiment)
+        save(trained.labeler, out, record=_training_record(trained))
+    names, methods = ", ".join(trained.label_names), list(trained.labelers)
+    word = "methods" if len(methods) > 1 else "method"
+    say(f"wrote {out} (labels: {names}; {word}: {', '.join(methods)})")
 
 
-def _require_one_method(experiment: "Experiment", what: str) -> None:
+def _require_one_method(experiment: "Experiment") -> None:
     if len(experiment.config.methods) > 1:
+        what = "graphs" if experiment.config.nodes == "graph" else "drives"
         ids = ", ".join(item.id for item in experiment.config.methods)
         raise ConfigError(
             f"a model of {what} has one method, and the configuration has {ids}; keep the one to "
@@ -179,43 +177,14 @@ def _require_one_method(experiment: "Experiment", what: str) -> None:
         )
 
 
-def _train_graphs(experiment: "Experiment", out: Path) -> None:
-    """Train a labeler of graphs with the configuration's one method."""
-    from pgm_places.experiment.graph_runs import method_of
-    from pgm_places.experiment.runs import train_graphs
-    from pgm_places.persistence.stored import save
-
-    _require_one_method(experiment, "graphs")
-    experiment, labelers = train_graphs(experiment)
-    [(name, labeler)] = labelers.items()
-    method = {name: method_of(experiment.config, name, labeler)}
-    save(labeler, out, record=_training_record(experiment, method))
-    say(f"wrote {out} (labels: {', '.join(labeler.label_names_)}; method: {name})")
-
-
-def _train_steps(experiment: "Experiment", out: Path) -> None:
-    """Train a labeler of drives with the configuration's one method."""
-    from pgm_places.experiment.runs import train_steps
-    from pgm_places.labelers.place_labeler import PlaceMethod
-    from pgm_places.persistence.stored import save
-
-    _require_one_method(experiment, "drives")
-    experiment, labelers = train_steps(experiment)
-    [(name, labeler)] = labelers.items()
-    method = {name: PlaceMethod(labeler.method_, "laser")}
-    save(labeler, out, record=_training_record(experiment, method))
-    say(f"wrote {out} (labels: {', '.join(labeler.label_names)}; method: {name})")
-
-
-def _training_record(
-    experiment: "Experiment", methods: "Mapping[str, AnyMethod]"
-) -> dict[str, Any]:
+def _training_record(trained: "Trained") -> dict[str, Any]:
     """How a model was trained."""
     from pgm_places.experiment.runs import versions
     from pgm_places.experiment.setup import resolved_config
 
+    experiment = trained.experiment
     return {
-        "config": resolved_config(experiment.config, methods),
+        "config": resolved_config(experiment.config, trained.methods),
         "inputs": experiment.inputs,
         "versions": dict(versions()),
         "warnings": experiment.warnings,

@@ -52,8 +52,36 @@ def comparison_table(comparison: "Comparison") -> str:
     stages = ", ".join(f"{name} {value:.1f} s" for name, value in comparison.stage_seconds.items())
     note = "percent; 95 %: confidence interval of the accuracy; R recall, P precision"
     note += "; doors: F found, M missed, I invented" if counts_doors else ""
-    parts = _table_by_unit(comparison)
+    parts = _differences(comparison) + _table_by_unit(comparison)
     return f"\n{text_table(rows)}\n({note}; stages: {stages}){parts}{_selected(comparison)}"
+
+
+def _differences(comparison: "Comparison") -> str:
+    """The most accurate method against each of the others, on the same resamples."""
+    ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
+    if len(ranked) < 2:
+        return ""
+    top, judgement = ranked[0].id, comparison.judgement
+    found = [judgement.between(top, item.id) for item in ranked[1:]]
+    several = found[0].buildings.n_buildings > 1
+    buildings = ["buildings A/E/B", "p"] if several else []
+    rows = [[f"{top} against", "points", "95 %", "beyond chance", *buildings]]
+    for item in found:
+        low, high = 100 * item.interval.low, 100 * item.interval.high
+        signs = item.buildings
+        counts = [f"{signs.better}/{signs.even}/{signs.worse}", f"{signs.p_value:.2g}"]
+        rows.append(
+            [
+                item.second,
+                f"{100 * item.interval.estimate:+.1f}",
+                f"{low:+.1f} to {high:+.1f}",
+                "no" if item.winner is None else "yes",
+                *(counts if several else []),
+            ]
+        )
+    note = "accuracy of both methods on the same resamples"
+    note += "; A: ahead, E: even, B: behind, p: sign test" if several else ""
+    return f"\n\n{text_table(rows)}\n({note})"
 
 
 def _table_by_unit(comparison: "Comparison") -> str:

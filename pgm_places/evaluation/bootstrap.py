@@ -1,16 +1,18 @@
 """Block bootstrap: confidence intervals of scores whose samples are correlated."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
 
 from pgm_places._checks import integer_array
 from pgm_places.errors import InputError
 from pgm_places.evaluation.confusion import accuracy, balanced_accuracy, paired_labels
 
-__all__ = ["Interval", "block_bootstrap", "square_blocks"]
+__all__ = ["Interval", "Resamples", "block_bootstrap", "square_blocks"]
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,83 @@ class Interval:
     estimate: float
     low: float
     high: float
+
+    @classmethod
+    def of(cls, values: NDArray[np.float64], confidence: float = 0.95) -> Self:
+        """The first value with percentiles of all others, of those that are defined.
+
+        Parameters
+        ----------
+        values : (1 + R,) float
+            A figure of the whole, then of each resample, as :meth:`Resamples.confusions` has them.
+        confidence : float
+            Probability mass of the interval, between 0 and 1.
+        """
+        if not 0 < confidence < 1:
+            raise InputError(f"confidence must be between 0 and 1, got {confidence}")
+        tail, defined = 0.5 * (1 - confidence), values[1:][~np.isnan(values[1:])]
+        low, high = np.quantile(defined, [tail, 1 - tail]) if len(defined) else (np.nan, np.nan)
+        return cls(float(values[0]), float(low), float(high))
+
+
+@dataclass(frozen=True, eq=False)
+class Resamples:
+    """Draws of blocks of nodes with replacement, the same for every labelling of these nodes.
+
+    Figures of two labellings on the same draws are paired: what is hard about a block is hard for
+    both, so that the difference of two figures varies less than either.
+
+    Parameters
+    ----------
+    truth : (N,) int
+        True labels, -1 where unknown.
+    n_labels : int
+        K.
+    block : (N,) int
+        The block of each node with a true label, numbered from 0; 0 elsewhere.
+    draws : (R, B) int
+        How often each resample has each block.
+    """
+
+    truth: NDArray[np.int64]
+    n_labels: int
+    block: NDArray[np.int64]
+    draws: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        truth: ArrayLike,
+        blocks: ArrayLike,
+        *,
+        n_labels: int,
+        n_resamples: int = 1000,
+        seed: int = 0,
+    ) -> Self:
+        """Draws of as many blocks as there are; nodes without a true label are in none."""
+        if n_resamples < 1:
+            raise InputError(f"n_resamples must be at least 1, got {n_resamples}")
+        true, _, known = paired_labels(truth, truth, n_labels)
+        given = integer_array("blocks", blocks, true.shape, low=-(2**62), high=2**62)
+        number = np.zeros(len(true), np.int64)
+        number[known] = np.unique(given[known], return_inverse=True)[1].reshape(-1)
+        n_blocks = int(number.max()) + 1
+        draws = np.random.default_rng(seed).multinomial(
+            n_blocks, np.full(n_blocks, 1.0 / n_blocks), size=n_resamples
+        )
+        return cls(true, n_labels, number, draws)
+
+    def confusions(self, predicted: ArrayLike) -> NDArray[np.int64]:
+        """(1 + R, K, K) counts of true and predicted labels: of the whole, then of each draw."""
+        true, chosen, known = paired_labels(self.truth, predicted, self.n_labels)
+        pairs = self.n_labels * self.n_labels
+        shape = (self.draws.shape[1], pairs)
+        column = true[known] * self.n_labels + chosen[known]
+        ones = np.ones(len(column), np.int64)
+        # Few of all pairs of labels occur in a block: of 100 labels, some of 10,000.
+        counts = coo_array((ones, (self.block[known], column)), shape=shape).tocsr()
+        found = np.vstack([np.asarray(counts.sum(axis=0))[None], self.draws @ counts])
+        return found.reshape(-1, self.n_labels, self.n_labels)
 
 
 def block_bootstrap(
@@ -53,32 +132,12 @@ def block_bootstrap(
     seed : int
         Of the draws.
     """
-    if not 0 < confidence < 1 or n_resamples < 1:
-        raise InputError(
-            "confidence must be between 0 and 1 and n_resamples at least 1, got "
-            f"{confidence} and {n_resamples}"
-        )
-    true, chosen, known = paired_labels(truth, predicted, n_labels)
-    block = integer_array("blocks", blocks, true.shape, low=-(2**62), high=2**62)
-    number = np.unique(block[known], return_inverse=True)[1].reshape(-1)
-    n_blocks = int(number.max()) + 1
-    cells = n_labels * n_labels
-    key = (number * n_labels + true[known]) * n_labels + chosen[known]
-    counts = np.bincount(key, minlength=n_blocks * cells).reshape(n_blocks, cells)
-    draws = np.random.default_rng(seed).multinomial(
-        n_blocks, np.full(n_blocks, 1.0 / n_blocks), size=n_resamples
-    )
-    resampled = (draws @ counts).reshape(n_resamples, n_labels, n_labels)
-    whole = counts.sum(axis=0).reshape(1, n_labels, n_labels)
-    tail = 0.5 * (1 - confidence)
-
-    def interval(figure: Callable[[NDArray[np.int64]], NDArray[np.float64]]) -> Interval:
-        low, high = np.quantile(figure(resampled), [tail, 1 - tail])
-        return Interval(float(figure(whole)[0]), float(low), float(high))
-
+    confusions = Resamples.of(
+        truth, blocks, n_labels=n_labels, n_resamples=n_resamples, seed=seed
+    ).confusions(predicted)
     return {
-        "accuracy": interval(accuracy),
-        "balanced_accuracy": interval(balanced_accuracy),
+        "accuracy": Interval.of(accuracy(confusions), confidence),
+        "balanced_accuracy": Interval.of(balanced_accuracy(confusions), confidence),
     }
 
 

@@ -17,6 +17,7 @@ __all__ = [
     "confusion_matrix",
     "f1",
     "iou",
+    "mcc",
     "mean_of_defined",
     "paired_labels",
     "precision",
@@ -91,6 +92,18 @@ def iou(confusion: NDArray[Any]) -> NDArray[np.float64]:
     """Intersection over union (..., K), NaN for labels on neither side."""
     right = _right(confusion)
     return ratio(right, confusion.sum(axis=-1) + confusion.sum(axis=-2) - right)
+
+
+def mcc(confusion: NDArray[Any]) -> NDArray[np.float64]:
+    """Matthews' correlation (...,) of truth and prediction; 0 where either is constant."""
+    counts = np.asarray(confusion, np.float64)
+    true, predicted = counts.sum(axis=-1), counts.sum(axis=-2)
+    n = counts.sum(axis=(-2, -1))
+    covariance = _right(counts).sum(axis=-1) * n - (true * predicted).sum(axis=-1)
+    squares = (n * n - (predicted**2).sum(axis=-1)) * (n * n - (true**2).sum(axis=-1))
+    found = np.zeros(n.shape)
+    np.divide(covariance, np.sqrt(np.maximum(squares, 0.0)), out=found, where=squares > 0)
+    return found
 
 
 def mean_of_defined(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -156,12 +156,7 @@ class Evaluation:
     @cached_property
     def mcc(self) -> float:
         """Matthews' correlation of truth and prediction; 0 where either is constant."""
-        true = self.confusion.sum(axis=1).astype(np.float64)
-        predicted = self.confusion.sum(axis=0).astype(np.float64)
-        n = float(self.n)
-        covariance = np.trace(self.confusion) * n - true @ predicted
-        variance = (n * n - predicted @ predicted) * (n * n - true @ true)
-        return float(covariance / np.sqrt(variance)) if variance > 0 else 0.0
+        return float(_confusion.mcc(self.confusion))
 
     @property
     def expected_calibration_error(self) -> float | None:

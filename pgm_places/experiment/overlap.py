@@ -7,16 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
 from pgm_places.experiment.source_config import SourceConfig
+from pgm_places.experiment.sources import Source
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.trajectories.trajectory import Trajectory
 
 __all__ = ["warn_of_overlap"]
-
-Source = LabelledMap | SourceDrive | SourceGraph
 
 _WHOLES = {"cell": "maps", "step": "drives", "node": "graphs"}
 """What nodes are part of."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +14,14 @@ from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.evaluation.folds import contiguous_blocks, fold_of_buildings, map_buildings
 from pgm_places.experiment.config import ExperimentConfig, SelectConfig
 from pgm_places.experiment.config_changes import changed_config
-from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.graph_runs import graph_splits, score_graphs
-from pgm_places.experiment.graphs import SourceGraph
-from pgm_places.experiment.setup import make_labeler
-from pgm_places.experiment.step_runs import label_drives, learn_steps
+from pgm_places.experiment.graph_task import graph_splits
+from pgm_places.experiment.sources import Sources
+from pgm_places.experiment.tasks import label_names, label_tests, task_of, tests_of
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.progress import Silent
 
-__all__ = ["Candidate", "Selection", "Sources", "held_out_splits", "select"]
+__all__ = ["Candidate", "Selection", "held_out_splits", "select"]
 
 MOST_CANDIDATES = 200
 """More combinations than this are probably a mistake: each is learned once per fold."""
@@ -84,22 +82,6 @@ class Selection:
         }
 
 
-class Sources(NamedTuple):
-    """Maps and drives to train or to test on.
-
-    Parameters
-    ----------
-    maps : sequence of LabelledMap
-    drives : sequence of SourceDrive
-    graphs : sequence of SourceGraph
-        Of one's own; then there are neither maps nor drives.
-    """
-
-    maps: Sequence[LabelledMap]
-    drives: Sequence[SourceDrive] = ()
-    graphs: Sequence[SourceGraph] = ()
-
-
 def select(experiment: Experiment, sources: Sources) -> Selection:
     """The options of ``[select]``, each combination trained and tested on held-out folds.
 
@@ -129,7 +111,6 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
         )
     method = settings.method or experiment.config.methods[-1].id
     splits = list(held_out_splits(sources, settings.n_folds, len(experiment.config.labels.names)))
-    scored = _SCORED.get(experiment.config.nodes, _scored_steps)
     found = []
     with experiment.progress.stage("selection") as stage:
         for number, (options, config) in enumerate(candidates, start=1):
@@ -137,7 +118,7 @@ def select(experiment: Experiment, sources: Sources) -> Selection:
             kept = replace(config, select=None, methods=alone)
             # The stages of a candidate's training are no stages of the experiment.
             trial = replace(experiment, config=kept, progress=Silent(), seconds={})
-            parts = [scored(trial, *split) for split in splits]
+            parts = [_score(trial, *split) for split in splits]
             figures = [float(getattr(part, settings.criterion)) for part in parts]
             whole = float(getattr(Evaluation.merged(parts), settings.criterion))
             found.append(Candidate(options, whole, tuple(figures)))
@@ -162,7 +143,7 @@ def held_out_splits(
     """
     if sources.graphs:
         for learn, held_out in graph_splits(sources.graphs, n_folds, n_labels):
-            yield Sources((), graphs=learn), Sources((), graphs=held_out)
+            yield Sources(graphs=learn), Sources(graphs=held_out)
         return
     fold_of, labels = _folds(sources, n_folds), np.concatenate(_labels(sources))
     every = np.concatenate(fold_of)
@@ -245,36 +226,15 @@ def _candidates(
     return found
 
 
-def _scored_cells(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
-    """The one method of a configuration, trained on some maps and scored on others."""
-    labeler = make_labeler(trial.config).fit(
-        learn.maps, feature_cache=trial.feature_cache, n_threads=trial.n_threads
-    )
-    scored = []
-    for item in test.maps:
-        graph, scores = labeler.scores(item.grid, mask=item.cells, n_threads=trial.n_threads)
-        found = labeler.infer(graph, scores)
-        scored.append(evaluate(item.truth(graph), found.labels, labeler.label_names_))
-    return Evaluation.merged(scored)
-
-
-def _scored_steps(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
-    """The one method of a configuration, trained on some sources and scored on other drives."""
-    labelers = learn_steps(trial, learn.maps, learn.drives)
-    found = label_drives(trial, labelers, test.drives)
+def _score(trial: Experiment, learn: Sources, held_out: Sources) -> Evaluation:
+    """The one method of a configuration, trained on some sources and scored on others."""
+    labelers = task_of(trial.config).learn(trial, learn)
+    found = label_tests(trial, labelers, tests_of(trial.config, held_out))
     [labelings] = found.labelings.values()
-    names = tuple(trial.config.labels.names)
+    names = label_names(labelers)
     return Evaluation.merged(
         [
             evaluate(item.node_truth, labeling.labels, names)
             for item, labeling in zip(found.items, labelings, strict=True)
         ]
     )
-
-
-def _scored_graphs(trial: Experiment, learn: Sources, test: Sources) -> Evaluation:
-    """The same for graphs of one's own."""
-    return score_graphs(trial, learn.graphs, test.graphs)
-
-
-_SCORED = {"cells": _scored_cells, "graph": _scored_graphs}

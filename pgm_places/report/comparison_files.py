@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.judgement import TESTED, Difference
 from pgm_places.inference.labeling import Labeling
 from pgm_places.io.atomic import write_text
 from pgm_places.spaces.door_truth import DoorScores
@@ -36,7 +37,9 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
     and gap. ``learned_with`` names the method that learned for this one, too. ``doors`` counts the
     doors that were found, missed and invented, on all maps together and per map, where there is a
     label for doorways. Where cells and steps were labelled together, ``cells`` and ``steps`` hold
-    the figures of each.
+    the figures of each. ``differences`` has how much more of a figure the first of two methods has
+    than the second, with its 95 % interval, in how many buildings it is ahead, even and behind, and
+    which method is better beyond chance. ``best`` names a method that is better than all others.
     """
     return {
         "schema": SCHEMA,
@@ -56,12 +59,33 @@ def comparison_record(comparison: Comparison) -> dict[str, Any]:
             | _record_by_unit(comparison, method)
             for method in comparison.methods
         },
+        "differences": [_difference_record(item) for item in comparison.judgement.differences],
+        "best": {figure: comparison.judgement.best(figure) for figure in TESTED},
         "stage_seconds": _plain(comparison.stage_seconds),
         "config": _plain(comparison.config),
         "selection": _plain(comparison.selection),
         "versions": dict(comparison.versions),
         "inputs": dict(comparison.inputs),
         "warnings": list(comparison.warnings),
+    }
+
+
+def _difference_record(found: Difference) -> dict[str, Any]:
+    interval, signs = found.interval, found.buildings
+    return {
+        "first": found.first,
+        "second": found.second,
+        "figure": found.figure,
+        "difference": interval.estimate,
+        "low": interval.low,
+        "high": interval.high,
+        "buildings": {
+            "ahead": signs.better,
+            "even": signs.even,
+            "behind": signs.worse,
+            "p": signs.p_value,
+        },
+        "better": found.winner,
     }
 
 

@@ -3,23 +3,21 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation, Interval
-from pgm_places.experiment.comparison import (
-    BLOCK_M,
-    NODES_PER_BLOCK,
-    STRETCH_M,
-    Comparison,
-    MethodResult,
-)
+from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.judgement import Difference
+from pgm_places.experiment.labelled_items import BLOCK_M, NODES_PER_BLOCK, STRETCH_M
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.atomic import write_text
 from pgm_places.palette import ERROR, GROUND_SWATCHES, Swatch, label_swatches, levels
 from pgm_places.report.comparison_charts import history_charts, reliability_chart
+from pgm_places.report.glance import glance_of
 from pgm_places.report.map_layers import label_layers, probability_layers
 from pgm_places.report.page import render
 from pgm_places.spaces.door_truth import DoorScores
@@ -72,9 +70,10 @@ def report_page(comparison: Comparison) -> str:
         unit=comparison.unit,
         n_nodes=sum(method.evaluation.n for method in comparison.methods[:1]),
         warnings=comparison.warnings,
-        cards=list(_cards(comparison)),
+        glance=glance_of(comparison),
+        differences=_differences(comparison),
         figures=_FIGURES,
-        results=[(method, _row(method, comparison.methods)) for method in comparison.methods],
+        results=[(method, _row(method, comparison)) for method in comparison.methods],
         results_by_label=[
             (method, _row_by_label(method, comparison)) for method in comparison.methods
         ],
@@ -114,75 +113,58 @@ def _mean_iou(evaluation: Evaluation) -> float | None:
 
 
 Figure = Callable[[Evaluation], float | None]
-_FIGURES: dict[str, Figure] = {
-    "Accuracy": lambda found: found.accuracy,
-    "Balanced": lambda found: found.balanced_accuracy,
-    "Macro F1": lambda found: found.macro_f1,
-    "Mean IoU": _mean_iou,
-    "MCC": lambda found: found.mcc,
+_FIGURES: dict[str, tuple[str, Figure]] = {
+    "Accuracy": ("accuracy", lambda found: found.accuracy),
+    "Balanced": ("balanced_accuracy", lambda found: found.balanced_accuracy),
+    "Macro F1": ("macro_f1", lambda found: found.macro_f1),
+    "Mean IoU": ("mean_iou", _mean_iou),
+    "MCC": ("mcc", lambda found: found.mcc),
 }
-_INTERVALS = {"Accuracy": "accuracy", "Balanced": "balanced_accuracy"}
 
 
 @dataclass(frozen=True)
 class _Cell:
-    """A figure of a method, with whether it is the best of all methods."""
+    """A figure of a method, with whether it is better than that of all others beyond chance."""
 
     value: float | None
     best: bool
     interval: Interval | None = None
 
 
-def _cell(
-    figure: Figure,
-    method: MethodResult,
-    methods: Sequence[MethodResult],
-    interval: Interval | None = None,
-) -> _Cell:
-    value = figure(method.evaluation)
-    others = [other for item in methods if (other := figure(item.evaluation)) is not None]
-    best = value is not None and len(methods) > 1 and value == max(others)
-    return _Cell(value, best, interval)
-
-
-def _row(method: MethodResult, methods: Sequence[MethodResult]) -> list[_Cell]:
+def _row(method: MethodResult, comparison: Comparison) -> list[_Cell]:
+    best = comparison.judgement.best
     return [
-        _cell(figure, method, methods, method.intervals.get(_INTERVALS.get(name, "")))
-        for name, figure in _FIGURES.items()
+        _Cell(
+            figure(method.evaluation),
+            best(key) == method.id,
+            method.intervals.get(key),
+        )
+        for key, figure in _FIGURES.values()
     ]
 
 
 def _row_by_label(method: MethodResult, comparison: Comparison) -> list[_Cell]:
     """Recall, precision and IoU of each label in turn."""
-
-    def figure(kind: str, name: str) -> Figure:
-        return lambda found: getattr(found, kind)[name]
-
+    best = comparison.judgement.best
     return [
-        _cell(figure(kind, name), method, comparison.methods)
+        _Cell(getattr(method.evaluation, kind)[name], best(f"{kind} of {name}") == method.id)
         for name in comparison.label_names
         for kind in ("recall", "precision", "iou")
     ]
 
 
-def _cards(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """The figures most readers come for."""
-    methods = comparison.methods
-    if not methods:
-        return
+_MOST_PAIRS = 15
+"""Of more methods, each one is compared with the most accurate alone."""
 
-    def best(figure: Figure, words: str) -> tuple[str, str]:
-        top = max(methods, key=lambda method: figure(method.evaluation) or 0.0)
-        return f"{100 * (figure(top.evaluation) or 0.0):.1f} %", f"{words}: {top.id}"
 
-    yield best(_FIGURES["Accuracy"], "best accuracy")
-    yield best(_FIGURES["Balanced"], "best balanced accuracy")
-    counts = methods[0].evaluation.confusion.sum(axis=1)
-    if (counts > 0).sum() > 1:  # where methods differ most
-        rarest = comparison.label_names[int(np.where(counts > 0, counts, counts.max()).argmin())]
-        yield best(lambda found: found.recall[rarest], f"best recall of {rarest}, the rarest label")
-    inferred = sum(method.seconds.get("infer", 0.0) for method in methods)
-    yield f"{sum(comparison.stage_seconds.values()) + inferred:.1f} s", "total time"
+def _differences(comparison: Comparison) -> list[tuple[Difference, Difference]]:
+    """Accuracy and balanced accuracy of pairs of methods: the more accurate one first."""
+    ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
+    pairs = list(combinations([item.id for item in ranked], 2))
+    if len(pairs) > _MOST_PAIRS:
+        pairs = pairs[: len(ranked) - 1]
+    between = comparison.judgement.between
+    return [(between(*pair), between(*pair, "balanced_accuracy")) for pair in pairs]
 
 
 @dataclass(frozen=True)

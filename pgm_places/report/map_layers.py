@@ -6,13 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import (
-    Comparison,
-    MethodResult,
-    TestDrive,
-    TestGraph,
-    TestItem,
-)
+from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.labelled_items import TestDrive, TestGraph, TestItem
 from pgm_places.labelers.tracking import Track
 from pgm_places.report.canvas import (
     Canvas,
@@ -27,13 +22,14 @@ from pgm_places.report.page import data_uri
 from pgm_places.report.sheet import round_length
 from pgm_places.report.track_pictures import belief_plot
 
-__all__ = ["Layer", "MapLayers", "label_layers", "probability_layers"]
+__all__ = ["Layer", "MapLayers", "label_layers", "probability_layers", "thumbnails"]
 
 _LABEL_PIXELS, _VALUE_PIXELS = 20_000_000, 7_000_000
 """Pixels of all label pictures and of all probability pictures together. A pixel of the first takes
 some 0.05 bytes, of the second at most 0.6, so that a report stays below 8 MB."""
 
 _MOST_PIXELS = 1_500_000
+_THUMBNAIL_PIXELS = 300_000
 _LEAST_WIDTH = 1000
 """Narrower pictures are enlarged by a whole number, so that a browser's smoothing does no harm."""
 
@@ -110,6 +106,19 @@ def label_layers(comparison: Comparison) -> list[MapLayers]:
     n_pictures = len(comparison.maps) * (1 + 2 * len(comparison.methods))
     most_pixels = min(_MOST_PIXELS, _LABEL_PIXELS // max(n_pictures, 1))
     return [_layers(comparison, index, most_pixels) for index in range(len(comparison.maps))]
+
+
+def thumbnails(
+    comparison: Comparison, methods: Sequence[str]
+) -> tuple[Layer, list[tuple[Layer, Layer]]]:
+    """The first test map small: its truth, and the labels and errors of each method by its id."""
+    item, names = comparison.maps[0], comparison.label_names
+    view = _view(item, _THUMBNAIL_PIXELS)
+    truth = item.layout.to_raster(item.node_truth, fill=-1)
+    canvas = label_canvas(item.grid, truth, names, view)
+    by_id = {method.id: method for method in comparison.methods}
+    pairs = [_pair(0, item, by_id[name], (truth, names), view) for name in methods]
+    return Layer(0, "Ground truth", f"{item.name}: ground truth", "ground truth", canvas), pairs
 
 
 def _layers(comparison: Comparison, index: int, most_pixels: int) -> MapLayers:

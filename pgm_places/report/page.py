@@ -67,6 +67,7 @@ def _environment() -> Environment:
         "percent": _percent,
         "plain": _plain,
         "seconds": _seconds,
+        "signed": _signed,
     }
     return environment
 
@@ -78,6 +79,11 @@ def _or_dash(value: float | None, form: str) -> str:
 def _percent(share: float | None, digits: int = 1) -> str:
     """A share in percent, a dash where there is none."""
     return _or_dash(None if share is None else 100 * share, f".{digits}f")
+
+
+def _signed(share: float) -> str:
+    """A difference of shares in points, with its sign."""
+    return f"{100 * share:+.1f}".replace("-", "−")
 
 
 def _seconds(value: float | None) -> str:

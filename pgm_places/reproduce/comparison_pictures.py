@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import Comparison, MethodResult, TestItem
+from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from pgm_places.palette import ERROR, GROUND_SWATCHES, RIGHT_TINT, Swatch, label_swatches, tinted
 from pgm_places.report.canvas import View, difference_canvas, label_canvas, view_of

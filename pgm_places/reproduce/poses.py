@@ -31,10 +31,10 @@ def run(setting: Setting) -> Outcome:
     for search, words in SEARCHES.items():
         experiment = setting.experiment("poses", {"classifier.order": search})
         tests = load_maps(experiment, "test")
-        experiment, labeler = train(experiment)
-        found = compare_fitted(experiment, labeler, tests)
+        trained = train(experiment)
+        found = compare_fitted(trained, tests)
         comparisons[search] = found
-        chosen.setdefault(_order(labeler), []).append(search)
+        chosen.setdefault(_order(trained.labeler), []).append(search)
         paper = PAPER if search == "exhaustive" else None
         findings.append(finding(f"single poses, {words}", found.methods[0], paper=paper))
     table = _all_orders(setting, chosen, comparisons)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pgm_places.evaluation.bootstrap import numbered_apart
 from pgm_places.evaluation.evaluation import Evaluation, Interval, block_bootstrap, evaluate
-from pgm_places.experiment.comparison import stretches
+from pgm_places.experiment.labelled_items import stretches
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.labelers.trajectory_labeler import TrajectoryLabeler
 from pgm_places.reproduce.figures import finding_of

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.experiment.comparison import TestItem
+from pgm_places.experiment.labelled_items import TestItem
 from pgm_places.experiment.maps import load_maps
 from pgm_places.experiment.runs import compare_fitted, train
 from pgm_places.report.topology_pictures import topology_picture
@@ -39,8 +39,9 @@ def run(setting: Setting) -> Outcome:
     """The topological maps of all methods, with and without corrections and gates."""
     experiment = setting.experiment("topology")
     tests = load_maps(experiment, "test")
-    experiment, labeler = train(experiment)
-    comparison, space = compare_fitted(experiment, labeler, tests), labeler.unary_model_.space
+    trained = train(experiment)
+    comparison = compare_fitted(trained, tests)
+    space = trained.labeler.unary_model_.space
     item, names = comparison.maps[0], comparison.label_names
     doorways = None if space is None else space.spaces(item.grid).doorways
     answers = {

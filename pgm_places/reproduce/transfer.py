@@ -34,8 +34,8 @@ def run(setting: Setting) -> Outcome:
     for name, words in TRANSFERS.items():
         experiment = setting.experiment(name)
         tests = load_maps(experiment, "test")
-        experiment, labeler = train(experiment)
-        found[words] = compare_fitted(experiment, labeler, tests)
+        trained = train(experiment)
+        found[words] = compare_fitted(trained, tests)
         files[f"{name}_labels.png"] = label_sheet(found[words])
         files[f"{name}_errors.png"] = error_sheet(found[words])
         where = found[words].maps[0].name
@@ -44,14 +44,14 @@ def run(setting: Setting) -> Outcome:
             Picture(f"{name}_errors.png", f"{words}: errors of each method on {where}."),
         ]
         if name == "transfer_52":
-            files["unlabelled.png"] = _labels(labeler, grid, "adaboost")
+            files["unlabelled.png"] = _labels(trained.labeler, grid, "adaboost")
             pictures.append(
                 Picture(
                     "unlabelled.png", "Trained on building 52, the list alone (paper, Fig. 10)."
                 )
             )
         if name == "transfer_79_52":
-            files["unlabelled_topology.png"] = _topology(labeler, grid)
+            files["unlabelled_topology.png"] = _topology(trained.labeler, grid)
             files["confusion.png"] = confusion_of(found[words].methods[-1])
             pictures += [
                 Picture(

@@ -1,5 +1,6 @@
 """``train`` and ``compare`` on graphs of one's own."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -87,4 +88,21 @@ def test_compare_writes_a_report_and_train_wants_one_method(tmp_path: Path, run:
     assert code == 2
     assert "a model of graphs has one method, and the configuration has crf, indep" in err
     code, _, err = run("compare", config, "--out", tmp_path / "other", "--by-building")
-    assert code == 2 and "nodes = 'cells'" in err
+    assert code == 2 and "needs graphs of two buildings in [[train]]" in err
+
+
+def test_graphs_of_one_group_are_left_out_together(tmp_path: Path, run: Run) -> None:
+    write_ring(tmp_path)
+    ring = '[[train]]\ngraph = { file = "ring.graphml", label = "says" }\nname = "NAME"\n'
+    tables = [
+        ring.replace("NAME", name) + f'building = "{building}"\n'
+        for name, building in (("one", "a"), ("two", "b"), ("three", "a"))
+    ]
+    start, rest = CONFIG.split("[[train]]", 1)
+    methods = "[[methods]]" + rest.split("[[methods]]", 1)[1]
+    (tmp_path / "rings.toml").write_text(start + "".join(tables) + methods)
+    out = tmp_path / "out"
+    code, _, err = run("compare", tmp_path / "rings.toml", "--out", out, "--by-building")
+    assert code == 0, err
+    found = json.loads((out / "results.json").read_text())
+    assert [item["name"] for item in found["maps"]] == ["one", "three", "two"]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pgm_places.evaluation.evaluation import block_bootstrap
-from pgm_places.experiment.comparison import BLOCK_M, history_of, learning_of, score_intervals
+from pgm_places.experiment.comparison import history_of, learning_of, score_intervals
+from pgm_places.experiment.labelled_items import BLOCK_M
 from pgm_places.inference.backends import build
 from pgm_places.inference.labeling import Labeling, Status
 from tests.report.comparisons import labeling_of, small_map

@@ -13,14 +13,14 @@ from pgm_places.errors import ConfigError, LabelError
 from pgm_places.experiment.config import ExperimentConfig, parse_config
 from pgm_places.experiment.drives import SourceDrive
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.runs import train_steps
+from pgm_places.experiment.runs import train
 from pgm_places.experiment.selection import (
     Candidate,
     Selection,
-    Sources,
     held_out_splits,
     select,
 )
+from pgm_places.experiment.sources import Sources
 from pgm_places.maps.labelled_map import LabelledMap
 from pgm_places.sensing.simulated_robot import SimulatedRobot
 from pgm_places.trajectories.scan import ScanGeometry
@@ -114,7 +114,7 @@ def test_within_a_building_no_step_is_tested_on_a_stripe_that_was_learned() -> N
 
 def test_options_of_steps_are_chosen_on_drives_held_out() -> None:
     own = {"n_beams": 40, "range_m": 8.0}
-    train = [
+    drives = [
         {"drive": {"generated": seed, "seed": seed, "length_m": 40.0, "laser": own}}
         for seed in (1, 2)
     ]
@@ -124,17 +124,18 @@ def test_options_of_steps_are_chosen_on_drives_held_out() -> None:
         "labels": {"names": ["corridor", "room", "doorway"]},
         "classifier": {"n_rounds": 3},
         "steps": {"n_runs": 20, "beams": {"missing": "mirror"}},
-        "train": train,
+        "train": drives,
         "methods": [{"name": "independent"}, {"name": "potts", "weight": 0.0}],
         "select": {"options": {"methods.potts.weight": [0.0, 1.0]}, "n_folds": 2},
     }
-    experiment, labelers = train_steps(Experiment(parse_config(content), Path()))
+    trained = train(Experiment(parse_config(content), Path()))
+    experiment = trained.experiment
     assert experiment.selection is not None
     tried = experiment.selection["candidates"]
     assert [item["options"]["methods.potts.weight"] for item in tried] == [0.0, 1.0]
     assert all(len(item["by_fold"]) == 2 for item in tried) and tried[0] != tried[1]
     chosen = experiment.selection["chosen"]["methods.potts.weight"]
-    assert labelers["potts"].method_.weight == chosen
+    assert trained.methods["potts"].backend.weight == chosen
 
 
 def test_cells_and_steps_of_one_building_cannot_be_held_out_together() -> None:

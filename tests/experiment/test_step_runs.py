@@ -10,11 +10,13 @@ import pytest
 
 from pgm_places.datasets import generate_building
 from pgm_places.errors import ConfigError, LabelError, LogError
-from pgm_places.experiment.comparison import Comparison, TestDrive, passage_scores
+from pgm_places.experiment.comparison import Comparison
 from pgm_places.experiment.config import ExperimentConfig, parse_config
+from pgm_places.experiment.doors import passage_scores
 from pgm_places.experiment.drives import load_drives
 from pgm_places.experiment.experiment import Experiment
-from pgm_places.experiment.runs import compare, train_steps
+from pgm_places.experiment.labelled_items import TestDrive
+from pgm_places.experiment.runs import compare, train
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.io.logs.trajectories import write_trajectory
 from pgm_places.io.maps.label_image import save_labels
@@ -172,7 +174,7 @@ def test_methods_for_chains_are_refused_where_cells_take_part_before_anything_is
     for nodes, wanted in (("steps", "unary is for cells"), ("both", "must have one unary")):
         methods = [{"name": "potts", "unary": "laser"}, {"name": "independent"}]
         with pytest.raises(ConfigError, match=wanted):
-            train_steps(Experiment(config(nodes=nodes, methods=methods), Path()))
+            train(Experiment(config(nodes=nodes, methods=methods), Path()))
 
 
 def labelled_drive(truth: list[int]) -> TestDrive:

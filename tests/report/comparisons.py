@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from pgm_places.evaluation.evaluation import Evaluation, evaluate
-from pgm_places.experiment.comparison import Comparison, MethodResult, TestMap, history_of
+from pgm_places.experiment.comparison import Comparison, MethodResult, history_of
+from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.graph.layout import GridLayout
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import OccupancyGrid

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pgm_places.cli.tables import comparison_table
 from pgm_places.errors import OutputError
-from pgm_places.evaluation.evaluation import Evaluation
+from pgm_places.evaluation.evaluation import Evaluation, evaluate
+from pgm_places.experiment.comparison import Comparison, MethodResult
 from pgm_places.inference.labeling import Status
 from pgm_places.palette import LABEL_COLOURS, rgb_of
 from pgm_places.report.comparison_files import comparison_record
 from pgm_places.report.comparison_page import report_page, write_report
+from pgm_places.report.glance import glance_of
 from pgm_places.spaces.door_truth import DoorScores
 from tests.report.comparisons import small_comparison
 
@@ -264,25 +267,69 @@ def test_charts_are_images_that_say_what_they_show() -> None:
     assert "energy over iteration. relaxation: from -10 to -12" in words
 
 
-def test_the_best_of_each_column_is_marked() -> None:
+def marks(page: str) -> list[int]:
+    """The number of marked figures in each row of the first table of results."""
+    table = page.split('id="results"', 1)[1].split("By label", 1)[0].split("Differences", 1)[0]
+    rows = re.findall(r"<tr>.*?</tr>", table, re.DOTALL)
+    return [len(re.findall(r'class="best', row)) for row in rows]
+
+
+def wrong_everywhere(comparison: Comparison) -> MethodResult:
+    """The first method with another label than the true one in every cell."""
+    plain = comparison.methods[0]
+    labelings = [
+        replace(found, labels=(np.maximum(item.node_truth, 0) + 1) % 3)
+        for item, found in zip(comparison.maps, plain.labelings, strict=True)
+    ]
+    evaluations = [
+        evaluate(item.node_truth, found.labels, comparison.label_names)
+        for item, found in zip(comparison.maps, labelings, strict=True)
+    ]
+    merged = Evaluation.merged(evaluations)
+    return replace(
+        plain, labelings=tuple(labelings), evaluations=tuple(evaluations), evaluation=merged
+    )
+
+
+def test_what_is_better_beyond_chance_is_marked() -> None:
+    comparison = small_comparison(map_names=("a", "b"))
+    assert marks(report_page(comparison)) == [0, 0, 0]  # both methods label alike
+    worse = replace(comparison, methods=(wrong_everywhere(comparison), comparison.methods[1]))
+    assert marks(report_page(worse)) == [0, 0, 5]
+
+
+def test_the_first_page_says_who_is_right_more_often_and_what_it_costs() -> None:
+    comparison = small_comparison(map_names=("a", "b"))
+    text = Reader(report_page(comparison)).text
+    assert "No difference is shown between plain and relaxation: 96.3 against 96.3 % of" in text
+    assert "the same labels as plain" in text
+    worse = replace(comparison, methods=(wrong_everywhere(comparison), comparison.methods[1]))
+    text = Reader(report_page(worse)).text
+    assert "relaxation labels more cells correctly than plain: 96.3 against 0.0 %" in text
+    assert "a difference of 96.3 points (95 %: " in text
+    assert "ahead in 2 and behind in 0 of 2 buildings (sign test: p = 0.5)" in text
+    assert "relaxation learns for 1.50 s and labels in 0.25 s; plain learns for 1.50 s" in text
+    assert "best, beyond chance" in text
+
+
+def test_one_method_alone_has_no_first_page() -> None:
+    comparison = small_comparison()
+    alone = replace(comparison, methods=comparison.methods[:1])
+    assert "At a glance" not in report_page(alone)
+
+
+def test_of_the_papers_methods_the_first_page_compares_these() -> None:
     comparison = small_comparison()
     plain, other = comparison.methods
-    worse = replace(plain, evaluation=Evaluation(comparison.label_names, np.ones((3, 3), np.int64)))
-    rows = re.findall(
-        r'<tr><th scope="row">(plain|relaxation)<.*?</tr>',
-        report_page(replace(comparison, methods=(worse, other))),
-        re.DOTALL,
-    )
-    assert rows[:2] == ["plain", "relaxation"]
-    marked = [
-        re.findall(r'class="best', row)
-        for row in re.findall(
-            r"<tr>.*?</tr>",
-            report_page(replace(comparison, methods=(worse, other))).split("By label", 1)[0],
-            re.DOTALL,
-        )
-    ]
-    assert [len(found) for found in marked] == [0, 0, 5]
+    third = replace(wrong_everywhere(comparison), id="amn", name="AssociativeMarkovNetwork")
+    found = replace(comparison, methods=(plain, replace(other, name="Relaxation"), third))
+    first = replace(found, methods=tuple(reversed(found.methods)))
+    for one in (found, first):
+        standings = glance_of(one)
+        assert standings is not None and len(standings.standings) == 3
+    glance = glance_of(replace(found, methods=(found.methods[1], plain, third)))
+    assert glance is not None
+    assert glance.headline.startswith("relaxation labels more cells correctly than amn")
 
 
 def test_the_ground_truth_is_counted_in_cells_and_square_metres() -> None:
@@ -291,3 +338,19 @@ def test_the_ground_truth_is_counted_in_cells_and_square_metres() -> None:
     rows = [re.findall(r"<td>(.*?)</td>", row) for row in table.split("<tr>")[2:]]
     assert rows == [["11", "2.8", "40.7"], ["8", "2.0", "29.6"], ["8", "2.0", "29.6"]]
     assert "Labelling every cell “corridor” would reach 40.7\u00a0% accuracy." in Reader(page).text
+
+
+def test_differences_are_written_down_for_programs_and_listed_in_terminals() -> None:
+    comparison = small_comparison(map_names=("a", "b"))
+    worse = replace(comparison, methods=(wrong_everywhere(comparison), comparison.methods[1]))
+    record = comparison_record(worse)
+    assert record["best"] == {"accuracy": "relaxation", "balanced_accuracy": "relaxation"}
+    accuracy, balanced = record["differences"]
+    assert (accuracy["first"], accuracy["second"]) == ("plain", "relaxation")
+    assert accuracy["difference"] == pytest.approx(-26 / 27) and accuracy["high"] < 0
+    assert accuracy["buildings"] == {"ahead": 0, "even": 0, "behind": 2, "p": 0.5}
+    assert accuracy["better"] == balanced["better"] == "relaxation"
+    table = comparison_table(worse)
+    assert "relaxation against  points" in table
+    [row] = [line for line in table.splitlines() if line.startswith("plain  ") and "yes" in line]
+    assert "+96.3" in row and "2/0/0" in row

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pgm_places.experiment.comparison import TestMap, score_intervals
+from pgm_places.experiment.comparison import score_intervals
+from pgm_places.experiment.labelled_items import TestMap
 from pgm_places.inference.labeling import Labeling, Status
 from pgm_places.maps.occupancy_grid import UNKNOWN
 from pgm_places.reproduce.comparison_pictures import error_sheet, label_sheet, window_grid

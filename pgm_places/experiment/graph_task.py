@@ -1,41 +1,33 @@
-"""Experiments on graphs of one's own: every method fitted, run on the test graphs, and scored."""
+"""Experiments on the nodes of graphs of one's own."""
 
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places.errors import ConfigError, LabelError
-from pgm_places.evaluation.evaluation import Evaluation, evaluate
 from pgm_places.evaluation.folds import contiguous_parts, fold_of_buildings
-from pgm_places.experiment.comparison import TestGraph
 from pgm_places.experiment.config import ExperimentConfig
 from pgm_places.experiment.experiment import Experiment
 from pgm_places.experiment.graphs import SourceGraph
+from pgm_places.experiment.labelled_items import TestGraph
 from pgm_places.experiment.setup import GraphMethod, graph_labelers
+from pgm_places.experiment.sources import Sources
+from pgm_places.experiment.task import Evidence, Task
 from pgm_places.inference.labeling import Labeling
 from pgm_places.inference.problem import LabelingProblem
 from pgm_places.labelers.structured_labeler import StructuredLabeler
+from pgm_places.spaces.door_truth import DoorScores
 from pgm_places.unary.learning import with_explicit_order
 
-__all__ = [
-    "as_tests",
-    "graph_splits",
-    "label_graphs",
-    "learn_graphs",
-    "method_of",
-    "score_graphs",
-]
+__all__ = ["GRAPHS", "graph_splits"]
 
 
-def learn_graphs(
-    experiment: Experiment, graphs: Sequence[SourceGraph]
-) -> dict[str, StructuredLabeler]:
+def _learn(experiment: Experiment, sources: Sources) -> dict[str, StructuredLabeler]:
     """A fitted labeler for each method of the configuration; they share their classifier."""
-    problems = [item.problem for item in graphs]
-    truths = [item.truth for item in graphs]
+    problems = [item.problem for item in sources.graphs]
+    truths = [item.truth for item in sources.graphs]
     labelers = graph_labelers(experiment.config)
     found: dict[str, StructuredLabeler] = {}
     with experiment.learning():
@@ -66,28 +58,23 @@ def _classifier(
     return with_explicit_order(given, truth[truth >= 0])
 
 
-def method_of(config: ExperimentConfig, name: str, labeler: StructuredLabeler) -> GraphMethod:
-    """The fitted method of that id."""
+def _evidence(
+    _experiment: Experiment, labelers: Mapping[str, StructuredLabeler], item: SourceGraph
+) -> Evidence:
+    def label(name: str) -> Sequence[Labeling]:
+        return [labelers[name].label(item.problem, truth=item.truth)]
+
+    def doors(*_: Any) -> tuple[DoorScores, ...]:
+        return ()
+
+    return Evidence(
+        [TestGraph(item.name, item.problem.graph, item.truth, item.building)], label, doors
+    )
+
+
+def _method(config: ExperimentConfig, name: str, labeler: StructuredLabeler) -> GraphMethod:
     [unary] = [method.unary for method in config.methods if method.id == name]
     return GraphMethod(labeler.backend_, unary)
-
-
-def label_graphs(
-    experiment: Experiment, name: str, labeler: StructuredLabeler, graphs: Sequence[SourceGraph]
-) -> tuple[list[Labeling], float]:
-    """A method's labelling of each graph, and the seconds it took."""
-    start = time.perf_counter()
-    found = []
-    with experiment.progress.stage(f"labelling with {name}") as stage:
-        for item in graphs:
-            found.append(labeler.label(item.problem, truth=item.truth))
-            stage.update(len(found) / len(graphs))
-    return found, time.perf_counter() - start
-
-
-def as_tests(graphs: Sequence[SourceGraph]) -> list[TestGraph]:
-    """The graphs as a report shows them."""
-    return [TestGraph(item.name, item.problem.graph, item.truth) for item in graphs]
 
 
 def graph_splits(
@@ -127,12 +114,4 @@ def graph_splits(
         )
 
 
-def score_graphs(
-    trial: Experiment, learn: Sequence[SourceGraph], test: Sequence[SourceGraph]
-) -> Evaluation:
-    """The one method of a configuration, trained on some graphs and scored on others."""
-    [labeler] = learn_graphs(trial, learn).values()
-    names = trial.config.labels.names
-    return Evaluation.merged(
-        [evaluate(g.truth, labeler.label(g.problem).labels, names) for g in test]
-    )
+GRAPHS = Task(graph_labelers, _learn, "graphs", _evidence, _method)

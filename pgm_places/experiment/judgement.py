@@ -1,0 +1,213 @@
+"""Which differences between methods are more than chance, on the same nodes and buildings."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.evaluation import confusion
+from pgm_places.evaluation.bootstrap import Interval, Resamples, numbered_apart
+from pgm_places.evaluation.sign_test import SignTest
+from pgm_places.experiment.labelled_items import TestItem
+from pgm_places.inference.labeling import Labeling
+
+__all__ = ["TESTED", "Difference", "Judgement", "judge"]
+
+FIGURES: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
+    "accuracy": confusion.accuracy,
+    "balanced_accuracy": confusion.balanced_accuracy,
+    "macro_f1": lambda counts: confusion.mean_of_defined(confusion.f1(counts)),
+    "mean_iou": lambda counts: confusion.mean_of_defined(confusion.iou(counts)),
+    "mcc": confusion.mcc,
+}
+TESTED = ("accuracy", "balanced_accuracy")
+"""Figures whose differences are listed and tested over buildings."""
+
+BY_LABEL: Mapping[str, Callable[[NDArray[Any]], NDArray[np.float64]]] = {
+    "recall": confusion.recall,
+    "precision": confusion.precision,
+    "iou": confusion.iou,
+}
+LEVEL = 0.05
+FEWEST_BUILDINGS = 6
+"""Fewer cannot reach the level, even if one method is better in all of them."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How much more of a figure the first method has than the second.
+
+    Parameters
+    ----------
+    first, second : str
+        The ids of the methods.
+    figure : str
+        ``accuracy`` or ``balanced_accuracy``.
+    interval : Interval
+        The difference with its 95 % interval, of both methods on the same resampled blocks.
+    buildings : SignTest
+        In how many buildings the first has more.
+    """
+
+    first: str
+    second: str
+    figure: str
+    interval: Interval
+    buildings: SignTest
+
+    @property
+    def winner(self) -> str | None:
+        """The method that is better beyond chance; None where neither is.
+
+        The interval must leave out 0 and, with ``FEWEST_BUILDINGS`` buildings or more in which the
+        two differ, the sign test must agree.
+        """
+        low, high = self.interval.low, self.interval.high
+        if not (low > 0 or high < 0):
+            return None
+        enough = self.buildings.better + self.buildings.worse >= FEWEST_BUILDINGS
+        ahead = self.buildings.better > self.buildings.worse
+        if enough and not (self.buildings.p_value < LEVEL and ahead == (low > 0)):
+            return None
+        return self.first if low > 0 else self.second
+
+    def reversed(self) -> "Difference":
+        """The same from the second method's side."""
+        old, signs = self.interval, self.buildings
+        return Difference(
+            self.second,
+            self.first,
+            self.figure,
+            Interval(-old.estimate, -old.high, -old.low),
+            SignTest(signs.worse, signs.better, signs.even),
+        )
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the comparison shows, and what it leaves open.
+
+    Parameters
+    ----------
+    differences : tuple of Difference
+        Of every pair of methods in accuracy and balanced accuracy.
+    leaders : mapping of str to frozenset of str
+        By figure (of labels such as ``recall of room``), the methods that are not shown to be worse
+        than the one with the highest value. A single one is the best.
+    """
+
+    differences: tuple[Difference, ...]
+    leaders: Mapping[str, frozenset[str]]
+
+    def best(self, figure: str) -> str | None:
+        """The method that is better than all others beyond chance; None where there is none."""
+        found = self.leaders.get(figure, frozenset())
+        return next(iter(found)) if len(found) == 1 else None
+
+    def between(self, first: str, second: str, figure: str = "accuracy") -> Difference:
+        """The difference of two methods, from the side of the first."""
+        for item in self.differences:
+            if item.figure == figure and {item.first, item.second} == {first, second}:
+                return item if item.first == first else item.reversed()
+        raise KeyError((first, second, figure))
+
+
+def judge(
+    items: Sequence[TestItem],
+    labelings: Mapping[str, Sequence[Labeling]],
+    label_names: Sequence[str],
+) -> Judgement:
+    """All methods against each other on what was tested.
+
+    Parameters
+    ----------
+    items : sequence of TestItem
+    labelings : mapping of str to sequence of Labeling
+        Of each item, by the id of the method.
+    label_names : sequence of K str
+    """
+    if len(labelings) < 2:
+        return Judgement((), {})
+    resamples = Resamples.of(
+        np.concatenate([item.node_truth for item in items]),
+        numbered_apart([item.blocks() for item in items]),
+        n_labels=len(label_names),
+    )
+    figures = {
+        name: _figures(
+            resamples.confusions(np.concatenate([item.labels for item in found])), label_names
+        )
+        for name, found in labelings.items()
+    }
+    by_building = {
+        name: _by_building(items, found, len(label_names)) for name, found in labelings.items()
+    }
+    differences = tuple(
+        Difference(
+            first,
+            second,
+            figure,
+            Interval.of(figures[first][figure] - figures[second][figure]),
+            SignTest.of(by_building[first][figure], by_building[second][figure]),
+        )
+        for figure in TESTED
+        for first, second in combinations(labelings, 2)
+    )
+    leaders = {
+        figure: _leaders({name: found[figure] for name, found in figures.items()})
+        for figure in next(iter(figures.values()))
+    }
+    judged = Judgement(differences, leaders)
+    return Judgement(differences, {**leaders, **{f: _tested(judged, f) for f in TESTED}})
+
+
+def _figures(
+    counts: NDArray[np.int64], label_names: Sequence[str]
+) -> dict[str, NDArray[np.float64]]:
+    """(1 + R,) of each figure, of the whole and of each resample."""
+    found = {name: figure(counts) for name, figure in FIGURES.items()}
+    for kind, figure in BY_LABEL.items():
+        values = figure(counts)
+        found |= {f"{kind} of {name}": values[:, k] for k, name in enumerate(label_names)}
+    return found
+
+
+def _by_building(
+    items: Sequence[TestItem], labelings: Sequence[Labeling], n_labels: int
+) -> dict[str, list[float]]:
+    """The tested figures of a method in each building."""
+    buildings = [item.building or f"item {index}" for index, item in enumerate(items)]
+    found: dict[str, list[float]] = {name: [] for name in TESTED}
+    for building in dict.fromkeys(buildings):
+        chosen = [k for k, name in enumerate(buildings) if name == building]
+        truth = np.concatenate([items[k].node_truth for k in chosen])
+        labels = np.concatenate([labelings[k].labels for k in chosen])
+        known = truth >= 0
+        counts = confusion.confusion_matrix(truth[known], labels[known], n_labels)
+        for name in TESTED:
+            found[name].append(float(FIGURES[name](counts)))
+    return found
+
+
+def _leaders(values: Mapping[str, NDArray[np.float64]]) -> frozenset[str]:
+    """The methods that are not shown to have less of a figure than the one with most of it."""
+    defined = {name: found for name, found in values.items() if not np.isnan(found[0])}
+    if not defined:
+        return frozenset()
+    top = max(defined.values(), key=lambda found: float(found[0]))
+    return frozenset(
+        name for name, found in defined.items() if not Interval.of(top - found).low > 0
+    )
+
+
+def _tested(judged: Judgement, figure: str) -> frozenset[str]:
+    """The same where the buildings have their say, too."""
+    pairs = [item for item in judged.differences if item.figure == figure]
+    losers = {
+        item.first if item.winner == item.second else item.second for item in pairs if item.winner
+    }
+    everyone = {name for item in pairs for name in (item.first, item.second)}
+    return frozenset(everyone - losers) or frozenset(everyone)

@@ -1,0 +1,244 @@
+"""The first page of a report: which method is right how often, and what each one costs in time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pgm_places.experiment.comparison import Comparison, MethodResult
+from pgm_places.experiment.judgement import Difference
+from pgm_places.report.map_layers import Layer, thumbnails
+
+__all__ = ["Glance", "Standing", "difference_words", "glance_of"]
+
+MOST_METHODS = 6
+"""Methods drawn; the tables below have all."""
+
+STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.25, 0.5)
+"""Distances between the ticks of the scale."""
+
+PAPER = ("Relaxation", "AssociativeMarkovNetwork")
+"""The two that the paper compares."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A method as the first page shows it.
+
+    Parameters
+    ----------
+    method : MethodResult
+    low, high : float
+        The 95 % interval of its accuracy.
+    left_percent, width_percent, dot_percent : float
+        Where the interval and the accuracy lie on the scale.
+    words : str
+        How it compares with the method that is right most often.
+    learning : str
+        How long it learned.
+    is_best : bool
+        Whether it is better than all others beyond chance.
+    labels, errors : Layer
+        The first map as it labels it, and where that is wrong.
+    """
+
+    method: MethodResult
+    low: float
+    high: float
+    left_percent: float
+    width_percent: float
+    dot_percent: float
+    words: str
+    learning: str
+    is_best: bool
+    labels: Layer
+    errors: Layer
+
+
+@dataclass(frozen=True)
+class Glance:
+    """The first page.
+
+    Parameters
+    ----------
+    headline, cost : str
+        The comparison that matters most, in a sentence, and what both methods cost.
+    truth : Layer
+        The first map with its true labels.
+    standings : sequence of Standing
+        The most accurate first.
+    ticks : sequence of (float, str)
+        The scale: where, in percent of its width, and what.
+    n_more : int
+        Methods that are not drawn.
+    """
+
+    headline: str
+    cost: str
+    truth: Layer
+    standings: Sequence[Standing]
+    ticks: Sequence[tuple[float, str]]
+    n_more: int
+
+
+def glance_of(comparison: Comparison) -> Glance | None:
+    """The first page of a comparison; None for a single method, which nothing is compared with."""
+    ranked = sorted(comparison.methods, key=lambda item: -item.evaluation.accuracy)
+    if len(ranked) < 2:
+        return None
+    first, second = _pair(ranked)
+    shown = ranked[:MOST_METHODS]
+    shown += [item for item in (first, second) if item not in shown]
+    ends = [_ends(item) for item in shown]
+    scale = _Scale.over(min(low for low, _ in ends), max(high for _, high in ends))
+    truth, pictures = thumbnails(comparison, [item.id for item in shown])
+    standings = []
+    for item, (low, high), (labels, errors) in zip(shown, ends, pictures, strict=True):
+        is_best = comparison.judgement.best("accuracy") == item.id
+        words = _standing_words(comparison, ranked[0], item, is_best=is_best)
+        left, right = scale.percent(low), scale.percent(high)
+        dot = scale.percent(item.evaluation.accuracy)
+        standings.append(
+            Standing(
+                item,
+                low,
+                high,
+                left,
+                right - left,
+                dot,
+                words,
+                _learning(item),
+                is_best,
+                labels,
+                errors,
+            )
+        )
+    return Glance(
+        _headline(comparison, first, second),
+        f"{_cost(first)}; {_cost(second)}.",
+        truth,
+        standings,
+        scale.ticks(),
+        len(ranked) - len(shown),
+    )
+
+
+def _pair(ranked: Sequence[MethodResult]) -> tuple[MethodResult, MethodResult]:
+    """The paper's two methods where one of them is the most accurate, else the first two."""
+    kinds = {item.name: item for item in reversed(ranked)}
+    if ranked[0].name in PAPER and all(kind in kinds for kind in PAPER):
+        [other] = [kind for kind in PAPER if kind != ranked[0].name]
+        return ranked[0], kinds[other]
+    return ranked[0], ranked[1]
+
+
+def _ends(method: MethodResult) -> tuple[float, float]:
+    found = method.intervals.get("accuracy")
+    value = method.evaluation.accuracy
+    return (value, value) if found is None else (found.low, found.high)
+
+
+def _headline(comparison: Comparison, first: MethodResult, second: MethodResult) -> str:
+    found = comparison.judgement.between(first.id, second.id)
+    unit = comparison.unit
+    values = (
+        f"{100 * first.evaluation.accuracy:.1f} against {100 * second.evaluation.accuracy:.1f} %"
+    )
+    points = difference_words(found)
+    if found.winner is None:
+        return (
+            f"No difference is shown between {first.id} and {second.id}: {values} of the "
+            f"{unit}s are right, {points}"
+        )
+    return f"{first.id} labels more {unit}s correctly than {second.id}: {values}, {points}"
+
+
+def difference_words(found: Difference) -> str:
+    """A difference with its interval and its buildings, in words."""
+    low, high = (100 * value for value in (found.interval.low, found.interval.high))
+    text = f"a difference of {_points(100 * found.interval.estimate)} "
+    text += f"(95 %: {_signed(low)} to {_signed(high)})"
+    signs = found.buildings
+    if signs.n_buildings > 1:
+        text += f", ahead in {signs.better} and behind in {signs.worse} of {signs.n_buildings} "
+        text += f"buildings (sign test: p = {signs.p_value:.2g})"
+    return text
+
+
+def _standing_words(
+    comparison: Comparison, top: MethodResult, method: MethodResult, *, is_best: bool
+) -> str:
+    if is_best:
+        return "best, beyond chance"
+    if method is top:
+        return "highest, but not beyond chance"
+    if all(
+        np.array_equal(one.labels, other.labels)
+        for one, other in zip(top.labelings, method.labelings, strict=True)
+    ):
+        return f"the same labels as {top.id}"
+    found = comparison.judgement.between(top.id, method.id)
+    low, high = (100 * value for value in (found.interval.low, found.interval.high))
+    behind = f"{_points(100 * found.interval.estimate)} behind {top.id} "
+    behind += f"({_signed(low)} to {_signed(high)})"
+    return behind if found.winner == top.id else f"{behind}: not beyond chance"
+
+
+def _points(value: float) -> str:
+    shown = f"{value:.1f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2f}"
+    return f"{shown} point{'' if shown == '1.0' else 's'}"
+
+
+def _signed(value: float) -> str:
+    shown = f"{value:.1f}" if abs(value) >= 0.1 or value == 0 else f"{value:.2f}"
+    return shown.replace("-", "−")
+
+
+def _cost(method: MethodResult) -> str:
+    """What a method takes, beside the evidence that all methods share."""
+    return f"{method.id} {_learning(method)} and labels in {_duration(method.seconds['infer'])}"
+
+
+def _learning(method: MethodResult) -> str:
+    if method.learned_with is not None:
+        return f"learns with {method.learned_with}"
+    learn = method.seconds.get("learn", 0.0)
+    return f"learns for {_duration(learn)}" if learn >= 0.01 else "learns nothing"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 0.01:
+        return "less than 0.01 s"
+    if seconds < 100:
+        return f"{seconds:.2f} s" if seconds < 10 else f"{seconds:.1f} s"
+    return f"{seconds / 60:.1f} minutes"
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """Shares from ``low`` to ``high`` in steps of ``step``."""
+
+    low: float
+    high: float
+    step: float
+
+    @classmethod
+    def over(cls, low: float, high: float) -> "_Scale":
+        """At most five steps that hold both ends."""
+        for step in STEPS:
+            first = np.floor(low / step + 1e-9) * step
+            last = min(np.ceil(high / step - 1e-9) * step, 1.0)
+            last = max(last, first + step)
+            if (last - first) / step <= 5 + 1e-9:
+                break
+        return cls(float(first), float(last), step)
+
+    def percent(self, value: float) -> float:
+        """Where a share lies, in percent of the width."""
+        return 100 * (value - self.low) / (self.high - self.low)
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """All steps."""
+        n_steps = round((self.high - self.low) / self.step)
+        values = [self.low + k * self.step for k in range(n_steps + 1)]
+        return [(self.percent(value), f"{100 * value:.0f} %") for value in values]
