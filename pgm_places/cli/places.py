@@ -9,7 +9,7 @@ from pgm_places.cli.arguments import Force, Out, Places, Quiet, UnknownValue
 from pgm_places.cli.declarations import Argument, Option
 from pgm_places.cli.flags import GivenOptions, option_flags
 from pgm_places.cli.progress import make_progress
-from pgm_places.cli.terminal import say, say_written
+from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import InputError
 from pgm_places.options import AtLeastZero, option_values
 from pgm_places.topology.rules import TopologyOptions
@@ -175,6 +175,14 @@ def export(
         list[str] | None,
         Option(help="For nav2: a class or a place to keep out of. Repeatable."),
     ] = None,
+    map_yaml: Annotated[
+        Path | None,
+        Option(
+            "--map",
+            metavar="MAP.yaml",
+            help="For nav2: the map, which is copied; by default the one that was labelled.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Write the places for Nav2, QGIS, Foxglove and other tools."""
@@ -184,16 +192,19 @@ def export(
 
     topology = load_named_topology(folder)
     with output_set(out or folder, f"export {to}", force=force, shared=True) as files:
-        if keep_out and to != "nav2":
-            raise InputError(f"the export {to!r} takes no --keep-out; nav2 does")
-        if to == "nav2" or (to == "nav2-route" and not values):
-            more = {
+        for flag, given in (("--keep-out", keep_out), ("--map", map_yaml)):
+            if given and to != "nav2":
+                raise InputError(f"the export {to!r} takes no {flag}; nav2 does")
+        if to == "nav2":
+            topology.ids_of(keep_out or ())  # a slip is said before anything is read
+            for_nav2 = {
                 "speeds_m_s": _values(values or ()),
-                "keep_out": keep_out or (),
+                "grid": _map_for_nav2(folder, map_yaml),
                 "lies_in": out or folder,
             }
-            for_nav2 = more if to == "nav2" else None
-            _write_routes(files.stage, topology, robot_radius_m, for_nav2)
+            _write_routes(files.stage, topology, robot_radius_m, keep_out or (), for_nav2)
+        elif to == "nav2-route" and not values:
+            _write_routes(files.stage, topology, robot_radius_m)
         else:
             write_export(
                 topology,
@@ -210,15 +221,36 @@ def _write_routes(
     folder: Path,
     topology: "TopologicalMap",
     robot_radius_m: float | None,
-    for_nav2: dict[str, Any] | None,
+    keep_out: Sequence[str] = (),
+    for_nav2: dict[str, Any] | None = None,
 ) -> None:
     """The route graph and its picture; says what the robot cannot reach."""
     from pgm_places.report.topology_output import routes_summary, write_routes
     from pgm_places.topology.route_graph import ROBOT_RADIUS_M
 
     radius = ROBOT_RADIUS_M if robot_radius_m is None else robot_radius_m
-    found = write_routes(folder, topology, robot_radius_m=radius, for_nav2=for_nav2)
+    found = write_routes(
+        folder, topology, robot_radius_m=radius, keep_out=keep_out, for_nav2=for_nav2
+    )
     say(routes_summary(topology, found))
+
+
+def _map_for_nav2(folder: Path, given: Path | None) -> "OccupancyGrid | None":
+    """The map that was labelled, or the one that was given instead; says what is amiss."""
+    from pgm_places.io.maps.map_server import load_map
+    from pgm_places.report.label_files import labelled_map
+
+    path = given or labelled_map(folder)
+    if path is None:
+        complain("the map is not copied, because it is not where it was labelled; pass --map")
+        return None
+    grid = load_map(path).grid
+    if grid.yaw_rad:
+        complain(
+            f"the origin of the map is turned by {grid.yaw_rad:g} rad, which Nav2's costmaps and "
+            "filters ignore: save the map with a yaw of 0"
+        )
+    return grid
 
 
 def _values(texts: Sequence[str]) -> dict[str, float]:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pgm_places._checks import ROWS_AT_ONCE
-from pgm_places.errors import OutputError
+from pgm_places.errors import InputError, OutputError
 from pgm_places.io.atomic import write_bytes, write_text
+from pgm_places.io.json_file import read_json
 from pgm_places.io.maps.label_image import save_labels
 from pgm_places.io.maps.map_server import MapFile
 from pgm_places.io.places.label_probabilities import probability_file
@@ -18,7 +19,10 @@ from pgm_places.labelers.label_map import LabelledPlaces
 from pgm_places.report.outputs import Outputs
 from pgm_places.report.packing import Packing
 
-__all__ = ["write_labels"]
+__all__ = ["labelled_map", "write_labels"]
+
+SUMMARY_FILE = "summary.json"
+MAX_BYTES = 64 << 20
 
 
 def write_labels(
@@ -46,7 +50,7 @@ def write_labels(
         written += _write_probabilities(result, folder)
     if outputs.pictures:
         written.append(_write_overview(result, source, folder, packing or Packing()))
-    summary = folder / "summary.json"
+    summary = folder / SUMMARY_FILE
     record = {
         "map": str(source.yaml_path),
         "method": result.method,
@@ -76,6 +80,20 @@ def _write_overview(
         title=f"{source.name}: {result.method}",
     )
     return packing.write(folder / "overview.png", drawing)
+
+
+def labelled_map(folder: Path) -> Path | None:
+    """The map that was labelled into a folder; None where that is unknown or it has gone.
+
+    A relative path is looked up where the command runs, as it was when the map was labelled.
+    """
+    path = folder / SUMMARY_FILE
+    if not path.is_file():
+        return None
+    record = read_json(path, InputError, "a summary of 'pgm-places label'", max_bytes=MAX_BYTES)
+    name = record.get("map") if isinstance(record, dict) else None
+    found = Path(name) if isinstance(name, str) else None
+    return found if found is not None and found.is_file() else None
 
 
 def _write_probabilities(result: LabelledPlaces, folder: Path) -> list[Path]:

@@ -1,9 +1,11 @@
 """The route graph drawn over the places that it leads through."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pgm_places.palette import ERROR, Swatch, label_colours, label_swatches
+from pgm_places.palette import ERROR, IGNORED, Swatch, label_colours, label_swatches
 from pgm_places.report.canvas import view_of
 from pgm_places.report.drawing import Drawing
 from pgm_places.report.figure import INK
@@ -24,6 +26,8 @@ def route_drawing(
 ) -> Drawing:
     """Nodes and edges over the places; places that cannot be reached are named in red.
 
+    Places that the robot keeps out of are hatched.
+
     Examples
     --------
     >>> from pgm_places.maps.occupancy_grid import OccupancyGrid
@@ -35,7 +39,9 @@ def route_drawing(
     'RGB'
     """
     view = view_of(topology.grid, topology.region > 0, most_pixels=_MOST_PIXELS)
-    canvas = paled_canvas(topology.grid, topology.labels, topology.label_names, view)
+    open_to_it = ~np.isin(topology.region, routes.closed)
+    labels = np.where(open_to_it, topology.labels, np.int16(-1))
+    canvas = paled_canvas(topology.grid, labels, topology.label_names, view)
 
     def draw(panel: Drawing, scale: int) -> None:
         points = [node.point_m for node in routes.nodes]
@@ -47,13 +53,17 @@ def route_drawing(
         crossed = [region.anchor_m for region in lost]
         spots = scale * view.pixels_at_m(topology.grid, np.reshape(crossed, (-1, 2)))
         _draw_lost(panel, spots)
-        _draw_names(panel, topology, routes, at, spots)
+        shut = [topology.place(number).anchor_m for number in routes.closed]
+        closed = scale * view.pixels_at_m(topology.grid, np.reshape(shut, (-1, 2)))
+        _draw_names(panel, topology, routes, at, {"lost": spots, "closed": closed})
 
     n_nodes, n_edges = len(routes.nodes), len(routes.edges)
     line = f"{n_nodes} nodes, {n_edges} edges, for a robot with a radius of "
     entries = [*label_swatches(topology.label_names)]
     if routes.unreachable:
         entries.append(Swatch("cannot be reached", ERROR))
+    if routes.closed:
+        entries.append(Swatch("to keep out of", IGNORED, hatched=True))
     panel = Panel(canvas, f"{line}{routes.robot_radius_m:g} m", draw)
     return sheet([panel], title=title, legend=entries, long_side=1800)
 
@@ -84,9 +94,9 @@ def _draw_names(
     topology: TopologicalMap,
     routes: RouteGraph,
     at: NDArray[np.float64],
-    lost: NDArray[np.float64],
+    spots_of: Mapping[str, NDArray[np.float64]],
 ) -> None:
-    """The names of places other than doorways, and of all that cannot be reached."""
+    """The names of places other than doorways, and of all that it cannot or must not reach."""
     doors, names, discs, colours = [], [], [], []
     for node, point in zip(routes.nodes, at, strict=True):
         region = topology.place(node.region)
@@ -98,10 +108,14 @@ def _draw_names(
             names.append(region.name)
             discs.append(point)
             colours.append(INK)
-    for number, point in zip(routes.unreachable, lost, strict=True):
-        names.append(topology.place(number).name)
-        discs.append(point)
-        colours.append(ERROR)
+    for numbers, kind, colour in (
+        (routes.unreachable, "lost", ERROR),
+        (routes.closed, "closed", INK),
+    ):
+        for number, point in zip(numbers, spots_of[kind], strict=True):
+            names.append(topology.place(number).name)
+            discs.append(point)
+            colours.append(colour)
     spots = name_spots(names, discs, doors, size=_NAME, radius=_DISC / 2)
     for name, colour, (x, y) in zip(names, colours, spots.tolist(), strict=True):
         panel.text(x, y, name, size=_NAME, centred=True, halo=2, colour=colour)

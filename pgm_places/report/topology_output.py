@@ -1,6 +1,6 @@
 """The output of commands about places: the topological map's files and its picture."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -105,21 +105,24 @@ def write_routes(
     topology: TopologicalMap,
     *,
     robot_radius_m: float = ROBOT_RADIUS_M,
+    keep_out: Iterable[str] = (),
     for_nav2: Mapping[str, Any] | None = None,
 ) -> RouteGraph:
     """Write the route graph for Nav2 and ``nav2_route.png``, its picture; the graph.
 
+    No way leads into the places of ``keep_out``, which are classes or names.
     With ``for_nav2``, the options of :func:`~pgm_places.io.places.nav2_folder.write_nav2`, all
     other files for Nav2 as well.
 
     Raises
     ------
     InputError
-        Such a robot can go nowhere.
+        Such a robot can go nowhere, or a name is neither a place nor a class.
     OutputError
         Where a file cannot be written.
     """
-    found = route_graph(topology, robot_radius_m=robot_radius_m)
+    closed = topology.ids_of(keep_out)
+    found = route_graph(topology, robot_radius_m=robot_radius_m, closed=closed)
     if for_nav2 is None:
         write_nav2_route(folder / ROUTE_FILE, topology, found)
     else:
@@ -135,8 +138,10 @@ def routes_summary(topology: TopologicalMap, routes: RouteGraph) -> str:
         f"routes: {len(routes.nodes)} nodes, {len(routes.edges)} edges, all at least "
         f"{least_m:.2f} m from obstacles"
     )
+    if routes.closed:
+        line += " and places to keep out of"
     if not routes.unreachable:
-        return f"{line}; every place can be reached"
+        return f"{line}; every {'other ' if routes.closed else ''}place can be reached"
     names = ", ".join(topology.place(number).name for number in routes.unreachable)
     return f"{line}\nnot reachable with a radius of {routes.robot_radius_m:g} m: {names}"
 

@@ -1,6 +1,6 @@
 """RouteGraph: ways that a robot can drive, as nodes and straight edges through all places."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -105,12 +105,15 @@ class RouteGraph:
         No edge has less clearance.
     unreachable : tuple of int
         Ids of places that no way leads to from the largest connected part of the graph.
+    closed : tuple of int
+        Ids of places that the robot keeps out of: no way comes nearer to them than its radius.
     """
 
     nodes: tuple[RouteNode, ...]
     edges: tuple[RouteEdge, ...]
     robot_radius_m: float
     unreachable: tuple[int, ...]
+    closed: tuple[int, ...] = ()
 
     @cached_property
     def graph(self) -> "nx.Graph[int]":
@@ -125,7 +128,12 @@ class RouteGraph:
         return graph
 
 
-def route_graph(topology: TopologicalMap, *, robot_radius_m: float = ROBOT_RADIUS_M) -> RouteGraph:
+def route_graph(
+    topology: TopologicalMap,
+    *,
+    robot_radius_m: float = ROBOT_RADIUS_M,
+    closed: Collection[int] = (),
+) -> RouteGraph:
     """Ways through all places that a disc can drive.
 
     Nodes lie on the skeleton of the space: in the middle of corridors, at junctions, in the middle
@@ -137,6 +145,8 @@ def route_graph(topology: TopologicalMap, *, robot_radius_m: float = ROBOT_RADIU
     topology : TopologicalMap
     robot_radius_m : float
         Radius of the disc; every point of every edge is at least this far from obstacles.
+    closed : collection of int
+        Ids of places that the robot keeps out of; they are obstacles.
 
     Examples
     --------
@@ -148,7 +158,7 @@ def route_graph(topology: TopologicalMap, *, robot_radius_m: float = ROBOT_RADIU
     >>> [node.point_m for node in found.nodes], found.edges[0].clearance_m
     ([(0.5, 0.5), (4.5, 0.5)], 0.5)
     """
-    space = RouteSpace(topology, robot_radius_m)
+    space = RouteSpace(topology, robot_radius_m, closed)
     targets = space.targets()
     skeleton = skeleton_of(space.fits, space.squared, targets)
     roads = _Roads(space, len(targets))
@@ -161,7 +171,7 @@ def route_graph(topology: TopologicalMap, *, robot_radius_m: float = ROBOT_RADIU
     stops = roads.stops()
     roads.keep_ways(stops)
     roads.simplify(stops)
-    return roads.graph()
+    return roads.graph(tuple(sorted(closed)))
 
 
 class _Roads:
@@ -351,7 +361,7 @@ class _Roads:
             return False
         return bool(self.are_good(np.array([[a, b]]))[0])
 
-    def graph(self) -> RouteGraph:
+    def graph(self, closed: tuple[int, ...]) -> RouteGraph:
         """What was found, in metres."""
         space, kept = self.space, sorted(node for node, others in self.links.items() if others)
         most, side_m = MARKED_M / space.side_m, space.side_m
@@ -371,7 +381,8 @@ class _Roads:
             RouteEdge(a, b, float(length_m[k]), float(clear_m[k]), space.region_at(middle[k]))
             for k, (a, b) in enumerate(pairs)
         )
-        return RouteGraph(nodes, edges, space.radius_m, _unreachable(space, nodes, edges))
+        lost = tuple(n for n in _unreachable(space, nodes, edges) if n not in closed)
+        return RouteGraph(nodes, edges, space.radius_m, lost, closed)
 
 
 def _unreachable(

@@ -1,7 +1,10 @@
 """The space of a map that a robot fits into, and how much room straight lines have in it."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from pgm_places.maps.clearance import squared_clearance
 from pgm_places.topology.topological_map import TopologicalMap
@@ -10,12 +13,21 @@ __all__ = ["RouteSpace"]
 
 
 class RouteSpace:
-    """The raster with an edge of obstacles, and what fits into it. Positions are in its cells."""
+    """The raster with an edge of obstacles, and what fits into it. Positions are in its cells.
 
-    def __init__(self, topology: TopologicalMap, robot_radius_m: float) -> None:
+    Closed places are obstacles, with the cells around them: masks for Nav2 keep a robot out of
+    whole cells, so a way as near to the place itself as to a wall would lead through some of them.
+    """
+
+    def __init__(
+        self, topology: TopologicalMap, robot_radius_m: float, closed: Collection[int] = ()
+    ) -> None:
         self.topology, self.radius_m = topology, robot_radius_m
         self.region = np.pad(topology.region, 1)
         self.blocked = self.region == 0
+        if closed:
+            shut = np.isin(self.region, sorted(closed))
+            self.blocked |= binary_dilation(shut, np.ones((3, 3), np.bool_))
         self.squared = squared_clearance(self.blocked)
         self.side_m = topology.grid.resolution_m
         self.radius = robot_radius_m / self.side_m

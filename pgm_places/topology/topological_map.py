@@ -1,5 +1,6 @@
 """The topological map: places as nodes, passages as edges, and queries on it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -130,6 +131,19 @@ class TopologicalMap:
             hint = nearest_name(str(key), list(self._by_name))
             raise InputError(f"there is no place {key!r}. {hint}")
         return found
+
+    def ids_of(self, names: Iterable[str]) -> tuple[int, ...]:
+        """Ids of the places with these names, and of all places of these classes, ascending.
+
+        Raises
+        ------
+        InputError
+            A name that is neither a place nor a class.
+        """
+        wanted = set(names)
+        for name in sorted(wanted.difference(self.label_names)):
+            self.place(name)
+        return tuple(r.id for r in self.regions if {r.name, r.label} & wanted)
 
     def region_at(self, x_m: float, y_m: float) -> Region | None:
         """The region at a position in the map frame, or None."""

@@ -1,23 +1,29 @@
-"""All that Nav2 takes of a topological map, in one folder: routes, masks, parameters, poses."""
+"""All that Nav2 takes of a topological map in one folder: map, routes, masks, parameters, poses."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
+from pgm_places.io.maps.map_server import save_map
 from pgm_places.io.places.filter_masks import FilterKind, mask_files
 from pgm_places.io.places.nav2_route import write_nav2_route
+from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.topology.route_graph import RouteGraph
 from pgm_places.topology.topological_map import TopologicalMap
 
 __all__ = ["write_nav2"]
 
-ROUTE, PARAMETERS = "nav2_route.geojson", "nav2_params.yaml"
+MAP, ROUTE, PARAMETERS = "map", "nav2_route.geojson", "nav2_params.yaml"
 LAUNCH, POSES = "places.launch.py", "poses.yaml"
 SERVERS = ("filter_mask_server", "costmap_filter_info_server")
 MANAGER = "lifecycle_manager_places"
+
+PLAIN_SPEED_M_S = 0.5
+"""What Nav2's TimeScorer takes for the speed where there is no limit."""
 
 _LAUNCH = '''\
 """Starts the servers of the places: routes, masks, and the manager that activates them."""
@@ -47,45 +53,56 @@ def write_nav2(
     routes: RouteGraph,
     *,
     speeds_m_s: Mapping[str, float] | None = None,
-    keep_out: Sequence[str] = (),
+    grid: OccupancyGrid | None = None,
     lies_in: Path | None = None,
 ) -> list[Path]:
     """Write the folder; the paths.
 
-    ``nav2_route.geojson`` is the graph of the Route Server; ``poses.yaml`` holds a pose for every
-    place by its name, and the id of its node; masks limit the speed and keep the robot out;
-    ``nav2_params.yaml`` has the parameters of all servers, and what the costmaps and the controller
-    need of them, in one file; ``places.launch.py`` starts the servers.
+    ``map.yaml`` and ``map.png`` are the map; ``nav2_route.geojson`` is the graph of the Route
+    Server; ``poses.yaml`` holds a pose for every place by its name, and the id of its node; masks
+    limit the speed and keep the robot out; ``nav2_params.yaml`` has the parameters of all servers,
+    and what the costmaps and the controller need of them, in one file; ``places.launch.py`` starts
+    the servers.
 
     Parameters
     ----------
     folder : Path
     topology : TopologicalMap
     routes : RouteGraph
-        Its robot's radius is also that of the areas to keep out of.
+        Its closed places are those of the mask that keeps the robot out, its radius is what they
+        grow by.
     speeds_m_s : mapping of str to float, optional
         The largest speed in metres per second by class or name of place.
-    keep_out : sequence of str
-        Classes and names of places that the robot keeps out of.
+    grid : OccupancyGrid, optional
+        The map; without it, none is written.
     lies_in : Path, optional
         The folder where the files will lie, if they are moved: Nav2 wants absolute paths.
 
     Raises
     ------
     InputError
-        There is no route, or a name or value that does not fit.
+        There is no route, a name or value that does not fit, or a map with another frame than the
+        places.
     OutputError
         Where a file cannot be written.
     """
     home = (lies_in or folder).resolve()
-    written = [write_nav2_route(folder / ROUTE, topology, routes)]
+    speeds = speeds_m_s or {}
+    written = [write_nav2_route(folder / ROUTE, topology, routes, speeds_m_s=speeds)]
     servers = [("nav2_route", "route_server", "route_server")]
-    merged: dict[str, Any] = {"route_server": {"ros__parameters": _route_server(home / ROUTE)}}
+    routing = _route_server(home / ROUTE, speeds)
+    merged: dict[str, Any] = {"route_server": {"ros__parameters": routing}}
+    if grid is not None:
+        _check_frame(grid, topology)
+        path = save_map(grid, folder / MAP)
+        written += [path, path.with_suffix(".png")]
+        merged["map_server"] = {"ros__parameters": {"yaml_filename": str(home / path.name)}}
     masks: list[tuple[FilterKind, Mapping[str, float], float]] = []
-    if keep_out:
-        masks.append(("keepout", dict.fromkeys(keep_out, 100.0), routes.robot_radius_m))
-    if speeds_m_s:
-        masks.append(("speed-m-s", speeds_m_s, 0.0))
+    if routes.closed:
+        names = [topology.place(number).name for number in routes.closed]
+        masks.append(("keepout", dict.fromkeys(names, 100.0), routes.robot_radius_m))
+    if speeds:
+        masks.append(("speed-m-s", speeds, 0.0))
     for kind, values, radius_m in masks:
         name = kind.replace("-", "_")
         paths, text = mask_files(
@@ -105,18 +122,45 @@ def write_nav2(
     launch = _LAUNCH.format(parameters=str(home / PARAMETERS), servers=listed)
     written.append(write_text(folder / PARAMETERS, yaml.safe_dump(merged, sort_keys=False)))
     written.append(write_text(folder / LAUNCH, launch))
-    poses = yaml.safe_dump(_poses(topology, routes, keep_out), sort_keys=False, allow_unicode=True)
+    poses = yaml.safe_dump(_poses(topology, routes), sort_keys=False, allow_unicode=True)
     return [*written, write_text(folder / POSES, poses)]
 
 
-def _route_server(graph: Path) -> dict[str, Any]:
+def _check_frame(grid: OccupancyGrid, topology: TopologicalMap) -> None:
+    places = topology.grid
+    mine, theirs = (
+        (*item.shape, item.resolution_m, *item.origin_xy_m, item.yaw_rad) for item in (grid, places)
+    )
+    if mine != theirs:
+        listed = [
+            f"{rows} x {columns} cells of {side_m:g} m from ({x:g}, {y:g}), yaw {yaw:g}"
+            for rows, columns, side_m, x, y, yaw in (mine, theirs)
+        ]
+        raise InputError(
+            f"the map has {listed[0]}, but the places have {listed[1]}: give the map that was "
+            "labelled, or label this one"
+        )
+
+
+def _route_server(graph: Path, speeds_m_s: Mapping[str, float]) -> dict[str, Any]:
+    """Parameters of the Route Server: ways are compared by time where there are speeds.
+
+    Of its operations, AdjustSpeedLimit is left out: at every edge without a percentage of its own
+    it lifts the limit, on the topic where the speed filter has set one.
+    """
+    scorer = "TimeScorer" if speeds_m_s else "DistanceScorer"
+    values: dict[str, Any] = {"plugin": f"nav2_route::{scorer}"}
+    if speeds_m_s:
+        values["max_vel"] = float(max(PLAIN_SPEED_M_S, *speeds_m_s.values()))
     return {
         "route_frame": "map",
         "graph_file_loader": "GeoJsonGraphFileLoader",
         "GeoJsonGraphFileLoader": {"plugin": "nav2_route::GeoJsonGraphFileLoader"},
         "graph_filepath": str(graph),
-        "edge_cost_functions": ["DistanceScorer"],
-        "DistanceScorer": {"plugin": "nav2_route::DistanceScorer"},
+        "edge_cost_functions": [scorer],
+        scorer: values,
+        "operations": ["ReroutingService"],
+        "ReroutingService": {"plugin": "nav2_route::ReroutingService"},
     }
 
 
@@ -131,9 +175,8 @@ def _merge(into: dict[str, Any], parameters: Mapping[str, Any]) -> None:
             into[key] = value
 
 
-def _poses(topology: TopologicalMap, routes: RouteGraph, keep_out: Sequence[str]) -> dict[str, Any]:
+def _poses(topology: TopologicalMap, routes: RouteGraph) -> dict[str, Any]:
     """A pose for each place that the robot can and may reach, by its name."""
-    closed = {region.id for region in topology.regions if {region.name, region.label} & {*keep_out}}
     return {
         topology.place(node.region).name: {
             "frame_id": "map",
@@ -143,5 +186,5 @@ def _poses(topology: TopologicalMap, routes: RouteGraph, keep_out: Sequence[str]
             "node": node.region,
         }
         for node in routes.nodes
-        if node.is_anchor and node.region not in {*routes.unreachable, *closed}
+        if node.is_anchor and node.region not in routes.unreachable
     }

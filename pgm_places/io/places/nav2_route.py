@@ -1,6 +1,7 @@
 """The route graph for Nav2's Route Server (GeoJSON)."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +39,20 @@ def nav2_route(
 
 
 def route_features(
-    topology: TopologicalMap, routes: RouteGraph, *, frame: str = "map"
+    topology: TopologicalMap,
+    routes: RouteGraph,
+    *,
+    frame: str = "map",
+    speeds_m_s: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """A FeatureCollection of nodes (Points) and directed edges (MultiLineStrings).
 
     The node that stands for a place has the id of the place; every id is used once. Edges come in
     both directions, each with an id of its own. Metadata hold the ``class`` that Nav2's
     ``SemanticScorer`` looks for, the ``name`` of the place, the ``clearance_m``, and for nodes in
-    doorways their ``width_m``; never null, which the loader refuses. ``abs_speed_limit`` and
-    operations are left to the user.
+    doorways their ``width_m``; never null, which the loader refuses. Where speeds are given, edges
+    have the lowest of the places that they touch as ``abs_speed_limit``, which Nav2's
+    ``TimeScorer`` looks for. Operations are left to the user.
 
     Parameters
     ----------
@@ -54,12 +60,15 @@ def route_features(
     routes : RouteGraph
     frame : str
         Name of the map's frame.
+    speeds_m_s : mapping of str to float, optional
+        The largest speed by class or name of place; a place's own wins over that of its class.
 
     Raises
     ------
     InputError
-        There is no edge.
+        There is no edge, or a name is neither a place nor a class.
     """
+    topology.ids_of(speeds_m_s or ())
     if not routes.edges:
         raise InputError(
             f"a robot with a radius of {routes.robot_radius_m:g} m can go nowhere: no two places "
@@ -75,7 +84,7 @@ def route_features(
         "crs": LOCAL_METRES,
         "features": [
             *_nodes(topology, routes, ids, frame),
-            *_edges(topology, routes, ids, first),
+            *_edges(topology, routes, ids, first, speeds_m_s or {}),
         ],
     }
 
@@ -105,13 +114,20 @@ def _nodes(
 
 
 def _edges(
-    topology: TopologicalMap, routes: RouteGraph, ids: list[int], free: int
+    topology: TopologicalMap,
+    routes: RouteGraph,
+    ids: list[int],
+    free: int,
+    speeds_m_s: Mapping[str, float],
 ) -> list[Feature]:
     found: list[Feature] = []
     for edge in routes.edges:
         metadata = {
             **_place(topology, edge.region),
             "clearance_m": round(edge.clearance_m, DIGITS),
+            **_speed(
+                topology, [routes.nodes[k].region for k in (edge.first, edge.second)], speeds_m_s
+            ),
         }
         for start, end in ((edge.first, edge.second), (edge.second, edge.first)):
             line = [_rounded(routes.nodes[k].point_m) for k in (start, end)]
@@ -126,6 +142,19 @@ def _edges(
             geometry = {"type": "MultiLineString", "coordinates": [line]}
             found.append({"type": "Feature", "properties": properties, "geometry": geometry})
     return found
+
+
+def _speed(
+    topology: TopologicalMap, regions: list[int], speeds_m_s: Mapping[str, float]
+) -> dict[str, float]:
+    """The lowest speed of some places; nothing where there is none.
+
+    As a float: Nav2 keeps the type that the number has in the file, and asks for a float only.
+    """
+    places = [topology.place(number) for number in regions]
+    known = [speeds_m_s.get(item.name, speeds_m_s.get(item.label)) for item in places]
+    limits = [float(value) for value in known if value is not None]
+    return {"abs_speed_limit": min(limits)} if limits else {}
 
 
 def _place(topology: TopologicalMap, number: int) -> dict[str, Any]:
@@ -148,8 +177,13 @@ def _rounded(point: tuple[float, float]) -> list[float]:
 
 
 def write_nav2_route(
-    path: Path | str, topology: TopologicalMap, routes: RouteGraph, *, frame: str = "map"
+    path: Path | str,
+    topology: TopologicalMap,
+    routes: RouteGraph,
+    *,
+    frame: str = "map",
+    speeds_m_s: Mapping[str, float] | None = None,
 ) -> Path:
     """Write the graph for Nav2's Route Server; the path."""
-    graph = route_features(topology, routes, frame=frame)
+    graph = route_features(topology, routes, frame=frame, speeds_m_s=speeds_m_s)
     return write_text(path, json.dumps(graph, allow_nan=False) + "\n")

@@ -1,5 +1,6 @@
 """The folder for Nav2: one file of parameters for all servers, and a launch file that fits it."""
 
+import dataclasses
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -9,9 +10,19 @@ import numpy as np
 import pytest
 import yaml
 
+from pgm_places.datasets import generate_building
+from pgm_places.errors import InputError
 from pgm_places.io.maps.map_server import load_map
 from pgm_places.io.places.nav2_folder import write_nav2
+from pgm_places.topology.from_labels import topological_map
 from pgm_places.topology.route_graph import route_graph
+from tests.io.places.nav2_loaders import (
+    SERVERS,
+    check_parameters,
+    float_of,
+    graph_of,
+    map_of,
+)
 from tests.topology.floors import floor_map
 
 
@@ -21,9 +32,9 @@ def folder(tmp_path: Path) -> Path:
     write_nav2(
         tmp_path,
         topology,
-        route_graph(topology, robot_radius_m=0.3),
-        speeds_m_s={"corridor": 0.8, "doorway": 0.3},
-        keep_out=["room 3"],
+        route_graph(topology, robot_radius_m=0.3, closed=topology.ids_of(["room 3"])),
+        speeds_m_s={"corridor": 1, "doorway": 0.3, "room 2": 0.1},
+        grid=topology.grid,
     )
     return tmp_path
 
@@ -88,14 +99,95 @@ def test_filters_find_their_masks(folder: Path) -> None:
     speed = infos[costmaps["global"]["speed_filter"]["filter_info_topic"]]
     mask = load_map(Path(masks[speed["mask_topic"]])).occupancy
     found = np.unique(mask * speed["multiplier"]).tolist()
-    assert found == pytest.approx([0.0, 0.3, 0.8])
+    assert found == pytest.approx([0.0, 0.1, 0.3, 1.0])
     assert given["controller_server"]["ros__parameters"]["speed_limit_topic"] == "/speed_limit"
 
 
 def test_poses_are_named(folder: Path) -> None:
     topology, poses = floor_map(), yaml.safe_load((folder / "poses.yaml").read_text())
-    assert sorted(poses) == sorted(r.name for r in topology.regions if r.name != "room 3")
+    # Half a metre deep, the doorway to room 3 has no room for a robot that keeps out of it.
+    shut = ("room 3", "doorway 7")
+    assert sorted(poses) == sorted(r.name for r in topology.regions if r.name not in shut)
     for name, pose in poses.items():
         place = topology.region_at(pose["x"], pose["y"])
         assert place is not None
         assert (place.name, place.id) == (name, pose["node"])
+
+
+def test_all_parameters_are_declared_with_their_types(folder: Path) -> None:
+    for name, values in parameters(folder).items():
+        if name.endswith("_costmap"):
+            costmap = values[name]["ros__parameters"]
+            for filter_name in costmap["filters"]:
+                check_parameters(costmap[filter_name]["plugin"], costmap[filter_name])
+        elif name == "controller_server":
+            assert values == {"ros__parameters": {"speed_limit_topic": "/speed_limit"}}
+        else:
+            kind = "map_server" if name.endswith("_filter_mask_server") else name
+            kind = next(known for known in SERVERS if known in kind)
+            check_parameters(kind, values["ros__parameters"])
+
+
+def test_the_map_is_copied_and_named_to_its_server(folder: Path) -> None:
+    path = Path(parameters(folder)["map_server"]["ros__parameters"]["yaml_filename"])
+    assert path == folder.resolve() / "map.yaml"
+    assert map_of(path)["mode"] == "trinary"
+    np.testing.assert_array_equal(load_map(path).grid.cells, floor_map().grid.cells)
+    for mask in ("keepout", "speed_m_s"):
+        assert map_of(folder / f"{mask}.yaml")["mode"] == "raw"
+
+
+def test_a_map_of_another_frame_is_refused(tmp_path: Path) -> None:
+    topology = floor_map()
+    other = dataclasses.replace(topology.grid, origin_xy_m=(1.0, 0.0))
+    with pytest.raises(InputError, match=r"from \(1, 0\), yaw 0, but the places have 11 x 26"):
+        write_nav2(tmp_path, topology, route_graph(topology), grid=other)
+
+
+def test_edges_carry_speeds_that_the_scorer_can_read(folder: Path) -> None:
+    nodes, edges = graph_of(folder / "nav2_route.geojson")
+    given = parameters(folder)["route_server"]["ros__parameters"]
+    assert given["TimeScorer"]["max_vel"] == 1.0
+    # It would lift the limit of the speed filter at every edge.
+    assert "AdjustSpeedLimit" not in given["operations"]
+    limits = {"corridor": 1.0, "doorway": 0.3}
+    seen = set()
+    for edge in edges:
+        ends = [nodes[edge[key]]["metadata"] for key in ("startid", "endid")]
+        known = [0.1 if e["name"] == "room 2" else limits.get(e["class"], np.inf) for e in ends]
+        speed = float_of(edge["metadata"], "abs_speed_limit", np.inf)
+        assert speed == min(known)
+        seen.add(speed)
+    assert seen == {0.1, 0.3, 1.0}
+
+
+def test_no_way_leads_into_the_mask_that_keeps_out(tmp_path: Path) -> None:
+    made = generate_building(size="small", resolution_m=0.05)
+    topology = topological_map(made.grid, made.labels, made.label_names)
+    rooms = [region for region in topology.regions if region.label == "room"]
+    closed = topology.ids_of([rooms[0].name, rooms[2].name])
+    routes = route_graph(topology, robot_radius_m=0.25, closed=closed)
+    write_nav2(tmp_path, topology, routes, grid=made.grid)
+    mask = load_map(tmp_path / "keepout.yaml").occupancy
+    assert (mask[np.isin(topology.region, closed)] == 100).all()
+    nodes, edges = graph_of(tmp_path / "nav2_route.geojson")
+    for edge in edges:
+        [line] = edge["line"]
+        assert line == [[nodes[edge[key]][c] for c in "xy"] for key in ("startid", "endid")]
+        along = np.linspace(line[0], line[1], 200)
+        assert not mask[tuple(made.grid.cells_at_m(along).T)].any()
+    assert not {node["metadata"]["region"] for node in nodes.values()} & {*closed}
+    assert not {*routes.unreachable} & {*closed}
+    poses = yaml.safe_load((tmp_path / "poses.yaml").read_text())
+    lost = {*routes.unreachable, *closed}
+    assert {*poses} == {region.name for region in topology.regions if region.id not in lost}
+    assert len(poses) > len(topology.regions) // 2
+    assert all("abs_speed_limit" not in edge["metadata"] for edge in edges)
+
+
+def test_names_that_are_neither_place_nor_class_are_refused(tmp_path: Path) -> None:
+    topology = floor_map()
+    with pytest.raises(InputError, match="there is no place 'rom'"):
+        topology.ids_of(["room", "rom"])
+    with pytest.raises(InputError, match="there is no place 'corridr'"):
+        write_nav2(tmp_path, topology, route_graph(topology), speeds_m_s={"corridr": 1.0})
