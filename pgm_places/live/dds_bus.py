@@ -10,32 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 from pgm_places._extras import needed
+from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.ros_codec import TYPES, RosCodec
 
 __all__ = ["DdsBus", "DdsWriter"]
 
 PURPOSE = "speaking DDS"
-
-CONFIG = """\
-<CycloneDDS xmlns="https://cdds.io/config"><Domain id="any">
-  {network}
-  <Internal><SocketReceiveBufferSize max="10MB"/></Internal>
-  <Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>
-</Domain></CycloneDDS>
-"""
-"""The buffer takes a map of four million cells in one burst. Fast DDS from 3.1 on marks sequences
-in its types otherwise than Cyclone does, so types are compared by name."""
-
-LOCAL = """\
-<General>
-    <Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
-    <AllowMulticast>false</AllowMulticast>
-  </General>
-  <Discovery>
-    <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>20</MaxAutoParticipantIndex>
-    <Peers><Peer address="127.0.0.1"/></Peers>
-  </Discovery>"""
-"""Only processes of this machine are seen, and see us."""
 
 _BLOCKED_MS = 100
 
@@ -62,23 +42,26 @@ class DdsBus:
     ----------
     domain : int
         As ROS_DOMAIN_ID.
-    local_only : bool
-        Whether only this machine is spoken to.
+    network : DdsNetwork, optional
 
     Raises
     ------
     InputError
         The extra ``dds`` is not installed.
+    ConfigError
+        Cyclone does not start with this network.
     """
 
-    def __init__(self, domain: int, *, local_only: bool = False) -> None:
+    def __init__(self, domain: int, network: DdsNetwork | None = None) -> None:
+        network = network or DdsNetwork()
         self._cores = needed("cyclonedds.core", extra="dds", purpose=PURPOSE)
         domains = needed("cyclonedds.domain", extra="dds", purpose=PURPOSE)
         self.codec = RosCodec()
-        # Handed over, not set as CYCLONEDDS_URI: ROS processes that are started would inherit it.
-        config = CONFIG.format(network=LOCAL if local_only else "")
-        self._domain = domains.Domain(domain, config)
-        self._participant = domains.DomainParticipant(domain)
+        try:
+            self._domain = domains.Domain(domain, network.config())
+            self._participant = domains.DomainParticipant(domain)
+        except self._cores.DDSException as error:
+            raise network.refusal(error) from None
         self._readers: dict[str, _Reader] = {}
         self._waits = self._cores.WaitSet(self._participant)
         self._classes: dict[str, Any] = {}

@@ -30,6 +30,7 @@ __all__ = ["run"]
 pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 
 from pgm_places.live.dds_bus import DdsBus
+from pgm_places.live.dds_network import DdsNetwork
 
 PATIENCE_S = 120.0
 """What a machine that is busy with other things may take."""
@@ -64,7 +65,7 @@ def test_a_drive_over_the_wire(node: "subprocess.Popen[str]", domain: int) -> No
     grid, path = building()[0].grid, drive(1)[:40]
     half = grid.cells.copy()
     half[:, grid.shape[1] // 2 :] = -1
-    bus, came = DdsBus(domain, local_only=True), dict[str, list[bytes]]()
+    bus, came = DdsBus(domain, DdsNetwork(local_only=True)), dict[str, list[bytes]]()
     bus.read("place", "/pgm_places/place", reliable=True)
     for what in ("label_map", "markers", "topology"):
         bus.read(what, f"/pgm_places/{what}", reliable=True, kept=True, depth=1)
