@@ -12,6 +12,7 @@ from pgm_places.cli.flags import option_flags
 from pgm_places.cli.progress import make_progress
 from pgm_places.cli.terminal import complain, say, say_written
 from pgm_places.errors import ConfigError
+from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.node_options import NodeOptions
 from pgm_places.options import AtLeastZero
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from pgm_places.labelers.place_labeler import PlaceLabeler
     from pgm_places.live.live_map import LiveLabels
     from pgm_places.live.place_finder import FoundPlace
+    from pgm_places.live.place_memory import PlaceMemory
     from pgm_places.live.replay import Replay
     from pgm_places.progress import Progress
 
@@ -41,6 +43,28 @@ def live(
     local: Annotated[
         bool, Option("--local", help="With --dds: communicate within this machine only.")
     ] = False,
+    interface: Annotated[
+        str,
+        Option(
+            metavar="NAME",
+            help="With --dds: network interface, by name or address; Cyclone's choice by default.",
+        ),
+    ] = "",
+    peers: Annotated[
+        list[str] | None,
+        Option(
+            "--peer",
+            metavar="ADDRESS",
+            help="With --dds: a machine to look for where multicast does not pass. Repeatable.",
+        ),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Keep the places in this file: they have the same ids the next time.",
+        ),
+    ] = None,
     seconds: Annotated[
         AtLeastZero | None, Option(help="With --dds: stop after this many seconds.")
     ] = None,
@@ -69,13 +93,17 @@ def live(
     """Label the places of a robot as it drives and maps. One line for each change of place."""
     if dds == (replay is not None):
         raise ConfigError("live needs a log or a robot: pass --replay LOG, or --dds")
+    for flag, is_given in (("--interface", interface), ("--peer", peers), ("--local", local)):
+        if is_given and not dds:
+            raise ConfigError(f"{flag} is for a robot: pass --dds with it")
     if replay is None:
         _run_robot(
             node,
             options,
             model=model,
             method=method,
-            local_only=local,
+            network=DdsNetwork(local, interface, tuple(peers or ())),
+            session=session,
             seconds=seconds,
             json_lines=jsonl,
             n_threads=n_threads,
@@ -85,6 +113,7 @@ def live(
     _run_replay(
         replay,
         out,
+        session,
         model=model,
         method=method,
         map_topic=node.map_topic,
@@ -100,6 +129,7 @@ def live(
 def _run_replay(
     replay: Path,
     out: Path | None,
+    session: Path | None,
     *,
     model: str,
     method: str | None,
@@ -113,17 +143,24 @@ def _run_replay(
 ) -> None:
     """``pgm-places live --replay``."""
     from pgm_places.io.output_set import output_set
+    from pgm_places.live.place_memory import PlaceMemory
+    from pgm_places.live.session_file import read_session, write_session
     from pgm_places.report.file_names import LIVE
     from pgm_places.trained import trained_labeler
 
     progress = make_progress(quiet=quiet)
+    memory = PlaceMemory() if session is None else read_session(session)
     labeler = trained_labeler(model)
-    run = _replay(replay, labeler, method, map_topic, max_range_m, options, n_threads, progress)
+    run = _replay(
+        replay, labeler, method, memory, map_topic, max_range_m, options, n_threads, progress
+    )
     with ExitStack() as stack:
         files = None
         if out is not None:
             files = stack.enter_context(output_set(out, "live", names=LIVE, force=force))
         _say_all(run, None if files is None else files.stage, json_lines)
+    if session is not None:
+        write_session(session, memory)
     if files is not None:
         say_written(files)
 
@@ -134,7 +171,8 @@ def _run_robot(
     *,
     model: str,
     method: str | None,
-    local_only: bool,
+    network: DdsNetwork,
+    session: Path | None,
     seconds: float | None,
     json_lines: bool,
     n_threads: int | None,
@@ -149,6 +187,7 @@ def _run_robot(
     from pgm_places.live.place_finder import PlaceFinder
     from pgm_places.trained import trained_labeler
 
+    network.config()  # refused before the model is loaded
     progress = make_progress(quiet=quiet)
     with progress.stage("model"):
         finder = PlaceFinder(TrajectoryLabeler.from_places(trained_labeler(model)), options)
@@ -158,11 +197,9 @@ def _run_robot(
         if found.changed:
             say(_place_line(found, json_lines))
 
-    desk = MapProcess(model, method=method, n_threads=n_threads)
+    desk = MapProcess(model, method=method, n_threads=n_threads, session=session)
     try:
-        robot = DdsNode(
-            finder, desk, progress.warn, node, options, on_place=show, local_only=local_only
-        )
+        robot = DdsNode(finder, desk, progress.warn, node, options, on_place=show, network=network)
         robot.run(float("inf") if seconds is None else seconds)
     except KeyboardInterrupt:
         if not quiet:
@@ -175,6 +212,7 @@ def _replay(
     log: Path,
     labeler: "PlaceLabeler",
     method: str | None,
+    memory: "PlaceMemory",
     map_topic: str,
     max_range_m: float | None,
     options: LiveOptions,
@@ -199,7 +237,7 @@ def _replay(
     run = Replay(
         loaded.trajectory,
         PlaceFinder(tracker, options),
-        LiveMap(labeler, method=method, n_threads=n_threads),
+        LiveMap(labeler, method=method, memory=memory, n_threads=n_threads),
         options,
         maps,
     )

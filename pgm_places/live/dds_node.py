@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 from pgm_places.errors import ConfigError
 from pgm_places.live.dds_bus import DdsBus
+from pgm_places.live.dds_network import DdsNetwork
 from pgm_places.live.live_node import LiveNode
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.map_process import MapDesk
 from pgm_places.live.node_options import NodeOptions
+from pgm_places.live.outputs import OUTPUTS
 from pgm_places.live.place_finder import FoundPlace, PlaceFinder
 
 __all__ = ["DdsNode"]
@@ -28,8 +30,7 @@ class DdsNode:
     ----------
     finder, desk, complain, options, live, on_place
         As of :class:`~pgm_places.live.live_node.LiveNode`.
-    local_only : bool
-        Whether only this machine is spoken to.
+    network : DdsNetwork, optional
     """
 
     def __init__(
@@ -41,27 +42,30 @@ class DdsNode:
         live: LiveOptions | None = None,
         *,
         on_place: Callable[[FoundPlace], None] | None = None,
-        local_only: bool = False,
+        network: DdsNetwork | None = None,
     ) -> None:
         options = options or NodeOptions()
         self._options, self._complain, self._desk = options, complain, desk
-        self._bus = DdsBus(_domain(options), local_only=local_only)
+        self._bus = DdsBus(_domain(options), network)
         name, out = options.full_name, options.full_name(options.output_namespace)
         kept = options.map_subscribe_transient_local
         # Transforms come first, so that a scan finds those that were sent with it.
         self._bus.read("tf_static", f"{name(options.tf_topic)}_static", reliable=True, kept=True)
         self._bus.read("tf", name(options.tf_topic), reliable=True, depth=100)
         self._bus.read("map", name(options.map_topic), reliable=True, kept=kept, depth=1)
+        self._bus.read("map_updates", f"{name(options.map_topic)}_updates", reliable=True)
         self._bus.read("odom", name(options.odom_topic), reliable=False)
         self._bus.read("scan", name(options.scan_topic), reliable=False, depth=5)
         if options.use_sim_time:
             self._bus.read("clock", "/clock", reliable=False, depth=1)
         self._writers = {
-            "place": self._bus.writer("place", f"{out}/place"),
-            **{
-                what: self._bus.writer(what, f"{out}/{what}", kept=True, depth=1)
-                for what in ("label_map", "markers", "topology")
-            },
+            what: self._bus.writer(
+                what,
+                item.topic if item.topic.startswith("/") else f"{out}/{item.topic}",
+                kept=item.is_kept,
+                depth=item.depth,
+            )
+            for what, item in OUTPUTS.items()
         }
         self._sim_s: float | None = None
         self._lonely: list[str] = []
@@ -96,7 +100,8 @@ class DdsNode:
             self._node.take(what, raw, clock_s=clock_s, now_s=time.monotonic())
 
     def _look_for_others(self) -> None:
-        optional = {self._options.full_name(self._options.odom_topic)}
+        name, options = self._options.full_name, self._options
+        optional = {name(options.odom_topic), f"{name(options.map_topic)}_updates"}
         lonely = [topic for topic in self._bus.lonely() if topic not in optional]
         if missing := [topic for topic in lonely if topic not in self._lonely]:
             self._complain(

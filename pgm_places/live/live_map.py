@@ -98,6 +98,9 @@ class LiveMap:
         Changes of fewer cells beside each other wait; 1 to take all at once.
     few_maps : int
         Until so many maps on end have shown them.
+    memory : PlaceMemory, optional
+        The places of an earlier session
+        (:func:`~pgm_places.live.session_file.read_session`): its ids and numbers of maps go on.
     n_threads : int, optional
 
     Raises
@@ -116,6 +119,7 @@ class LiveMap:
         own_names: Mapping[int, str] | None = None,
         few_cells: int = FEW_CELLS,
         few_maps: int = FEW_MAPS,
+        memory: PlaceMemory | None = None,
         n_threads: int | None = None,
     ) -> None:
         labeler.check_fitted()
@@ -129,7 +133,7 @@ class LiveMap:
                 [chosen.unary], node_features=traits_of(chosen.backend).uses_node_features
             )
             self._features = GrowingFeatures(model.sensor, columns, n_threads=n_threads)
-        self._settled, self._memory = SettledMap(few_cells, few_maps), PlaceMemory()
+        self._settled, self.memory = SettledMap(few_cells, few_maps), memory or PlaceMemory()
         self._current: LiveLabels | None = None
 
     @property
@@ -171,30 +175,31 @@ class LiveMap:
             beliefs=labels.labeling.beliefs,
             layout=labels.layout,
             doorways=labels.doorways if self.rules.doorways == "gates" else None,
-            known=self._memory,
+            known=self.memory,
             own_names=self.own_names,
         )
-        before = None if self._current is None else self._current.topology
-        appeared, vanished, moved = _differences(before, topology)
-        self._memory.learn(topology)
+        appeared, vanished, moved = _differences(self.memory, topology)
+        self.memory.learn(topology)
+        self.memory.n_maps += 1
         self._current = LiveLabels(
-            1 if self._current is None else self._current.map_seq + 1,
+            self.memory.n_maps,
             labels,
             topology,
             appeared,
             vanished,
             moved,
             None if self._features is None else self._features.last,
-            dict(self._memory.merged),
-            dict(self._memory.parted),
+            dict(self.memory.merged),
+            dict(self.memory.parted),
         )
         return self._current
 
     def _nothing_new(self, before: LiveLabels) -> LiveLabels:
         """What is known of a map that has come again."""
         update = before.update and Update(before.update.n_cells, 0, 0)
+        self.memory.n_maps += 1
         self._current = LiveLabels(
-            before.map_seq + 1, before.labels, before.topology, (), (), {}, update
+            self.memory.n_maps, before.labels, before.topology, (), (), {}, update
         )
         return self._current
 
@@ -205,10 +210,10 @@ def _is_same(before: OccupancyGrid, now: OccupancyGrid) -> bool:
 
 
 def _differences(
-    before: TopologicalMap | None, now: TopologicalMap
+    before: PlaceMemory, now: TopologicalMap
 ) -> tuple[tuple[int, ...], tuple[int, ...], dict[int, float]]:
     """Ids that appeared and vanished, and how far others' anchors moved in metres."""
-    old = {} if before is None else {item.id: item.anchor_m for item in before.regions}
+    old = {number: before.places[number].anchor_m for number in before.last}
     new = {item.id: item.anchor_m for item in now.regions}
     moved = {
         place: float(np.hypot(*np.subtract(anchor, old[place])))

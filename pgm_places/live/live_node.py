@@ -11,13 +11,19 @@ from pgm_places.errors import InputError
 from pgm_places.io.logs.bag_poses import planar
 from pgm_places.io.logs.scan_messages import ScanMessages
 from pgm_places.live.frame_buffer import FrameBuffer, SoughtPose
+from pgm_places.live.health import Health
+from pgm_places.live.latest_map import LatestMap
 from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.map_process import MapDesk
+from pgm_places.live.map_view import PlaceOfMap
 from pgm_places.live.node_options import NodeOptions
 from pgm_places.live.place_finder import DIGITS, FoundPlace, PlaceFinder
-from pgm_places.live.ros_codec import RosCodec
+from pgm_places.live.ros_codec import TYPES, RosCodec
 
 __all__ = ["LiveNode"]
+
+HEALTH_S = 1.0
+"""How often the node says how it is doing."""
 
 JUMP_S = 1.0
 """Scans that come this much before the one before them: the clock has been set back."""
@@ -52,7 +58,7 @@ class LiveNode:
     desk : MapDesk
         Who labels the maps.
     publish : callable
-        Called with what it is (``place``, ``label_map``, ``markers``, ``topology``) and its bytes.
+        Called with what it is (a key of ``outputs.OUTPUTS``) and its bytes.
     complain : callable
         Called with one line where something is wrong; each kind once in ten seconds.
     options : NodeOptions, optional
@@ -79,11 +85,11 @@ class LiveNode:
         self._scans = ScanMessages(self._options.scan_topic)
         self._waiting: deque[tuple[float, Any]] = deque(maxlen=MOST_WAITING)
         self._last_scan_s, self._clock_s, self._n_back = -np.inf, -np.inf, 0
-        self._heard_s: float | None = None
+        self._health, self._next_health_s = Health(silent_s=SILENT_S), -np.inf
         self._first_scan_s: float | None = None
-        self._said: dict[str, float] = {}
-        self._map: bytes | None = None
-        self._submitted_s, self._n_skipped, self._now_s = -np.inf, 0, 0.0
+        self._map = LatestMap(self._codec, self._options.map_frame)
+        self._map_is_new, self._n_skipped = False, 0
+        self._submitted_s, self._now_s = -np.inf, 0.0
         self._took_map = False
         self._from_odometry: set[str] = set()
 
@@ -94,7 +100,7 @@ class LiveNode:
 
         Parameters
         ----------
-        what : {"scan", "map", "tf", "tf_static", "odom"}
+        what : {"scan", "map", "map_updates", "tf", "tf_static", "odom"}
         raw : bytes
             As it came over the wire (CDR).
         clock_s : float, optional
@@ -107,8 +113,8 @@ class LiveNode:
             if clock_s < self._clock_s - JUMP_S:
                 self._begin_anew(clock_s, self._clock_s - clock_s)
             self._clock_s = clock_s
-        if what == "map":
-            self._on_map(raw)
+        if what in ("map", "map_updates"):
+            self._on_map(what, raw)
             return
         try:
             message = self._codec.read(raw, what)
@@ -129,18 +135,22 @@ class LiveNode:
         """
         self._now_s = now_s
         self._drain()
-        if self._heard_s is not None and now_s - self._heard_s > SILENT_S:
+        silent_s = now_s - self._health.heard_s
+        if SILENT_S < silent_s < np.inf:
             topic = self._options.full_name(self._options.scan_topic)
-            self._complain("silent", f"no scan on {topic} for {now_s - self._heard_s:.0f} s")
+            self._complain("silent", f"no scan on {topic} for {silent_s:.0f} s")
+        self._tell_health()
         answer = self._desk.answer()
         if isinstance(answer, str):
-            self._complain("map", f"the map is not labelled: {answer}")
+            self._complain("map", answer)
         elif answer is not None:
             self._finder.use(answer.view)
+            self._health.n_maps += 1
             for what, raw in answer.messages.items():
                 self._publish(what, raw)
         since = now_s - self._submitted_s
-        if self._map is None or not self._desk.is_idle or since < self._live.relabel_min_period_s:
+        is_early = since < self._live.relabel_min_period_s
+        if not self._map_is_new or not self._desk.is_idle or is_early:
             return
         if self._n_skipped:
             self._complain(
@@ -148,30 +158,35 @@ class LiveNode:
                 f"labelling a map took {since:.1f} s, and {self._n_skipped} that came meanwhile "
                 "were skipped; the latest is labelled now",
             )
-        raw, self._map, self._n_skipped = self._map, None, 0
+        self._map_is_new, self._n_skipped = False, 0
         self._submitted_s = now_s
-        self._desk.submit(raw)
+        self._desk.submit(self._map.raw())
 
-    def _on_map(self, raw: bytes) -> None:
-        self._took_map = True
-        frame = self._frame_of(raw)
-        if frame not in ("", self._options.map_frame.lstrip("/")):
-            self._complain(
-                "map frame",
-                f"the map is in the frame {frame!r}, but positions are looked up in "
-                f"{self._options.map_frame!r}: it is not used (map_frame)",
-            )
-            return
-        if self._map is not None and not self._desk.is_idle:
-            self._n_skipped += 1
-        self._map = raw
+    def where(self, x_m: float, y_m: float) -> PlaceOfMap | None:
+        """The place of the labelled map at a position in its frame, or None."""
+        view = self._finder.view
+        return None if view is None else view.place_at(x_m, y_m)
 
-    def _frame_of(self, raw: bytes) -> str:
-        """The frame of a map; none of one that cannot be read, which labelling it will say."""
+    @property
+    def map_seq(self) -> int:
+        """Number of the labelled map that is asked, 0 before the first."""
+        view = self._finder.view
+        return 0 if view is None else view.map_seq
+
+    def _on_map(self, what: str, raw: bytes) -> None:
+        """Take a map, or an update of it."""
+        self._took_map = self._took_map or what == "map"
         try:
-            return str(self._codec.read(raw, "map").header.frame_id).lstrip("/")
-        except InputError:
-            return ""
+            if what == "map":
+                self._map.take(raw)
+            else:
+                self._map.update(raw)
+        except InputError as error:
+            self._complain(f"not used: {what}", str(error))
+            return
+        if what == "map" and self._map_is_new and not self._desk.is_idle:
+            self._n_skipped += 1
+        self._map_is_new = True
 
     def _on_transforms(self, message: Any, clock_s: float | None, *, is_static: bool) -> None:
         for item in message.transforms:
@@ -199,7 +214,7 @@ class LiveNode:
         if time_s < self._last_scan_s - JUMP_S:
             back_s, self._n_back = self._last_scan_s - time_s, self._n_back + 1
             if self._n_back < JUMPED_SCANS:
-                self._complain("late", f"a scan from {back_s:.1f} s before the last is dropped")
+                self._drop("late", f"a scan from {back_s:.1f} s before the last is dropped")
                 return
             self._begin_anew(time_s, back_s)
         self._n_back = 0
@@ -210,7 +225,7 @@ class LiveNode:
                 "use_sim_time right?",
             )
         if clock_s is not None and clock_s - time_s > self._options.stale_after_s:
-            self._complain(
+            self._drop(
                 "stale",
                 f"a scan came {clock_s - time_s:.2f} s after its stamp and is dropped; are the "
                 "clocks in step, and is use_sim_time right? (stale_after)",
@@ -227,9 +242,10 @@ class LiveNode:
 
     def _hear(self) -> None:
         """Note that the robot is there; say so if it had fallen silent."""
-        if self._heard_s is not None and self._now_s - self._heard_s > SILENT_S:
-            self._say(f"scans come again after {self._now_s - self._heard_s:.0f} s")
-        self._heard_s = self._now_s
+        silent_s = self._now_s - self._health.heard_s
+        if SILENT_S < silent_s < np.inf:
+            self._say(f"scans come again after {silent_s:.0f} s")
+        self._health.heard_s = self._now_s
 
     def _begin_anew(self, time_s: float, back_s: float) -> None:
         self._complain("clock", f"the clock went back by {back_s:.1f} s; starting over")
@@ -249,9 +265,7 @@ class LiveNode:
                 return
             self._waiting.popleft()
             if sought.pose is None:
-                self._complain(
-                    "tf", f"a scan is dropped: {sought.problem} (map_frame, tf_tolerance)"
-                )
+                self._drop("tf", f"a scan is dropped: {sought.problem} (map_frame, tf_tolerance)")
             else:
                 self._label(message, time_s, sought)
 
@@ -266,7 +280,7 @@ class LiveNode:
         try:
             scan = self._scans.scan(message, time_s, pose, mirrored=sought.mirrored)
         except InputError as error:
-            self._complain("scan", f"a scan is dropped: {error}")
+            self._drop("scan", f"a scan is dropped: {error}")
             return
         found = self._finder.step(scan, pose if base.pose is None else base.pose)
         view = self._finder.view
@@ -277,20 +291,55 @@ class LiveNode:
                 f"the robot at ({x:.2f}, {y:.2f}) is outside the map; are map_frame and the map's "
                 "origin right?",
             )
-        self._publish("place", self._codec.text(_place_text(found, message.header.stamp), "place"))
+        self._health.last, self._health.n_placed = found, self._health.n_placed + 1
+        stamp = message.header.stamp
+        self._publish("place", self._codec.text(_place_text(found, stamp), "place"))
+        typed = _place_message(self._codec, found, stamp, self._options.map_frame.lstrip("/"))
+        self._publish("current_place", typed)
         if self._on_place is not None:
             self._on_place(found)
 
     def _complain(self, kind: str, text: str) -> None:
         """Say it, unless that kind was said within the last seconds."""
-        before = self._said.get(kind, -np.inf)
+        before, _ = self._health.said.get(kind, (-np.inf, ""))
         if self._now_s - before >= AGAIN_S:
-            self._said[kind] = self._now_s
+            self._health.said[kind] = (self._now_s, text)
             self._say(text)
+
+    def _drop(self, kind: str, text: str) -> None:
+        """Drop a scan, and say why."""
+        self._health.n_dropped += 1
+        self._complain(kind, text)
+
+    def _tell_health(self) -> None:
+        if self._now_s >= self._next_health_s:
+            self._next_health_s = self._now_s + HEALTH_S
+            name = f"{self._options.output_namespace.strip('/')}: places"
+            clock_s = self._clock_s if np.isfinite(self._clock_s) else 0.0
+            status = self._health.status(self._codec, name, self._now_s, clock_s)
+            self._publish("diagnostics", status)
 
 
 def _stamp_s(header: Any) -> float:
     return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
+
+
+def _place_message(codec: RosCodec, found: FoundPlace, stamp: Any, frame: str) -> bytes:
+    """The place as a ``pgm_places_msgs/Place``."""
+    region, types = found.region, codec.store.types
+    message = types[TYPES["current_place"]](
+        types["std_msgs/msg/Header"](stamp, frame),
+        found.label,
+        found.probability,
+        list(found.beliefs),
+        np.array(list(found.beliefs.values()), np.float64),
+        0 if region is None else region.id,
+        "" if region is None else region.name,
+        found.map_seq,
+        found.changed,
+        *found.pose,
+    )
+    return codec.write(message, "current_place")
 
 
 def _place_text(found: FoundPlace, stamp: Any) -> str:

@@ -1,21 +1,25 @@
 """MapLabeller: from the bytes of a map to its labelled view and the messages that show it."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
+
+import numpy as np
 
 from pgm_places.io.logs.map_messages import grid_of_message
 from pgm_places.io.places.place_bag import class_grid
 from pgm_places.io.places.place_markers import ROS, place_markers
 from pgm_places.live.live_map import LiveLabels, LiveMap
 from pgm_places.live.map_view import MapView
-from pgm_places.live.ros_codec import RosCodec
+from pgm_places.live.ros_codec import TYPES, RosCodec
 
-__all__ = ["LabelledMapMessages", "MapLabeller"]
+__all__ = ["SHOWN", "LabelledMapMessages", "MapLabeller"]
 
-_SHOWN = ("label_map", "markers", "topology")
+SHOWN = ("label_map", "markers", "topology", "places")
+"""What is published of a map; those who come later get the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +30,7 @@ class LabelledMapMessages:
     ----------
     view : MapView
     messages : mapping of str to bytes
-        ``label_map``, ``markers`` and ``topology``, ready to be sent.
+        Those of ``SHOWN``, ready to be sent.
     """
 
     view: MapView
@@ -41,7 +45,7 @@ class LabelledMapMessages:
     @classmethod
     def open(cls, folder: Path) -> Self:
         """What :meth:`write` wrote."""
-        messages = {name: (folder / f"{name}.cdr").read_bytes() for name in _SHOWN}
+        messages = {name: (folder / f"{name}.cdr").read_bytes() for name in SHOWN}
         return cls(MapView.open(folder), messages)
 
 
@@ -82,7 +86,36 @@ class MapLabeller:
             "label_map": self._codec.write(grid, "label_map"),
             "markers": self._codec.write(markers, "markers"),
             "topology": self._codec.text(_topology_text(found, frame), "topology"),
+            "places": self._codec.write(self._places(found, message.header), "places"),
         }
+
+    def _places(self, found: LiveLabels, header: Any) -> Any:
+        """The places and connections as a ``pgm_places_msgs/Places``."""
+        kind, graph = self._codec.store.types, found.topology.graph
+        point = kind["geometry_msgs/msg/Point"]
+        regions = [
+            kind["pgm_places_msgs/msg/Region"](
+                number,
+                values["name"],
+                values["label"],
+                values["area_m2"],
+                point(values["x_m"], values["y_m"], 0.0),
+                values["clearance_m"],
+                values.get("confidence", math.nan),
+            )
+            for number, values in graph.nodes(data=True)
+        ]
+        connections = [
+            kind["pgm_places_msgs/msg/Connection"](
+                *sorted((a, b)),
+                point(values["x_m"], values["y_m"], 0.0),
+                values["width_m"],
+                values["length_m"],
+            )
+            for a, b, values in graph.edges(data=True)
+        ]
+        changes = (np.array(ids, np.uint32) for ids in (found.appeared, found.vanished))
+        return kind[TYPES["places"]](header, found.map_seq, regions, connections, *changes)
 
 
 def _topology_text(found: LiveLabels, frame: str) -> str:

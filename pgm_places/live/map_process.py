@@ -17,13 +17,18 @@ import threading
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
-from typing import IO, Protocol
+from typing import IO, TYPE_CHECKING, Protocol
 
-from pgm_places.errors import PgmPlacesError
+from pgm_places.errors import OutputError, PgmPlacesError
 from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
+from pgm_places.live.session_file import read_session, write_session
+
+if TYPE_CHECKING:
+    from pgm_places.live.live_map import LiveMap
 
 __all__ = ["MapAnswer", "MapDesk", "MapProcess", "main"]
 
+SESSION = "session.json"
 NICENESS = 10
 """How much the process stands back behind others."""
 
@@ -31,7 +36,7 @@ MOST_STARTS = 3
 """How often the process is started before a map has been labelled."""
 
 MapAnswer = LabelledMapMessages | str
-"""A labelled map, or why there is none."""
+"""A labelled map, or a line that says what has happened instead."""
 
 
 class MapDesk(Protocol):
@@ -58,6 +63,9 @@ class MapDesk(Protocol):
 class MapProcess:
     """A second process that labels maps.
 
+    Where it ends, it is started again and given the map that it was busy with. The places that it
+    knew lie in a file, so that they keep their ids.
+
     Parameters
     ----------
     model : str
@@ -66,11 +74,25 @@ class MapProcess:
         The model's default method if not given.
     n_threads : int, optional
         All cores but one by default.
+    session : Path, optional
+        The file with the places of earlier sessions, renewed with every map: their ids go on.
+
+    Raises
+    ------
+    InputError
+        The file is no session.
     """
 
     def __init__(
-        self, model: str, *, method: str | None = None, n_threads: int | None = None
+        self,
+        model: str,
+        *,
+        method: str | None = None,
+        n_threads: int | None = None,
+        session: Path | None = None,
     ) -> None:
+        if session is not None:
+            read_session(session)  # said now, and not with the first map
         self._folder = TemporaryDirectory(prefix="pgm-places-live-", ignore_cleanup_errors=True)
         self._answers: SimpleQueue[dict[str, str]] = SimpleQueue()
         self._count, self._is_idle = 0, True
@@ -78,8 +100,9 @@ class MapProcess:
         self._command = [sys.executable, "-P", "-m", "pgm_places.live.map_process"]
         self._command += ["--model", str(model), "--threads", str(threads)]
         self._command += ["--folder", self._folder.name]
+        self._command += ["--session", str(session or Path(self._folder.name) / SESSION)]
         self._command += [] if method is None else ["--method", method]
-        self._n_starts = 0
+        self._n_starts, self._busy_with = 0, ""
         self._start()
 
     def _start(self) -> None:
@@ -101,8 +124,12 @@ class MapProcess:
         folder = Path(self._folder.name) / str(self._count)
         folder.mkdir()
         (folder / "map.cdr").write_bytes(raw)
+        self._busy_with = str(folder)
+        self._hand_over()
+
+    def _hand_over(self) -> None:
         with contextlib.suppress(OSError):  # it has ended: the listener says so
-            _pipe(self._process.stdin).write(f"{folder}\n")
+            _pipe(self._process.stdin).write(f"{self._busy_with}\n")
 
     def answer(self) -> MapAnswer | None:
         """What has become of the map that was handed in; None as long as it is not ready."""
@@ -115,7 +142,9 @@ class MapProcess:
         self._is_idle, self._n_starts = True, 1
         folder = Path(found["folder"])
         try:
-            return found["error"] if "error" in found else LabelledMapMessages.open(folder)
+            if "error" in found:
+                return f"the map is not labelled: {found['error']}"
+            return LabelledMapMessages.open(folder)
         finally:
             # Arrays that are mapped into memory outlive their files, but not on Windows.
             shutil.rmtree(folder, ignore_errors=True)
@@ -126,8 +155,11 @@ class MapProcess:
             return f"{error} again; it is not started any more"
         self._end()
         self._start()
-        self._is_idle = True
-        return f"{error}; it is started again, and numbers places anew from the next map on"
+        again = f"{error}; it is started again, and places keep their ids"
+        if self._is_idle:
+            return again
+        self._hand_over()
+        return f"{again}; the map is labelled now"
 
     def close(self) -> None:
         """End the process."""
@@ -161,6 +193,7 @@ def main() -> None:
     parser.add_argument("--method")
     parser.add_argument("--threads", type=int)
     parser.add_argument("--folder")
+    parser.add_argument("--session", type=Path)
     options = parser.parse_args()
     if hasattr(os, "nice"):
         os.nice(NICENESS)
@@ -180,13 +213,26 @@ def _label_maps(options: argparse.Namespace) -> None:
         try:
             if labeller is None:
                 places = trained_labeler(options.model)
-                live_map = LiveMap(places, method=options.method, n_threads=options.threads)
+                memory = read_session(options.session) if options.session else None
+                live_map = LiveMap(
+                    places, method=options.method, memory=memory, n_threads=options.threads
+                )
                 labeller = MapLabeller(live_map)
             labeller.label((folder / "map.cdr").read_bytes()).write(folder)
+            if options.session:
+                _keep(options.session, live_map)
         except PgmPlacesError as error:
             answer["error"] = str(error)
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()
+
+
+def _keep(session: Path, live_map: "LiveMap") -> None:
+    """Renew the file; a full disk costs the ids of the next session, and not this map."""
+    try:
+        write_session(session, live_map.memory)
+    except OutputError as error:
+        sys.stderr.write(f"the places of the session are not kept: {error}\n")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ class Desk:
         try:
             return self.labeller.label(self.waiting.pop())
         except InputError as error:
-            return str(error)
+            return f"the map is not labelled: {error}"
 
     def close(self) -> None:
         pass

@@ -19,6 +19,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from tests.drives import building, drive
 from tests.io.logs.bag_files import BagFile
 from tests.live.robot import Desk, driven, raw_map, raw_messages, text_of
+from tests.live.test_latest_map import update
 from tests.quick_labeler import places
 
 
@@ -80,7 +81,7 @@ def test_what_is_published_of_a_map() -> None:
     robot.node.turn(0.0)
     robot.node.turn(0.1)
     sent = dict(robot.sent)
-    assert set(sent) == {"label_map", "markers", "topology"}
+    assert set(sent) == {"label_map", "markers", "topology", "places", "diagnostics"}
     labels = codec.read(sent["label_map"], "label_map")
     came = codec.read(raw_map(grid), "map")
     assert labels.info == came.info and labels.header == came.header
@@ -95,6 +96,18 @@ def test_what_is_published_of_a_map() -> None:
     ids = {place["id"] for place in topology["places"]}
     assert ids == set(topology["appeared"]) == {m.id for m in markers if m.ns == "names"}
     assert {end for item in topology["connections"] for end in (item["a"], item["b"])} <= ids
+    typed = codec.read(sent["places"], "places")
+    assert typed.header == came.header
+    assert (typed.map_seq, typed.appeared.tolist()) == (1, topology["appeared"])
+    for region, place in zip(typed.regions, topology["places"], strict=True):
+        assert (region.id, region.name, region.label) == (
+            *(place["id"], place["name"], place["label"]),
+        )
+        assert (region.anchor.x, region.anchor.y) == (place["x_m"], place["y_m"])
+        assert region.confidence == place["confidence"]
+    assert {(item.first, item.second) for item in typed.connections} == {
+        (item["a"], item["b"]) for item in topology["connections"]
+    }
 
 
 def test_a_scan_waits_for_its_transform_and_is_dropped_when_none_comes() -> None:
@@ -137,6 +150,59 @@ def test_odometry_stands_in_where_no_transform_says_how_the_robot_moves() -> Non
     robot = Robot(NodeOptions(map_frame="odom", base_frame="base_link"))
     robot.take([*raw_messages(bag)][1:2] + list(raw_messages(with_transforms)))
     assert robot.places()[0]["pose"] == [20.0, 0.0, 0.0]
+
+
+def test_the_typed_place_says_what_the_text_says() -> None:
+    path, robot, codec = drive(1)[:4], Robot(), RosCodec()
+    robot.node.take("map", raw_map(building()[0].grid))
+    robot.node.turn(0.0)
+    robot.node.turn(0.1)
+    robot.take(driven(path))
+    typed = [codec.read(raw, "current_place") for what, raw in robot.sent if what[0] == "c"]
+    for row, place in zip(robot.places(), typed, strict=True):
+        assert (place.header.stamp.sec, place.header.frame_id) == (row["stamp"]["sec"], "map")
+        assert dict(zip(place.labels, place.beliefs, strict=True)) == pytest.approx(
+            row["beliefs"], abs=1e-6
+        )
+        assert (place.label, place.probability) == (row["label"], pytest.approx(row["p"], abs=1e-6))
+        assert (place.id or None, place.name or None) == (row["region"], row["name"])
+        assert [place.x, place.y, place.heading] == pytest.approx(row["pose"], abs=1e-6)
+        assert (place.map_seq, place.changed) == (1, row["changed"])
+        found = robot.node.where(place.x, place.y)
+        assert (found and found.id) == row["region"]
+    assert robot.node.map_seq == 1
+
+
+def test_diagnostics_say_what_was_wrong_lately_or_else_where_the_robot_is() -> None:
+    messages, robot, codec = driven(drive(1)[:8]), Robot(), RosCodec()
+
+    def status(now_s: float) -> Any:
+        robot.node.turn(now_s)
+        raw = [raw for what, raw in robot.sent if what == "diagnostics"][-1]
+        [found] = codec.read(raw, "diagnostics").status
+        return found
+
+    found = status(0.0)
+    assert (found.name, found.level, found.message) == (
+        *("pgm_places: places", 1, "no scan has come yet"),
+    )
+    robot.take(messages[:6], now_s=1.0)
+    found = status(1.5)
+    place = robot.places()[-1]
+    assert (found.level, found.message) == (0, place["name"] or place["label"])
+    values = {item.key: item.value for item in found.values}
+    assert (values["scans placed"], values["scans dropped"]) == ("3", "0")
+    assert values["seconds since the last scan"] == "0.5"
+    robot.take([messages[7]], now_s=2.0)  # a scan without its transform
+    found = status(3.0)
+    assert found.level == 1
+    assert found.message.startswith("a scan is dropped: the transform from map to laser")
+    assert {item.key: item.value for item in found.values}["scans dropped"] == "1"
+    assert status(6.9).level == 1
+    assert (status(8.0).level, status(8.0).message) == (2, "no scans come")
+    robot.take(messages[6:], now_s=15.0)
+    assert status(16.0).level == 1  # its silence was said
+    robot.node.turn(30.0)
 
 
 def test_a_clock_that_goes_back_begins_anew() -> None:
@@ -282,3 +348,28 @@ def test_of_maps_that_come_too_fast_the_latest_is_labelled() -> None:
     robot.node.turn(32.0)
     assert robot.desk.n_submitted == 3
     assert json.loads(json.dumps([what for what, _ in robot.sent])).count("topology") == 2
+
+
+def test_updates_of_the_map_are_labelled() -> None:
+    grid, robot = building()[0].grid, Robot(relabel_min_period_s=1.0)
+    half = grid.shape[1] // 2
+    seen = grid.with_cells(np.where(np.arange(grid.shape[1]) < half, grid.cells, -1))
+    robot.node.take("map", raw_map(seen))
+    robot.node.turn(0.0)
+    robot.node.turn(0.1)
+    codec = RosCodec()
+    [occupied] = {int(v) for v in codec.read(raw_map(grid), "map").data if v > 50}
+    cells = np.where(grid.cells == 100, occupied, grid.cells)[:, half:]
+    robot.node.take("map_updates", update(half, 0, cells))
+    robot.node.turn(0.5)  # too soon
+    robot.node.turn(2.0)
+    robot.node.turn(2.1)
+    whole = LiveMap(places())
+    whole.on_map(seen)
+    view = robot.finder.view
+    assert view is not None
+    assert view.map_seq == 2
+    np.testing.assert_array_equal(view.region, MapView.of(whole.on_map(grid)).region)
+    assert robot.said == []
+    robot.node.take("map_updates", update(grid.shape[1], 0, [[1]]))
+    assert "is no part of the map" in robot.said[0]

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pgm_places.errors import InputError
 from pgm_places.live.live_map import LiveMap
 from pgm_places.live.map_labeller import LabelledMapMessages, MapLabeller
 from pgm_places.live.map_process import MOST_STARTS, NICENESS, MapAnswer, MapProcess
+from pgm_places.live.session_file import read_session
 from pgm_places.persistence.stored import save
 from tests.drives import building
 from tests.live.robot import raw_map
@@ -56,7 +58,9 @@ def test_another_process_finds_what_this_one_would(desk: MapProcess) -> None:
     desk.submit(b"\0\1\0\0nonsense")
     problem = answer_of(desk)
     assert isinstance(problem, str)
-    assert problem.startswith("a message of map cannot be read as nav_msgs/msg/OccupancyGrid")
+    assert problem.startswith(
+        "the map is not labelled: a message of map cannot be read as nav_msgs/msg/OccupancyGrid"
+    )
     assert desk.is_idle
 
 
@@ -73,9 +77,7 @@ def test_a_process_that_ends_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
             assert its == min(mine + NICENESS, 19)
         desk._process.kill()
         ended = "the process that labels maps has ended (exit code -9)"
-        assert answer_of(desk) == f"{ended}; it is started again, and numbers places anew from " + (
-            "the next map on"
-        )
+        assert answer_of(desk) == f"{ended}; it is started again, and places keep their ids"
         assert desk.is_idle
         desk.submit(raw_map(building()[0].grid))  # which the new one answers
         assert "no model at" in str(answer_of(desk))
@@ -103,3 +105,55 @@ def test_a_node_that_is_killed_leaves_nothing_in_the_temporary_folder(tmp_path: 
     while any(tmp_path.iterdir()):
         assert time.monotonic() < end, "the folder is still there"
         time.sleep(0.05)
+
+
+def test_a_process_that_is_killed_at_work_labels_the_map_and_places_keep_their_ids(
+    desk: MapProcess,
+) -> None:
+    grid = building()[0].grid
+    half = grid.cells.copy()
+    half[:, : grid.shape[1] // 2] = -1
+    desk.submit(raw_map(grid.with_cells(half)))
+    first = answer_of(desk)
+    assert isinstance(first, LabelledMapMessages)
+    os.kill(desk._process.pid, signal.SIGSTOP)  # so that it is sure to be at work
+    desk.submit(raw_map(grid))
+    desk._process.kill()
+    said = answer_of(desk)
+    assert isinstance(said, str)
+    assert said.endswith("it is started again, and places keep their ids; the map is labelled now")
+    second = answer_of(desk)
+    assert isinstance(second, LabelledMapMessages)
+    assert desk.is_idle
+    assert (first.view.map_seq, second.view.map_seq) == (1, 2)
+    stayed = [place for place in first.view.places.values() if place.id in second.view.places]
+    assert len(stayed) >= 3
+    alone = MapLabeller(LiveMap(places(), n_threads=1))
+    alone.label(raw_map(grid.with_cells(half)))
+    assert second.view.places == alone.label(raw_map(grid)).view.places
+
+
+def test_ids_outlive_a_restart_with_the_file_of_the_session(tmp_path: Path) -> None:
+    save(places(), tmp_path / "model")
+    session, grid = tmp_path / "office.session", building()[0].grid
+    found: list[LabelledMapMessages] = []
+    mirrored = grid.with_cells(np.where(np.arange(grid.shape[1]) > 30, grid.cells, -1))
+    for number, item in enumerate((mirrored, grid)):
+        desk = MapProcess(str(tmp_path / "model"), n_threads=1, session=session)
+        try:
+            desk.submit(raw_map(item))
+            answer = answer_of(desk)
+        finally:
+            desk.close()
+        assert isinstance(answer, LabelledMapMessages)
+        assert answer.view.map_seq == number + 1
+        found.append(answer)
+    memory = read_session(session)
+    assert memory.n_maps == 2
+    assert {place.name for place in found[1].view.places.values()} <= {*memory.names.values()}
+    alone = MapLabeller(LiveMap(places(), n_threads=1))
+    alone.label(raw_map(mirrored))
+    assert found[1].view.places == alone.label(raw_map(grid)).view.places
+    session.write_text("{}")
+    with pytest.raises(InputError, match="is not a session of 'pgm-places live'"):
+        MapProcess(str(tmp_path / "model"), session=session)

@@ -158,3 +158,24 @@ def test_ids_are_all_different_and_never_used_for_another_class(seed: int) -> No
         assert len(set(ids(found))) == len(found.regions)
         for item in found.regions:
             assert classes.setdefault(item.id, item.label) == item.label
+
+
+def test_a_room_that_grew_and_shrank_again_keeps_its_id() -> None:
+    maps, small = Maps(), whole()
+    small[22:, 8:] = NONE
+    first = maps.take(small)
+    number = first.region[30, 2]
+    grown = maps.take(whole())
+    assert grown.region[30, 50] == number
+    shrunk = maps.take(small)  # an eighth of what it was
+    assert shrunk.region[30, 2] == number
+    assert maps.memory.parted == {}
+
+
+def test_of_two_pieces_of_a_room_the_larger_keeps_its_id() -> None:
+    maps = Maps()
+    maps.take(whole())
+    two = maps.take(parted(6))
+    assert ids(two) == [1, 2, 3]
+    assert two.region[30, 50] == 1
+    assert maps.memory.parted == {3: 1}

@@ -18,6 +18,7 @@ from pgm_places.live.live_options import LiveOptions
 from pgm_places.live.map_view import MapFrame, MapView
 from pgm_places.live.place_finder import FoundPlace, PlaceFinder
 from pgm_places.live.replay import Replay
+from pgm_places.live.session_file import read_session
 from pgm_places.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from pgm_places.persistence.stored import save
 from pgm_places.trajectories.scan import Scan
@@ -191,6 +192,30 @@ def test_a_bag_with_maps_is_replayed_by_the_command(tmp_path: Path, run: Run) ->
     assert changes and all(row in rows for row in changes)
 
 
+def test_a_session_goes_on(tmp_path: Path, run: Run) -> None:
+    path, grid = drive(1)[:6], building()[0].grid
+    save(places(), tmp_path / "model")
+    session = tmp_path / "office.session"
+    found = []
+    for number, seen in enumerate((half(grid), grid)):
+        bag = BagFile()
+        bag.map(0.0, seen)
+        bag.drive(path)
+        (tmp_path / str(number)).mkdir()
+        log = bag.write(tmp_path / str(number))
+        words = ("--replay", log, "--model", tmp_path / "model", "--session", session, "-q")
+        code, text, error = run("live", *words)
+        assert code == 0, error
+        found.append(text.splitlines()[0])
+    assert found[0].startswith("map 1: ")
+    assert found[1].startswith("map 2: ")
+    alone = LiveMap(places())
+    alone.on_map(half(grid))
+    new = {place.id for place in alone.on_map(grid).topology.regions}
+    assert read_session(session).last == new
+    assert len(alone.memory.places) == len(read_session(session).places)
+
+
 def test_a_carmen_log_is_replayed_too(tmp_path: Path, run: Run) -> None:
     save(places(), tmp_path / "model")
     log = write_trajectory(tmp_path / "drive.log", drive(1)[:20])
@@ -206,12 +231,17 @@ def test_bad_requests_are_one_line(tmp_path: Path, run: Run) -> None:
     bag.map(0.0, grid, "/a")
     bag.map(0.0, grid, "/b")
     log = bag.write(tmp_path)
+    (tmp_path / "other").write_text("a note")
     for words, message in [
         ((), "pass --replay LOG, or --dds"),
         (("--replay", log), "no maps on /map; topics of OccupancyGrid: /a, /b"),
         (("--replay", log, "--map-topic", "/c"), "no maps on /c; topics of OccupancyGrid: /a, /b"),
         (("--replay", tmp_path / "none.bag"), "no such file"),
         (("--replay", log, "--hysteresis", -1), "--hysteresis must be"),
+        (("--replay", log, "--peer", "robot"), "--peer is for a robot: pass --dds with it"),
+        (("--replay", log, "--interface", "lo"), "--interface is for a robot"),
+        (("--dds", "--local", "--peer", "robot"), "--local and --peer exclude each other"),
+        (("--replay", log, "--session", tmp_path / "other"), "not a JSON file"),
     ]:
         code, _, error = run("live", *words)
         assert code == 2, message

@@ -37,6 +37,28 @@ GOLDEN = {
         f"{STAMP} {HALF} 03000000 02000000 ........"  # resolution, width, height: 36 bytes, to 40
         f"{POSE} 06000000 00 ff 64 00 01 80"
     ),
+    "map_updates": (
+        f"{STAMP} 04000000 6d6170 00 feffffff 0300000002000000 01000000 02000000 64 ff"
+    ),
+    "current_place": (
+        f"{STAMP} 04000000 6d6170 00 05000000 726f6f6d 00 .............."  # 25 bytes, to 32
+        f"{LARGE_HALF} 02000000 02000000 61 00 .... 02000000 62 00 ...."  # 58 bytes, to 60
+        f"02000000 {LARGE_HALF} {LARGE_HALF} 03000000 03000000 6869 00 .."  # 91 bytes, to 92
+        f"02000000 01 .............. {LARGE_ONE} {LARGE_MINUS_TWO} {LARGE_HALF}"
+    ),
+    "places": (
+        f"{STAMP} 04000000 6d6170 00 02000000"
+        "01000000 07000000 03000000 6869 00 .. 05000000 726f6f6d 00 ......"  # 45 bytes, to 48
+        f"{LARGE_ONE} {LARGE_ONE} {LARGE_MINUS_TWO} {LARGE_0} {LARGE_HALF} {LARGE_HALF}"
+        "01000000 03000000 07000000 ........"  # 108 bytes, to 112
+        f"{LARGE_ONE} {LARGE_MINUS_TWO} {LARGE_0} {LARGE_HALF} {LARGE_TWO}"
+        "01000000 07000000 00000000"
+    ),
+    "diagnostics": (
+        f"{STAMP} {NO_TEXT} ...... 01000000 01 ......"  # 21 bytes, to 24
+        f"03000000 6869 00 .. 03000000 6869 00 .. {NO_TEXT} ......"  # 45 bytes, to 48
+        "01000000 02000000 61 00 .... 02000000 62 00"
+    ),
     "tf": (
         f"01000000 {STAMP} 04000000 6d6170 00"
         "0a000000 626173655f6c696e6b 00 ............"  # 34 bytes, to 40
@@ -105,6 +127,28 @@ class Make:
 
     def place(self) -> Any:
         return self.of("std_msgs/String", "hi")
+
+    def map_updates(self) -> Any:
+        cells = np.array([100, -1], np.int8)
+        return self.of("map_msgs/OccupancyGridUpdate", self.header("map"), -2, 3, 2, 1, cells)
+
+    def current_place(self) -> Any:
+        beliefs, header = np.array([0.5, 0.5]), self.header("map")
+        values = (header, "room", 0.5, ["a", "b"], beliefs, 3, "hi", 2, True, 1.0, -2.0, 0.5)
+        return self.of("pgm_places_msgs/Place", *values)
+
+    def places(self) -> Any:
+        point = self.point(1.0, -2.0, 0.0)
+        region = self.of("pgm_places_msgs/Region", 7, "hi", "room", 1.0, point, 0.5, 0.5)
+        connection = self.of("pgm_places_msgs/Connection", 3, 7, point, 0.5, 2.0)
+        changes = np.array([7], np.uint32), np.zeros(0, np.uint32)
+        values = (self.header("map"), 2, [region], [connection], *changes)
+        return self.of("pgm_places_msgs/Places", *values)
+
+    def diagnostics(self) -> Any:
+        pair = self.of("diagnostic_msgs/KeyValue", "a", "b")
+        status = self.of("diagnostic_msgs/DiagnosticStatus", 1, "hi", "hi", "", [pair])
+        return self.of("diagnostic_msgs/DiagnosticArray", self.header(""), [status])
 
     def clock(self) -> Any:
         return self.of("rosgraph_msgs/Clock", self.stamp())

@@ -1,0 +1,147 @@
+"""A session in a file: the places that a robot has seen, so that their ids outlive a restart."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pgm_places.errors import InputError, shown
+from pgm_places.io.atomic import write_text
+from pgm_places.io.input_file import user_path
+from pgm_places.io.json_file import read_json
+from pgm_places.live.place_memory import PlaceMemory, RememberedPlace
+from pgm_places.maps.occupancy_grid import UNKNOWN, OccupancyGrid
+
+__all__ = ["read_session", "write_session"]
+
+FORMAT, SCHEMA = "pgm-places-session", 1
+MAX_BYTES = 256 << 20
+FARTHEST = 1 << 24
+"""Rows and columns beyond this are damage: no map is so large."""
+MOST_CELLS = 100_000_000
+
+
+def write_session(path: Path | str, memory: PlaceMemory) -> Path:
+    """Write what a memory knows; the path. A file that stood there is replaced at once.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written.
+    """
+    raster = memory.raster
+    record = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "n_maps": memory.n_maps,
+        "next_id": memory.next_id,
+        "last": sorted(memory.last),
+        "raster": None
+        if raster is None
+        else {
+            "resolution_m": raster.resolution_m,
+            "origin_xy_m": list(raster.origin_xy_m),
+            "yaw_rad": raster.yaw_rad,
+        },
+        "places": [
+            {
+                "id": number,
+                "label": place.label,
+                "name": place.name,
+                "anchor_m": list(place.anchor_m),
+                "n_maps": place.n_maps,
+                "runs": _runs(place.cells).tolist(),
+            }
+            for number, place in memory.places.items()
+        ],
+    }
+    return write_text(path, json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+def read_session(path: Path | str) -> PlaceMemory:
+    """The memory that :func:`write_session` wrote; an empty one where there is no file yet.
+
+    Raises
+    ------
+    InputError
+        The file is no session, or damaged.
+    """
+    source, memory = user_path(path, InputError), PlaceMemory()
+    if not source.exists():
+        return memory
+    record = read_json(source, InputError, "a session of 'pgm-places live'", max_bytes=MAX_BYTES)
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f"{source} is not a session of 'pgm-places live'; name another file")
+    if record.get("schema") != SCHEMA:
+        raise InputError(
+            f"{source} has schema {shown(record.get('schema'))}, but only {SCHEMA} can be read; "
+            "delete it to number places anew"
+        )
+    try:
+        _fill(memory, record)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"{source} is damaged ({shown(error)}); delete it to number places anew"
+        ) from None
+    return memory
+
+
+def _fill(memory: PlaceMemory, record: Mapping[str, Any]) -> None:
+    raster, left = record["raster"], MOST_CELLS
+    if raster is not None:
+        x, y = map(float, raster["origin_xy_m"])
+        cell = np.full((1, 1), UNKNOWN, np.int8)
+        side_m, yaw_rad = float(raster["resolution_m"]), float(raster["yaw_rad"])
+        memory.raster = OccupancyGrid(cell, side_m, (x, y), yaw_rad)
+    memory.n_maps, memory.next_id = _count(record["n_maps"]), _count(record["next_id"])
+    for item in record["places"]:
+        number = _count(item["id"])
+        if not 0 < number < memory.next_id or number in memory.places:
+            raise ValueError(f"the id {number}")
+        cells = _cells(item["runs"], left)
+        left -= len(cells)
+        x, y = map(float, item["anchor_m"])
+        memory.places[number] = RememberedPlace(
+            _text(item["label"]), _text(item["name"]), cells, (x, y), _count(item["n_maps"])
+        )
+    memory.last = frozenset(map(_count, record["last"]))
+    if memory.last - memory.places.keys() or (memory.places and raster is None):
+        raise ValueError("places without a record")
+
+
+def _runs(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n, 3) row, first and last column of the runs of cells in row-major order."""
+    if not len(cells):
+        return np.empty((0, 3), np.int64)
+    row, column = cells.T
+    begins = np.ones(len(cells), np.bool_)
+    begins[1:] = (np.diff(row) != 0) | (np.diff(column) != 1)
+    first = np.flatnonzero(begins)
+    last = np.append(first[1:], len(cells)) - 1
+    return np.column_stack([row[first], column[first], column[last]])
+
+
+def _cells(runs: Any, most: int) -> NDArray[np.int64]:
+    """(n, 2) the cells of runs."""
+    found = np.array(runs, np.int64).reshape(-1, 3)
+    length = found[:, 2] - found[:, 1] + 1
+    if (np.abs(found) > FARTHEST).any() or (length < 1).any() or length.sum() > most:
+        raise ValueError("cells of a place")
+    start = np.repeat(np.cumsum(length) - length, length)
+    column = np.arange(length.sum()) - start + np.repeat(found[:, 1], length)
+    return np.column_stack([np.repeat(found[:, 0], length), column])
+
+
+def _count(value: Any) -> int:
+    if type(value) is not int or value < 0:
+        raise ValueError(f"{value!r} where a number from 0 was expected")
+    return value
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} where a text was expected")
+    return value
