@@ -52,7 +52,7 @@ def _line(item: Parameter) -> str:
     holds = item.default
     if holds is None and isinstance(item.declared, Option):
         holds = item.declared.usual
-    if holds is None or holds is False:
+    if holds is None or holds is False or holds == "":
         return text
     default = item.flags[0].split("/")[0] if item.is_switch else holds
     return f"{text} [default: {default}]"

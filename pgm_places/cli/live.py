@@ -44,12 +44,12 @@ def live(
         bool, Option("--local", help="With --dds: communicate within this machine only.")
     ] = False,
     interface: Annotated[
-        str,
+        str | None,
         Option(
             metavar="NAME",
             help="With --dds: network interface, by name or address; Cyclone's choice by default.",
         ),
-    ] = "",
+    ] = None,
     peers: Annotated[
         list[str] | None,
         Option(
@@ -102,7 +102,7 @@ def live(
             options,
             model=model,
             method=method,
-            network=DdsNetwork(local, interface, tuple(peers or ())),
+            network=DdsNetwork(local, interface or "", tuple(peers or ())),
             session=session,
             seconds=seconds,
             json_lines=jsonl,

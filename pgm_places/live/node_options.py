@@ -28,7 +28,7 @@ class NodeOptions:
     base_frame : str
         The frame of the robot, whose position is looked up on the map.
     output_namespace : str
-        Namespace of the published topics: label_map, markers, place and topology.
+        Namespace of the published topics.
     tf_tolerance_s : float
         How long a scan waits for its transform (s).
     stale_after_s : float
