@@ -163,7 +163,7 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
             shutil.rmtree(out)
             done = {}
         n_killed += killed([maps], out, rng.uniform(0.0, longest_s), rng)
-        now = {path: path.stat().st_mtime_ns for path in out.rglob("manifest.json")}
+        now = {path: path.stat().st_mtime_ns for path in out.glob("*/map/manifest.json")}
         lost += len(done.keys() - now.keys())
         done_twice += sum(now[path] != done[path] for path in done.keys() & now.keys())
         done = now
@@ -173,7 +173,7 @@ def kills(folder: Path, n_kills: int) -> dict[str, Any]:
         "kills": n_killed,
         "drawn from (s)": longest_s,
         "wall s": time.perf_counter() - start,
-        "lost": lost + N_KILLED_MAPS - len(list(out.rglob("manifest.json"))),
+        "lost": lost + N_KILLED_MAPS - len(list(out.glob("*/map/manifest.json"))),
         "done twice": done_twice,
         "left behind": len(list(out.rglob(".*.tmp"))),
     }

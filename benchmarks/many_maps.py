@@ -1,10 +1,12 @@
 """Ten thousand small maps in one batch: memory of the client, time when all is done, files.
 
-Each map is a different piece, 3.2 m wide, of one of 20 generated floors in cells of 0.2 m, in
-folders of a hundred. A list of three rounds labels them, so that as little as possible of the time
-is that of the model. Of each command, the processor time of all its processes is measured and the
-most memory that its first process had; with `label`, this process hands out the maps and collects
-what becomes of them. `--maps 1000` takes fewer.
+Each map is a piece, 3.2 m wide, of one of 20 generated floors in cells of 0.2 m, in folders of a
+hundred. A list of three rounds labels them, so that as little as possible of the time is that of
+the model. Only the first folders are labelled (`--labelled`); all others are copies of these with
+their results, which are done as well, because a result belongs to the content of its map.
+Of each command, the processor time of all its processes is measured and the most memory that its
+first process had; with `label`, this process hands out the maps and collects what becomes of them.
+`--maps 1000` takes fewer.
 """
 
 import argparse
@@ -28,7 +30,7 @@ from pgm_places.maps.occupancy_grid import OccupancyGrid
 from pgm_places.models.decision_list import DecisionListClassifier
 from pgm_places.persistence.stored import save
 
-N_MAPS, N_MAPS_QUICK, TOGETHER = 10_000, 40, 100
+N_MAPS, N_MAPS_QUICK, N_LABELLED, N_PICTURED, TOGETHER = 10_000, 40, 400, 40, 100
 DIFFERENT, RESOLUTION_M, PART_M = 20, 0.2, 3.2
 
 
@@ -89,34 +91,52 @@ def measured(words: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def run(quick: bool, n_maps: int | None = None) -> list[dict[str, Any]]:
+def copy_folders(folder: Path, n_maps: int) -> None:
+    """Fill a folder of maps or results up to so many maps with copies of its folders."""
+    made = sorted(path for path in folder.iterdir() if path.is_dir() and path.name[0] != ".")
+    for number in range(len(made), -(-n_maps // TOGETHER)):
+        shutil.copytree(made[number % len(made)], folder / f"site{number:04d}")
+
+
+def described(folder: Path) -> str:
+    """How many files there are below a folder, how large they are, and those beside the folders."""
+    sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
+    lists = {path.name: path.stat().st_size for path in folder.iterdir() if path.is_file()}
+    return f"{len(sizes):,} files, {sum(sizes):,} bytes; beside the folders: {lists}"
+
+
+def run(
+    quick: bool, n_maps: int | None = None, n_labelled: int | None = None
+) -> list[dict[str, Any]]:
     """The rows of the table."""
     n_maps = n_maps or (N_MAPS_QUICK if quick else N_MAPS)
-    folder = Path(tempfile.mkdtemp(prefix="pgm_places_many_"))
+    folder, rows = Path(tempfile.mkdtemp(prefix="pgm_places_many_")), []
+
+    def measure(title: str, *words: str) -> None:
+        rows.append({"": title, **measured(words)})
+        print(rows[-1], flush=True)
+
     try:
         model, maps, out = write_model(folder / "model"), folder / "maps", folder / "out"
-        write_maps(maps, n_maps)
-        few = folder / "few"
-        shutil.copytree(maps / "site0000", few)
-        label = ["label", str(maps), "-m", str(model), "-o", str(out), "-j", "1", "-q"]
-        first = ["label", str(few), "-m", str(model), "-o", str(folder / "first"), "-j", "1", "-q"]
-        commands = {
-            "first 100, all outputs": first,
-            "all maps": [*label, "--outputs", "none"],
-            "again, all done": [*label, "--outputs", "none"],
-            "plan": [*label, "--outputs", "none", "--dry-run"],
-            "index": ["index", str(out), "--parquet", "-q"],
-        }
-        rows = []
-        for title, words in commands.items():
-            rows.append({"": title, **measured(words)})
-            print(rows[-1], flush=True)
-        written = [path for path in out.rglob("*") if path.is_file()]
-        lists = {path.name: path.stat().st_size for path in out.iterdir() if path.is_file()}
-        print(
-            f"{len(written):,} files, {sum(path.stat().st_size for path in written):,} bytes; "
-            f"lists: {lists}"
-        )
+        write_maps(maps, min(n_maps, n_labelled or N_LABELLED))
+        for path in sorted((maps / "site0000").iterdir())[: 2 * N_PICTURED]:
+            (folder / "few").mkdir(exist_ok=True)
+            shutil.copy(path, folder / "few")
+        label = ["-m", str(model), "-j", "1", "-q"]
+        pictured = folder / "pictured"
+        measure("with pictures", "label", str(folder / "few"), "-o", str(pictured), *label)
+        print(described(pictured))
+        plain = ["label", str(maps), "-o", str(out), *label, "--outputs", "none"]
+        measure("without", *plain)
+        print(described(out))
+        copy_folders(maps, n_maps)
+        copy_folders(out, n_maps)
+        (out / "summary.csv").unlink()
+        measure("all done, no lists", *plain)
+        measure("all done", *plain)
+        measure("plan", *plain, "--dry-run")
+        measure("index", "index", str(out), "--parquet", "-q")
+        print(described(out))
         return rows
     finally:
         shutil.rmtree(folder)
@@ -126,7 +146,9 @@ def main() -> None:
     """Measure as many maps as are asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--maps", type=int, default=N_MAPS, help=f"{N_MAPS} by default")
-    run(quick=False, n_maps=parser.parse_args().maps)
+    parser.add_argument("--labelled", type=int, default=N_LABELLED, help=f"{N_LABELLED}")
+    given = parser.parse_args()
+    run(quick=False, n_maps=given.maps, n_labelled=given.labelled)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
 
 from pgm_places.batch.found_maps import FoundMap
 from pgm_places.batch.lists import LISTS
@@ -12,8 +14,9 @@ from pgm_places.errors import InputError
 from pgm_places.io.atomic import write_text
 from pgm_places.io.input_file import is_address
 from pgm_places.io.json_file import read_json
+from pgm_places.io.staging import claimed, remove_leftovers
 
-__all__ = ["claim_of", "names_in_the_way", "recorded_root", "write_root"]
+__all__ = ["claim_of", "names_in_the_way", "recorded_root", "tidy_after_the_dead", "write_root"]
 
 _RECORD = ".pgm-places-batch.json"
 _CLAIMS = ".pgm-places-claims"
@@ -42,6 +45,23 @@ def claim_of(out: Path, name: str) -> Path:
     """The file that stands for the right to label a map."""
     digest = hashlib.sha256(name.encode("utf-8", "surrogateescape")).hexdigest()
     return out / _CLAIMS / digest[:32]
+
+
+def tidy_after_the_dead(out: Path) -> None:
+    """Remove what workers left that died on a map: their claims, and files that nobody completes.
+
+    A worker that dies when it has just completed a map leaves an empty folder beside it, which no
+    later run would find, because the map is done.
+    """
+    claims = out / _CLAIMS
+    for path in list(claims.iterdir()) if claims.is_dir() else ():
+        with claimed(path) as is_free:
+            if is_free and path.stat().st_size <= _MAX_BYTES:
+                name = PurePosixPath(os.fsdecode(path.read_bytes()))
+                if name.name and not name.is_absolute() and ".." not in name.parts:
+                    remove_leftovers((out / name.parent).resolve(), name.name)
+    with suppress(OSError):  # another batch holds claims
+        claims.rmdir()
 
 
 def names_in_the_way(maps: Iterable[FoundMap]) -> Iterator[Failure]:

@@ -1,5 +1,6 @@
 """Workers of a Dask cluster that runs already."""
 
+import logging
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -54,6 +55,7 @@ class DaskWorkers:
     @contextmanager
     def _client(self) -> Iterator[tuple[Any, Any]]:
         distributed = needed("distributed", extra="dask", purpose="--scheduler")
+        _silence()
         try:
             client = distributed.Client(self.address, timeout=self.patience_s, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -71,6 +73,15 @@ class DaskWorkers:
             finally:
                 for plugin in plugins:
                     _unregister(client, plugin)
+
+
+def _silence() -> None:
+    """Keep Dask from logging: what ends a batch is said in one line, and it would add tracebacks.
+
+    It goes on logging while its threads end, after the client is closed, so this stays.
+    """
+    for name in ("distributed", "distributed.client", "tornado"):  # those that it gives levels
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _wait_for_workers(client: Any, address: str, seconds: float) -> None:

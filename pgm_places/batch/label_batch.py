@@ -6,7 +6,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from pgm_places.batch.batch_folder import claim_of, names_in_the_way, write_root
+from pgm_places.batch.batch_folder import (
+    claim_of,
+    names_in_the_way,
+    tidy_after_the_dead,
+    write_root,
+)
 from pgm_places.batch.far_maps import label_anywhere, lists_of
 from pgm_places.batch.found_maps import FoundMap, FoundMaps
 from pgm_places.batch.label_options import LabelOptions
@@ -161,9 +166,11 @@ def _lists(found: FoundMaps, out: Path, *, force: bool) -> Iterator[Lists]:
         return
     target = claim(out, force=force).absolute()
     write_root(target, found.root)
+    tidy_after_the_dead(target)
     lists = Lists(target, names)
     lists.begin(force=force)
     yield lists
+    tidy_after_the_dead(target)
 
 
 def _shown(out: Path) -> str:

@@ -110,7 +110,7 @@ def label_one(task: MapTask) -> Outcome:
     """
     model = _same_model(task)
     try:
-        with claimed(task.claim) as is_ours:
+        with claimed(task.claim, task.name) as is_ours:
             if not is_ours:
                 return Elsewhere(task.name)
             figures = done_figures(task.folder, task.map, model, task.options)

@@ -96,11 +96,11 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def claimed(path: Path | None) -> Iterator[bool]:
+def claimed(path: Path | None, note: str | None = None) -> Iterator[bool]:
     """Whether nobody else holds the claim that a file stands for; it is held during the block.
 
-    The claim ends with the process, whatever ends that, and the file with the block. Where a file
-    system knows no locks, nothing is held, and everybody gets it.
+    The claim ends with the process, whatever ends that, and the file with the block; until then it
+    holds the note. Where a file system knows no locks, nothing is held, and everybody gets it.
     """
     if path is None or fcntl is None:
         yield True
@@ -121,6 +121,9 @@ def claimed(path: Path | None) -> Iterator[bool]:
             yield False
             return
     try:
+        if note is not None:
+            with as_output_errors(path):
+                path.write_bytes(os.fsencode(note))
         yield True
     finally:
         path.unlink(missing_ok=True)

@@ -329,6 +329,21 @@ def test_a_map_that_somebody_else_labels_is_left_to_them_and_looked_at_later(
     assert waits == [["floor2"]]
 
 
+def test_what_the_dead_left_is_removed(batch: Batch, maps: Path) -> None:
+    batch()
+    out = maps.parent / "out"
+    left = out / "floor1" / ".map.0123456789ab.tmp"
+    for name in ("floor1/map", "../maps"):
+        claim_of(out, name).parent.mkdir(exist_ok=True)
+        claim_of(out, name).write_text(name)
+        left.mkdir(exist_ok=True)
+        held = maps.parent / ".maps.0123456789ab.tmp"
+        held.mkdir(exist_ok=True)
+    batch()
+    assert (left.exists(), held.exists()) == (False, True)
+    assert not claim_of(out, "floor1/map").parent.exists()
+
+
 def test_shards_share_all_maps_and_never_move_one(batch: Batch, maps: Path) -> None:
     counts = [batch(how={"shard": Shard(number, 3)}) for number in (1, 2, 3)]
     assert sum(found.n_labelled + found.n_failed for found in counts) == 3

@@ -1,0 +1,134 @@
+"""Clients, workers and schedulers of a cluster that grows and shrinks are killed; no map is lost.
+
+``PGM_PLACES_KILLS=25`` kills so many times, at moments that ``PGM_PLACES_SEED`` draws.
+"""
+
+import os
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from pgm_places.batch.growing_table import GrowingTable
+from pgm_places.datasets import generate_building
+from pgm_places.io.maps.map_server import save_map
+
+pytest.importorskip("distributed")
+
+pytestmark = pytest.mark.slow
+
+N_MAPS, PATIENCE_S = 8, 120.0
+KILLS = int(os.environ.get("PGM_PLACES_KILLS", "3"))
+SEED = int(os.environ.get("PGM_PLACES_SEED", "0"))
+VICTIMS = ("worker", "client", "scheduler")
+
+
+class Cluster:
+    """A scheduler and workers, each a process that may be killed and started again."""
+
+    def __init__(self, port: int) -> None:
+        self.address, self._port = f"tcp://127.0.0.1:{port}", port
+        self.scheduler = self._start_scheduler()
+        self.workers = [self._start_worker() for _ in range(2)]
+
+    def kill(self, victim: str, rng: random.Random) -> None:
+        """Kill the scheduler, whose workers end with it, or a worker, and start anew."""
+        if victim == "scheduler":
+            end(self.scheduler, *self.workers)
+            self.scheduler = self._start_scheduler()
+            self.workers = [self._start_worker() for _ in range(rng.randint(1, 3))]
+        else:
+            end(self.workers.pop(rng.randrange(len(self.workers))))
+            self.workers += [self._start_worker() for _ in range(rng.randint(1, 2))]
+
+    def end(self) -> None:
+        """Kill them all."""
+        end(self.scheduler, *self.workers)
+
+    def _start_scheduler(self) -> "subprocess.Popen[bytes]":
+        return start("dask_scheduler", "--port", str(self._port), "--host", "127.0.0.1")
+
+    def _start_worker(self) -> "subprocess.Popen[bytes]":
+        return start("dask_worker", self.address, "--nthreads", "1", "--no-nanny")
+
+
+def start(module: str, *words: str) -> "subprocess.Popen[bytes]":
+    quiet = subprocess.DEVNULL
+    command = [sys.executable, "-m", f"distributed.cli.{module}", *words, "--no-dashboard"]
+    return subprocess.Popen(command, stdout=quiet, stderr=quiet)
+
+
+def end(*processes: "subprocess.Popen[bytes]") -> None:
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def cluster(free_port: int) -> Iterator[Cluster]:
+    with patch.dict(os.environ, PYTHONSAFEPATH="1", PYTHONPATH=os.pathsep.join(sys.path)):
+        running = Cluster(free_port)
+        yield running
+        running.end()
+
+
+@pytest.fixture
+def free_port() -> int:
+    import socket
+
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def done(out: Path) -> dict[Path, int]:
+    """The manifests that are there, and when each was written."""
+    return {path: path.stat().st_mtime_ns for path in out.glob("*/manifest.json")}
+
+
+def test_kills_lose_nothing_and_nothing_is_done_twice(
+    cluster: Cluster, model: Path, tmp_path: Path
+) -> None:
+    for seed in range(1, N_MAPS + 1):
+        save_map(
+            generate_building(seed, size="small", resolution_m=0.2).grid, tmp_path / f"in/f{seed}"
+        )
+    label = ["label", "in", "-m", str(model), "-o", "out", "-q", "--scheduler", cluster.address]
+    command = [sys.executable, "-m", "pgm_places", *label]
+    out, rng, n_killed = tmp_path / "out", random.Random(SEED), 0
+    earlier: dict[Path, int] = {}
+    while n_killed < KILLS or len(earlier) < N_MAPS:
+        if n_killed < KILLS and len(earlier) >= N_MAPS - 2:  # so that there is work left
+            for path in list(earlier)[: N_MAPS - 2]:
+                path.unlink()
+            earlier = done(out)
+        victim = VICTIMS[n_killed % len(VICTIMS)] if n_killed < KILLS else None
+        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as client:
+            wanted, given_up = len(earlier) + rng.randint(1, 2), time.monotonic() + PATIENCE_S
+            while victim and client.poll() is None and len(done(out)) < wanted:
+                assert time.monotonic() < given_up
+                time.sleep(0.02)
+            was_alive = client.poll() is None
+            if victim == "client":
+                client.kill()
+            elif victim is not None:
+                cluster.kill(victim, rng)
+            _, error = client.communicate(timeout=PATIENCE_S)
+        n_killed += was_alive and victim is not None
+        now = done(out)
+        assert earlier.items() <= now.items(), "a map was lost, or done twice"
+        earlier = now
+        assert "Traceback" not in error
+        if victim == "scheduler" and was_alive:
+            assert client.returncode == 2
+            assert "is gone; what is done is kept" in error
+        elif victim != "client":
+            assert client.returncode == 0, error
+    rows = GrowingTable(out / "summary.csv", ("name",)).rows()
+    assert [row["name"] for row in rows] == [f"f{seed}" for seed in range(1, N_MAPS + 1)]
+    assert not list(out.rglob(".*.tmp"))
